@@ -25,13 +25,11 @@ pub struct Coverage {
 pub struct Figures {
     /// Number of errors.
     pub n: usize,
-    /// Mean.
     pub mean: f64,
     /// Root mean square.
     pub rms: f64,
     /// Standard deviation (n − 1); zero for one error.
     pub sd: f64,
-    /// Median.
     pub median: f64,
     /// 95th percentile.
     pub p95: f64,

@@ -71,7 +71,6 @@ pub enum ManifestError {
          this is a defect of posegrid, please report it"
     )]
     Unbalanced {
-        /// The stage.
         stage: &'static str,
         /// The kind of thing counted.
         of: &'static str,

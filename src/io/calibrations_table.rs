@@ -30,7 +30,6 @@ pub struct PublishedArm {
     pub key: RunKey,
     /// Whether targets that its model corrects meet the pipeline's tolerance.
     pub verdict: TableVerdict,
-    /// The arm.
     pub arm: IdentifiedArm,
     /// The base that its errors are stated in.
     pub error_frame: StatedFrame,
@@ -51,7 +50,6 @@ pub enum CalibrationsTableError {
     /// A model that every run has.
     #[error("{path} has no row of model {kind:?}; take the file of a whole run")]
     Absent {
-        /// The file.
         path: PathBuf,
         /// The model.
         kind: &'static str,
@@ -59,7 +57,6 @@ pub enum CalibrationsTableError {
     /// A model that cannot be read.
     #[error("{path}, model {kind:?}: {source}")]
     Model {
-        /// The file.
         path: PathBuf,
         /// The model.
         kind: &'static str,
@@ -71,7 +68,6 @@ pub enum CalibrationsTableError {
         "{path}: models \"base_target\" and {kind:?} are not of the same {what}; take the file of a single run"
     )]
     Others {
-        /// The file.
         path: PathBuf,
         /// The other model.
         kind: &'static str,

@@ -25,9 +25,7 @@ pub enum CommonError {
          the file of a single run"
     )]
     NotOne {
-        /// The file.
         path: PathBuf,
-        /// The column.
         column: String,
         /// Row 0's value.
         first: String,
@@ -39,9 +37,7 @@ pub enum CommonError {
     /// A value that no such table has.
     #[error("{path}, column {column:?}: {problem}; run the session again")]
     Value {
-        /// The file.
         path: PathBuf,
-        /// The column.
         column: String,
         /// What is wrong with it.
         problem: String,
@@ -50,9 +46,7 @@ pub enum CommonError {
 
 /// A table with at least one row, read as rows, and the file that it was read from.
 pub struct Common<'t, R> {
-    /// The file.
     pub path: &'t Path,
-    /// The rows.
     pub rows: &'t [R],
 }
 
@@ -67,15 +61,10 @@ impl<R> Copy for Common<'_, R> {}
 /// What a row states of its table's validity; absent: not stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stated<'r> {
-    /// The tool.
     pub tool: Option<&'r str>,
-    /// The payload, kg.
     pub payload_kg: Option<f64>,
-    /// The mounting.
     pub mounting: Option<&'r str>,
-    /// The base.
     pub base: Option<&'r str>,
-    /// The controller.
     pub controller_model: Option<&'r str>,
     /// Whether the controller's own compensation is on.
     pub absolute_accuracy_option: Option<bool>,

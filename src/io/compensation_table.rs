@@ -39,7 +39,6 @@ pub struct PublishedTable {
     pub table_and_arm: Option<String>,
     /// The base that its errors are stated in.
     pub error_frame: StatedFrame,
-    /// The table.
     pub table: CompensationTable,
     /// Lowest and highest angle of each joint over the stations used, rad.
     pub measured: Vec<[f64; 2]>,
@@ -58,17 +57,13 @@ pub enum CompensationTableError {
     Schema(#[from] SchemaError),
     /// No row.
     #[error("{path} holds no node; it is not the table of a run that chose a step")]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
+    Empty { path: PathBuf },
     /// It does not say one thing of itself.
     #[error(transparent)]
     Common(#[from] CommonError),
     /// A node that does not fit.
     #[error("{path}, node {node}: {problem}; run the session again")]
     Node {
-        /// The file.
         path: PathBuf,
         /// The node, or its row where the node's number itself is wrong.
         node: usize,
@@ -78,7 +73,6 @@ pub enum CompensationTableError {
     /// Nodes that do not make a table.
     #[error("{path}: {source}; run the session again")]
     Misfit {
-        /// The file.
         path: PathBuf,
         /// Why not.
         source: Misfit,

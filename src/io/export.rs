@@ -48,12 +48,7 @@ pub enum ExportError {
     Schema(#[from] SchemaError),
     /// A fault in the content of the file, or in writing it.
     #[error("{}", kind.message(path))]
-    At {
-        /// Path of the file.
-        path: PathBuf,
-        /// The fault in it.
-        kind: ExportErrorKind,
-    },
+    At { path: PathBuf, kind: ExportErrorKind },
     /// The table of nodes cannot be read.
     #[error(transparent)]
     Nodes(#[from] CompensationTableError),
@@ -68,32 +63,20 @@ pub enum ExportError {
         "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
          {source}; give its file by --stations"
     )]
-    NoTimes {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<LakeError>,
-    },
+    NoTimes { session: String, source: Box<LakeError> },
     /// A station has no time.
     #[error(
         "no table \"stations\" that was read has station {station} of session {session:?}; give the files of all sessions of \
          the run by --stations"
     )]
-    NoTime {
-        /// The session.
-        session: String,
-        /// The station.
-        station: usize,
-    },
+    NoTime { session: String, station: usize },
     /// A time is outside the range of MCAP.
     #[error(
         "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP times start at 0: \
          the controller's stamps are wrong"
     )]
     EarlyTime {
-        /// The session.
         session: String,
-        /// The station.
         station: usize,
         /// Its stamp, ns.
         ns: i64,
@@ -139,7 +122,6 @@ pub enum ExportErrorKind {
     Empty,
     /// Rows differ in a value that all should share.
     NotOne {
-        /// The column.
         column: String,
         /// Number of the row that differs.
         row: usize,

@@ -44,7 +44,6 @@ pub struct Inspection {
 /// The contents of one channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelSummary {
-    /// Name of the topic.
     pub topic: String,
     /// Encoding of the messages.
     pub encoding: String,

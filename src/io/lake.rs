@@ -180,7 +180,6 @@ impl Lake {
         Ok(self.read_vouched(table, key)?.0)
     }
 
-    /// Reads the page of a run.
     pub fn read_page(&self, key: &RunKey) -> Result<String, LakeError> {
         let place = self.page(key)?.named();
         let mut html = String::new();

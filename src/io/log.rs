@@ -84,7 +84,6 @@ pub enum FileError {
     /// The operating system refuses to read it.
     #[error("{file}: {source}")]
     Io {
-        /// Name of the file.
         file: String,
         /// The operating system's error.
         source: io::Error,
@@ -109,17 +108,13 @@ pub enum FileError {
     },
     /// The file is empty.
     #[error("{file}: the file is empty; was the recorder stopped before it wrote anything?")]
-    Empty {
-        /// Name of the file.
-        file: String,
-    },
+    Empty { file: String },
     /// Stored in zstd, and larger than the limit after decompression.
     #[error(
         "{file}: decompressed it is larger than the limit of {limit} bytes; if that is right, raise unpacked_bytes in \
          [limits]"
     )]
     TooLarge {
-        /// Name of the file.
         file: String,
         /// Limit of the settings, bytes.
         limit: u64,
@@ -127,7 +122,6 @@ pub enum FileError {
     /// Stored in zstd, and damaged from its start.
     #[error("{file}: it is stored in zstd, and no byte of it can be decompressed: {why}")]
     NotUnpacked {
-        /// Name of the file.
         file: String,
         /// The reason as text.
         why: String,
@@ -137,7 +131,6 @@ pub enum FileError {
         "{file}: cannot decompress it into {folder}: {source}; let TMPDIR name a folder with room, or decompress the log"
     )]
     NoRoom {
-        /// Name of the file.
         file: String,
         /// The folder for temporary files.
         folder: String,
@@ -150,7 +143,6 @@ pub enum FileError {
         foreign::what_it_is(start)
     )]
     NotMcap {
-        /// Name of the file.
         file: String,
         /// Its first bytes.
         start: Vec<u8>,
@@ -166,9 +158,7 @@ pub enum LogError {
     /// A topic that the pipeline file names is missing.
     #[error("{file}: no topic {topic:?}; topics in it: {topics}{damage}")]
     UnknownTopic {
-        /// Name of the file.
         file: String,
-        /// Name of the topic.
         topic: String,
         /// The topics of the file, with types.
         topics: String,
@@ -180,22 +170,10 @@ pub enum LogError {
     Unsuitable(Box<Unsuitable>),
     /// A schema that cannot be read or lacks the fields.
     #[error("{file}: topic {topic:?}: {source}")]
-    Schema {
-        /// Name of the file.
-        file: String,
-        /// Name of the topic.
-        topic: String,
-        /// The fault in the schema.
-        source: SchemaError,
-    },
+    Schema { file: String, topic: String, source: SchemaError },
     /// One topic is named for two streams.
     #[error("{file}: topic {topic:?} is named for two streams; each needs a topic of its own")]
-    NamedTwice {
-        /// Name of the file.
-        file: String,
-        /// Name of the topic.
-        topic: String,
-    },
+    NamedTwice { file: String, topic: String },
     /// There is no room to spill poses to disk.
     #[error(
         "cannot spill the commanded poses and readings to disk in {folder}: {source}; let TMPDIR name a folder with room"
@@ -219,9 +197,7 @@ pub enum LogError {
     by_fields(fields)
 )]
 pub struct Unsuitable {
-    /// Name of the file.
     pub file: String,
-    /// Name of the topic.
     pub topic: String,
     /// The type of its messages, empty without a schema.
     pub type_name: String,

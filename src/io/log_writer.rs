@@ -45,7 +45,6 @@ pub enum LogWriteError {
         "{topic}: stamp {ns} ns does not fit a ROS 2 time (1970 to 2038); choose another clock origin or offset"
     )]
     Stamp {
-        /// Name of the topic.
         topic: String,
         /// The stamp, ns since 1970.
         ns: i64,
@@ -53,7 +52,6 @@ pub enum LogWriteError {
     /// A message has more values than the format can count.
     #[error("{topic}: a message has {found} values, the format counts at most 4294967295")]
     TooLong {
-        /// Name of the topic.
         topic: String,
         /// Number of values.
         found: usize,
@@ -108,7 +106,6 @@ pub struct TrackerLog<'a> {
     pub targets: &'a [(String, TargetReadings)],
     /// Readings of references with their names, likewise; empty without references.
     pub references: &'a [(String, TargetReadings)],
-    /// Temperatures.
     pub temperatures: &'a TemperatureSamples,
     /// Readings of instruments of one length with their names; empty without any.
     pub lengths: &'a [(String, LengthSamples)],

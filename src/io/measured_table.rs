@@ -62,7 +62,6 @@ pub enum Cell<'a> {
 pub struct RowLeftOut {
     /// Its line, as [`MeasuredTable::line`] counts.
     pub line: u64,
-    /// Why it is left out.
     pub reason: LeftOutFor,
 }
 

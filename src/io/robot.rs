@@ -37,7 +37,6 @@ pub struct Selection {
 /// A robot file, and what was left out of the file that it was read from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Read {
-    /// The robot file.
     pub file: RobotFile,
     /// The chosen chain of a URDF and its other contents; `None` for TOML, which has no others.
     pub left_out: Option<LeftOut>,

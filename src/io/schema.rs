@@ -124,7 +124,6 @@ pub enum SchemaError {
     /// A rule of schema files is broken.
     #[error("schema of table {table:?}, {place}: {rule}")]
     Rule {
-        /// Name of the table.
         table: String,
         /// The column or key concerned.
         place: String,
@@ -241,7 +240,6 @@ impl ColumnSchema {
 }
 
 impl ColumnType {
-    /// The Arrow type.
     pub fn arrow(self) -> DataType {
         // "element" is the name that the Parquet format gives a list's values; they are never null.
         let list = |of| DataType::List(Arc::new(Field::new("element", of, false)));

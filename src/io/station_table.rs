@@ -44,9 +44,7 @@ pub struct StationTable {
 /// The robot and the session that a row names; each is absent where `[stations]` names no column of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Whose {
-    /// The robot.
     pub robot: Option<String>,
-    /// The session.
     pub session: Option<String>,
 }
 

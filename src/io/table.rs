@@ -102,12 +102,10 @@ impl Table {
         self.array(column).as_boolean()
     }
 
-    /// A column of texts.
     pub fn text(&self, column: &str) -> &StringArray {
         self.array(column).as_string()
     }
 
-    /// A column of lists.
     pub fn list(&self, column: &str) -> &ListArray {
         self.array(column).as_list()
     }

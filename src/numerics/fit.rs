@@ -268,7 +268,6 @@ pub enum FitError {
     KnownTargetOfSeveral {
         /// The session's place in the fit.
         session: usize,
-        /// Its targets.
         targets: usize,
     },
     /// Several sources where a step is for one.

@@ -80,7 +80,6 @@ pub enum Judgement {
 pub enum Verdict {
     /// The bound, with the measurement's guard, is within the tolerance.
     Meets,
-    /// It is not.
     DoesNotMeet,
     /// It could not be shown: the reason.
     NotShown(String),

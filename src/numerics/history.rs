@@ -58,7 +58,6 @@ pub struct Basis {
     pub model: String,
 }
 
-/// One accuracy figure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AccuracyFigure {
     /// The name of its chart.

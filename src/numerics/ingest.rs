@@ -112,7 +112,6 @@ pub struct LogReject {
     pub clock: SpanClock,
     /// Number of messages lost, where known.
     pub messages: Option<u64>,
-    /// The kind of loss.
     pub loss: LossKind,
     /// The reason, as text for a reader.
     pub reason: String,

@@ -263,9 +263,7 @@ pub struct JoinReject {
 /// The readings of a reference in a log.
 #[derive(Debug)]
 pub struct ReferenceReadings {
-    /// Its name.
     pub name: String,
-    /// What it stands on.
     pub on: StandsOn,
     /// The readings, in order of tracker time.
     pub readings: Box<dyn Poses<Tracker>>,

@@ -133,7 +133,6 @@ pub enum SimulateError {
     Node {
         /// The node in the base frame, mm.
         node: [f64; 3],
-        /// The reason.
         source: InverseError,
     },
     /// No random pose in reach.

@@ -61,7 +61,6 @@ pub struct Compacted {
 pub struct LeftOut {
     /// The place of its row.
     pub place: Place,
-    /// The reason.
     pub reason: String,
 }
 

@@ -73,7 +73,6 @@ pub struct Configuration {
     pub max_lost_share: f64,
     /// Share of a topic's messages that may be rejected before a result does not count as good.
     pub max_rejected_share: f64,
-    /// The join.
     pub join: JoinSettings,
     /// The frames of commands, where the logs have them.
     pub command_frames: Option<CommandFrames>,
@@ -95,7 +94,6 @@ pub struct Configuration {
     pub from_grids: bool,
     /// The place of the sessions' logs.
     pub tree: Tree,
-    /// The pieces of work.
     pub pieces: Vec<WorkPiece>,
     /// Sessions that there is no piece for, in the order of the pieces.
     pub set_aside: Vec<SetAside>,

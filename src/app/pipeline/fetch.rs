@@ -41,7 +41,6 @@ pub enum FetchError {
         of: PathBuf,
         /// The folder of temporaries.
         folder: PathBuf,
-        /// Why.
         source: io::Error,
     },
 }

@@ -268,7 +268,6 @@ pub struct InputSection {
 pub enum LogNames {
     /// A name, or a pattern.
     One(String),
-    /// Several.
     Several(Vec<String>),
 }
 
@@ -494,7 +493,6 @@ impl Survey {
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(try_from = "BTreeMap<String, toml::Value>")]
 pub struct FitSection {
-    /// The geometric fit.
     #[serde(flatten)]
     pub geometric: FitSettings,
     /// `[fit.full]`.
@@ -532,7 +530,6 @@ pub struct ToolTip {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TipFrame {
-    /// The flange.
     Flange,
     /// The controller's own tool, `[commanded] flange_from_tool`.
     Tool,
@@ -621,10 +618,7 @@ pub enum TrackerSectionError {
     #[error(
         "[tracker] has `{key}` and no `topic`: {key} are of a log; a table of stations has them in [stations]"
     )]
-    OfNoLog {
-        /// The key.
-        key: &'static str,
-    },
+    OfNoLog { key: &'static str },
 }
 
 impl TryFrom<TrackerKeys> for TrackerSection {

@@ -47,7 +47,6 @@ pub struct Fleet {
 pub struct FleetPiece<'a> {
     /// Its robot's configuration.
     pub configuration: &'a Configuration,
-    /// The piece.
     pub piece: &'a WorkPiece,
     /// Whether its session is named with its robot.
     pub is_of_several: bool,

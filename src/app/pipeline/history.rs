@@ -57,10 +57,8 @@ pub struct Asked {
     pub fresh: bool,
 }
 
-/// The history of one robot.
 #[derive(Debug, Clone)]
 pub struct RobotHistory {
-    /// The robot.
     pub robot: String,
     /// The sessions in order.
     pub sessions: Vec<PastSession>,
@@ -83,7 +81,6 @@ pub struct LeftOut {
     pub place: PathBuf,
     /// Session and run, where the row could be read.
     pub key: Option<RunKey>,
-    /// The reason.
     pub reason: Reason,
 }
 
@@ -118,13 +115,11 @@ impl Reason {
 /// Why there is no history.
 #[derive(Debug, Error)]
 pub enum HistoryError {
-    /// No lake.
     #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` printed as its tables", .0)]
     NoLake(Place),
     /// No such robot.
     #[error("{} has no robot {robot:?}; its robots: {}", lake, robots.join(", "))]
     NoRobot {
-        /// The lake.
         lake: Place,
         /// The robot asked for.
         robot: String,
@@ -136,7 +131,6 @@ pub enum HistoryError {
         "robot {robot:?} has no session {session:?} in its history; `posegrid history` without --since and --until lists its sessions"
     )]
     NoSession {
-        /// The robot.
         robot: String,
         /// The session asked for.
         session: String,
@@ -146,12 +140,7 @@ pub enum HistoryError {
         "{lake} has no run of a single session of robot {robot:?} that can be read; name the session: pooled for an estimate over \
          several"
     )]
-    NoNewest {
-        /// The lake.
-        lake: Place,
-        /// The robot.
-        robot: String,
-    },
+    NoNewest { lake: Place, robot: String },
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),

@@ -68,7 +68,6 @@ pub struct KeySection {
     pub open: bool,
     /// What the section says.
     pub about: String,
-    /// Its keys.
     pub keys: Vec<Key>,
 }
 

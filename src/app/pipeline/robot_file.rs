@@ -23,7 +23,6 @@ pub enum NoRobotFile {
     Arm {
         /// The line where the joint begins that the fault is in, from 1; `None` where it is none's, and in a URDF.
         line: Option<usize>,
-        /// The fault.
         source: Box<ArmError>,
     },
 }

@@ -52,7 +52,6 @@ pub(super) use session::session;
 /// The result of a finished piece of work.
 #[derive(Debug, Clone)]
 pub struct Done {
-    /// The robot.
     pub robot: String,
     /// The session of its tables, or `pooled`.
     pub session: String,
@@ -78,7 +77,6 @@ pub struct Done {
     pub words: Vec<String>,
     /// The place of the table that corrects targets; `None` of a run that the lake had already.
     pub corrects: Option<Place>,
-    /// Place of its tables.
     pub tables: Place,
     /// Place of its page; `None` for runs of versions without pages.
     pub page: Option<Place>,
@@ -94,7 +92,6 @@ impl Done {
 /// A session as joined.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionDone {
-    /// The session.
     pub session: String,
     /// The name of its result.
     pub run: String,
@@ -106,7 +103,6 @@ pub struct SessionDone {
     pub paired: usize,
 }
 
-/// An estimate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EstimateDone {
     /// The session, or `pooled`.

@@ -185,7 +185,6 @@ pub enum StageError {
     BeforeRepair {
         /// The session's name.
         session: String,
-        /// The repair.
         repair: Repair,
     },
     /// Trainings of the lake that do not fit the sessions.

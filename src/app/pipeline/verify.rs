@@ -66,7 +66,6 @@ pub use verdict::Verdict;
 /// The reason why nothing can be verified.
 #[derive(Debug, Error)]
 pub enum VerifyError {
-    /// No lake.
     #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` printed as its tables", lake.display())]
     NoLake {
         /// The folder.
@@ -79,15 +78,12 @@ pub enum VerifyError {
     NoSuchRun {
         /// The name asked for.
         name: String,
-        /// The lake.
         lake: Place,
-        /// Sessions that it has.
         sessions: Vec<String>,
     },
     /// No run was made by the given pipeline files.
     #[error("{} has no run by {}; its runs are by {}", lake.display(), asked.join(", "), found.join(", "))]
     NoneByPipeline {
-        /// The lake.
         lake: Place,
         /// Names of the pipeline files given.
         asked: Vec<String>,
@@ -97,7 +93,6 @@ pub enum VerifyError {
     /// Two pipeline files have one name.
     #[error("{} and {} have one name, and a row of `runs` has only the name: verify their runs one after the other", first.display(), second.display())]
     TwoOfOneName {
-        /// The first.
         first: PathBuf,
         /// The other.
         second: PathBuf,

@@ -104,12 +104,10 @@ pub(super) struct Moving {
 }
 
 impl Moving {
-    /// The element of its variable.
     const fn variable(&self, motion: Motion) -> Element {
         Element::Joint { motion, joint: self.variable, sign: self.factor }
     }
 
-    /// A free element of its link.
     const fn free(&self, motion: Motion, nominal: f64, quantity: LinkQuantity) -> Element {
         Element::Free {
             motion,

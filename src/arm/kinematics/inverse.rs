@@ -111,7 +111,6 @@ pub enum InverseError {
          use a seed in the wanted arm configuration"
     )]
     ConfigurationChanged {
-        /// Configuration of the seed.
         seed: Configuration,
         /// Configuration of the solution found.
         found: Configuration,

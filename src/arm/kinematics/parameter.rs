@@ -15,7 +15,6 @@ pub enum Parameter {
     Link {
         /// The joint that moves the link, counted from 1 as in the literature.
         joint: usize,
-        /// The quantity of that link.
         quantity: LinkQuantity,
     },
     /// A small motion of the measured target on the flange.

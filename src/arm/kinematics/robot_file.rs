@@ -46,7 +46,6 @@ pub struct RobotFile {
     pub joint: Vec<JointFile>,
 }
 
-/// Kinds of joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JointKind {
@@ -67,7 +66,6 @@ pub enum JointKind {
 pub struct JointFile {
     /// The name under which the controller reports it.
     pub name: String,
-    /// The kind of joint.
     #[serde(default, skip_serializing_if = "is_revolute")]
     pub kind: JointKind,
     /// Link length a, mm.

@@ -14,7 +14,6 @@ use super::motion::Motion;
 pub struct Line {
     /// A point of it, mm.
     pub point: Point3<f64>,
-    /// Its direction.
     pub direction: UnitVector3<f64>,
 }
 
@@ -27,7 +26,6 @@ pub struct Screw {
     pub factor: f64,
     /// Whether it slides along the line instead of turning about it.
     pub slides: bool,
-    /// The line.
     pub line: Line,
 }
 

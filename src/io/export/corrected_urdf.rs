@@ -27,7 +27,6 @@ use crate::units::MM_PER_M;
 /// A URDF, and its links that are the controller's base and flange.
 #[derive(Debug, Clone, Copy)]
 pub struct GivenUrdf<'a> {
-    /// The file.
     pub path: &'a Path,
     /// The two links.
     pub ends: Ends<'a>,
@@ -102,7 +101,6 @@ fn new_origin(text: &str, joint: Node<'_, '_>, numbers: &[(&str, String); 2]) ->
     Some((first..first, origin))
 }
 
-/// The text with the edits in it.
 fn edited(text: &str, mut edits: Vec<Edit>) -> String {
     edits.sort_by_key(|(place, _)| place.start);
     let (mut out, mut done) = (String::with_capacity(text.len()), 0);

@@ -26,10 +26,8 @@ const POSES: u32 = 50;
 const SAME_MM: f64 = 0.05;
 const SAME_RAD: f64 = 5e-5;
 
-/// One joint of a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ChainJoint {
-    /// Its name.
     pub name: String,
     /// Its frame in that of the joint before, mm.
     pub origin: Isometry3<f64>,

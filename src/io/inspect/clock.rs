@@ -74,7 +74,6 @@ impl ClockSummary {
 pub struct Differences(pub Option<(i64, i64)>);
 
 impl Differences {
-    /// Adds a difference.
     pub fn add(&mut self, difference: i64) {
         self.append(Self(Some((difference, difference))));
     }

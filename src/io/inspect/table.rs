@@ -48,7 +48,6 @@ pub struct TableInspection {
     pub left_out: Vec<(u64, String)>,
     /// The word for what a line is: `line`, `row`, `record`.
     pub counted: &'static str,
-    /// Its columns.
     pub columns: Vec<ColumnSummary>,
     /// How `[stations]` would read it; what is missing where it would not.
     pub guess: Result<Guess, String>,

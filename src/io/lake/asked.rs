@@ -21,11 +21,8 @@ pub const ASKED: &str = "asked";
 row! {
     /// A request that changed the current run of a session.
     pub struct AskedRow of "asked" {
-        /// Number of the request in the session, from 1.
         number: u64,
-        /// The run that was current before; `None` where there was none, or where it was this one and had no row yet.
         replaced: Option<String>,
-        /// Time of the request, by the clock of the machine that asked.
         asked_at: WallTime,
     }
 }

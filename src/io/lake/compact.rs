@@ -68,7 +68,6 @@ pub struct CompactState {
 }
 
 impl CompactState {
-    /// The file of a table and month.
     pub fn file(&self, table: &str, month: &str) -> Option<&CompactFile> {
         let mut files = self.files.iter();
         files.find(|own| own.table == table && own.month == month)

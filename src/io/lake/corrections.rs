@@ -22,35 +22,20 @@ pub const CORRECTIONS: &str = "corrections";
 row! {
     /// A record as its table has it.
     pub struct CorrectionRow of "corrections" {
-        /// Name of the record: the first letters of its digest.
         correction: String,
-        /// The table that corrected.
         corrected_by: CorrectingTable,
-        /// Form of the file written.
         form: Form,
-        /// Version of the program that wrote it.
         version: String,
-        /// BLAKE3 of the file of targets, hexadecimal.
         targets_digest: String,
-        /// BLAKE3 of the file written, hexadecimal.
         file_digest: String,
-        /// Number of targets read.
         targets: i64,
-        /// Number of targets that have a command.
         corrected: i64,
-        /// Targets that have none.
         refused: i64,
-        /// Positions commanded, x, mm, in the frame of commands.
         x_mm: Vec<f64>,
-        /// Positions commanded, y, mm.
         y_mm: Vec<f64>,
-        /// Positions commanded, z, mm.
         z_mm: Vec<f64>,
-        /// Joints of the arm; 0 where no joint angles were commanded.
         joints: usize,
-        /// Joint angles commanded, rad, one command behind the other.
         joints_rad: Vec<f64>,
-        /// BLAKE3 of all of it, hexadecimal.
         digest: String,
     }
 }
@@ -73,7 +58,6 @@ pub fn is_correction(key: &str) -> bool {
 pub struct Correction {
     /// The run whose table corrected the targets.
     pub key: RunKey,
-    /// The table.
     pub corrected_by: CorrectingTable,
     /// Form of the file.
     pub form: Form,

@@ -35,7 +35,6 @@ pub enum LakeError {
         "table {table}: its rows belong to {found}, the run being written is {expected} of robot {robot:?}"
     )]
     OtherRun {
-        /// Name of the table.
         table: String,
         /// The run that its rows belong to, or that there is none.
         found: String,

@@ -57,7 +57,6 @@ impl Lake {
         file_key(table, key)
     }
 
-    /// Place of the file with this key.
     pub fn place_of(&self, file_key: &str) -> Place {
         self.store.place(file_key)
     }

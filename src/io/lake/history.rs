@@ -10,7 +10,6 @@ use super::{Lake, LakeError, session_key};
 use crate::input::Bound;
 use crate::manifest::RunKey;
 
-/// The folder of it.
 pub(super) const FOLDER: &str = ".history";
 /// The folder in it of the figures of runs.
 pub(super) const FIGURES: &str = "figures";

@@ -52,7 +52,6 @@ impl<'a> OpenRun<'a> {
         self.lake
     }
 
-    /// Key of the run.
     pub const fn key(&self) -> &RunKey {
         &self.key
     }

@@ -56,7 +56,6 @@ pub enum BlockFault {
     /// Messages of further channels without a definition, past the number that are named one by one.
     #[error("messages of other channels that no record before them defines")]
     UnknownChannels,
-    /// Too many definitions.
     #[error("the log defines more than {} MiB of schemas and channels", MOST_DEFINITIONS >> 20)]
     TooManyDefinitions,
     /// More metadata than the limit.

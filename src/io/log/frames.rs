@@ -36,13 +36,26 @@ const MOST_PROBES: u32 = 1_000_000;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
     /// A schema, channel, message or metadata record from `start` to `end`; `is_message` is true for a message.
-    Record { start: u64, end: u64, is_message: bool },
-    /// A chunk.
-    Chunk { start: u64, end: u64, chunk: ChunkRecord },
+    Record {
+        start: u64,
+        end: u64,
+        is_message: bool,
+    },
+    Chunk {
+        start: u64,
+        end: u64,
+        chunk: ChunkRecord,
+    },
     /// An application-specific record.
-    Private { start: u64, end: u64, opcode: u8 },
+    Private {
+        start: u64,
+        end: u64,
+        opcode: u8,
+    },
     /// Another log begins here, with its magic bytes.
-    Log { start: u64 },
+    Log {
+        start: u64,
+    },
     /// Bytes that cannot be read.
     Lost(Lost),
 }

@@ -120,7 +120,6 @@ pub struct SchemaRecord<'a> {
     pub name: &'a str,
     /// The language of the definition.
     pub encoding: &'a str,
-    /// The definition.
     pub definition: &'a [u8],
 }
 
@@ -145,7 +144,6 @@ pub struct ChannelRecord<'a> {
     pub id: u16,
     /// Id of the schema; 0: none.
     pub schema_id: u16,
-    /// Name of the topic.
     pub topic: &'a str,
     /// Encoding of the messages.
     pub encoding: &'a str,
@@ -166,7 +164,6 @@ impl<'a> ChannelRecord<'a> {
     }
 }
 
-/// A message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageRecord<'a> {
     /// Id of the message's channel.
@@ -270,7 +267,6 @@ impl ChunkRecord {
 /// A named map of texts.
 #[derive(Debug, Clone)]
 pub struct MetadataRecord<'a> {
-    /// Its name.
     pub name: &'a str,
     /// Keys and values.
     pub pairs: TextMap<'a>,

@@ -18,7 +18,6 @@ pub struct Schema {
     pub name: String,
     /// The language of the definition.
     pub encoding: String,
-    /// The definition.
     pub definition: Vec<u8>,
 }
 
@@ -29,7 +28,6 @@ pub struct Channel {
     pub id: u16,
     /// Id of the schema; 0: none.
     pub schema_id: u16,
-    /// Name of the topic.
     pub topic: String,
     /// Encoding of the messages.
     pub encoding: String,
@@ -79,12 +77,10 @@ impl<D> Registry<D> {
         self.channels.get(&record.id).is_some_and(|(channel, _)| channel.is(record))
     }
 
-    /// The decoder of a channel.
     pub(super) fn decoder(&self, channel_id: u16) -> Option<&D> {
         self.channels.get(&channel_id).map(|(_, decoder)| decoder)
     }
 
-    /// The channel of an id.
     pub fn channel(&self, id: u16) -> Option<&Channel> {
         self.channels.get(&id).map(|(channel, _)| channel)
     }
@@ -97,7 +93,6 @@ impl<D> Registry<D> {
         channels.into_values().map(|(channel, _)| channel)
     }
 
-    /// Records a schema.
     pub fn add_schema(&mut self, record: &SchemaRecord<'_>) -> Result<(), Refused> {
         if self.has_schema(record) {
             return Ok(());

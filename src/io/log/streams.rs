@@ -96,7 +96,6 @@ impl<'m, 's> Streams<'m, 's> {
         }
     }
 
-    /// The session's streams.
     fn session(&self) -> MutexGuard<'m, SessionStreams<'s>> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -11,9 +11,7 @@ use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
 #[derive(Debug, Error)]
 #[error("{}: {kind}", file.display())]
 pub struct MeasuredTableError {
-    /// The file.
     pub file: PathBuf,
-    /// The fault in it.
     pub kind: MeasuredTableErrorKind,
 }
 
@@ -103,9 +101,7 @@ pub enum MeasuredTableErrorKind {
          numbers in one way, without separators of thousands, or state decimal = \".\" or decimal = \",\""
     )]
     OtherMark {
-        /// The line.
         line: u64,
-        /// Name of the column.
         column: String,
         /// The cell.
         text: String,
@@ -117,9 +113,7 @@ pub enum MeasuredTableErrorKind {
         "line {line}, column {column:?}: {text:?} has separators of thousands; write its digits without anything between them"
     )]
     Thousands {
-        /// The line.
         line: u64,
-        /// Name of the column.
         column: String,
         /// The cell.
         text: String,
@@ -127,7 +121,6 @@ pub enum MeasuredTableErrorKind {
     /// A text that is no JSON.
     #[error("line {line}, character {column}: it is no JSON: {problem}")]
     Json {
-        /// The line.
         line: u64,
         /// The character in it, from 1.
         column: usize,
@@ -137,7 +130,6 @@ pub enum MeasuredTableErrorKind {
     /// A text that is no YAML.
     #[error("line {line}, character {column}: it cannot be read as YAML: {problem}")]
     Yaml {
-        /// The line.
         line: u64,
         /// The character in it, from 1.
         column: usize,
@@ -215,7 +207,6 @@ pub enum MeasuredTableErrorKind {
     /// Something wrong in a sheet.
     #[error("sheet {name:?}: {problem}")]
     Sheet {
-        /// Its name.
         name: String,
         /// What is wrong.
         problem: Box<MeasuredTableErrorKind>,
@@ -226,7 +217,6 @@ pub enum MeasuredTableErrorKind {
     /// A setting that a file of this form has no use for.
     #[error("{key} is for {wanted}, and this is a file in {form}; take it out")]
     NotOfThisForm {
-        /// The key.
         key: &'static str,
         /// The files that it is for.
         wanted: &'static str,
@@ -259,7 +249,6 @@ pub enum ColumnError {
     /// No column has this name.
     #[error("there is no column {name:?}; {}", near(nearest))]
     Unknown {
-        /// The name.
         name: String,
         /// Names of columns that are most like it, the likest first; up to three.
         nearest: Vec<String>,
@@ -270,7 +259,6 @@ pub enum ColumnError {
         listed(columns)
     )]
     Ambiguous {
-        /// The name.
         name: String,
         /// Their places, from 0.
         columns: Vec<usize>,

@@ -12,7 +12,6 @@ use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records,
 pub(super) trait Written {
     /// Whether nothing is written.
     fn is_blank(&self) -> bool;
-    /// The number, where it is one.
     fn number(&self, numbers: &Numbers) -> Option<f64>;
     /// What is written, as text.
     fn text(&self) -> Cow<'_, str>;

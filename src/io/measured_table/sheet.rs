@@ -16,7 +16,6 @@ use crate::input::Bound;
 /// Most letters of a cell by which the header is found.
 const LETTERS: usize = 256;
 
-/// A cell of a sheet.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum SheetCell<'s> {
     Blank,

@@ -34,7 +34,6 @@ pub enum Extensibility {
     Mutable,
 }
 
-/// One field.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
     /// Name of the field.

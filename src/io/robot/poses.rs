@@ -33,7 +33,6 @@ pub enum PosesError {
     Number {
         /// Counted from 1.
         line: u64,
-        /// The joint.
         joint: String,
         /// The text found.
         found: String,

@@ -5,7 +5,6 @@
 use crate::kinematics::RobotFile;
 use crate::setup::KnownArm;
 
-/// A ready robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadyRobot {
     /// The file in `pipelines/robots`.

@@ -30,15 +30,12 @@ pub enum Value<'t> {
 /// The columns of everything that a row states.
 #[derive(Debug)]
 pub struct Columns {
-    /// Of each joint.
     pub joints: Vec<Sum>,
     /// Of the station's name.
     pub station: Option<usize>,
     /// Of the target's name.
     pub target: Option<usize>,
-    /// Of the time.
     pub time: Option<usize>,
-    /// Of the temperature.
     pub temperature: Option<Sum>,
     /// Of the commanded pose.
     pub commanded: Option<Pose>,
@@ -53,7 +50,6 @@ pub struct Columns {
 /// The columns of a length.
 #[derive(Debug)]
 pub struct Length {
-    /// The reading.
     pub reading: Sum,
     /// Its standard deviation; `None` where it is stated.
     pub sd: Option<Sum>,
@@ -71,17 +67,14 @@ pub struct Pose {
 /// The columns of a reading.
 #[derive(Debug)]
 pub struct Measured {
-    /// The pose.
     pub pose: Pose,
     /// Standard deviations of x, y and z.
     pub sd: Vec<Sum>,
-    /// Covariance.
     pub covariance: Vec<Sum>,
     /// Number of samples.
     pub samples: Option<Sum>,
     /// Standard deviations of the orientation.
     pub orientation_sd: Vec<Sum>,
-    /// Its covariance.
     pub orientation_covariance: Vec<Sum>,
 }
 
@@ -214,7 +207,6 @@ impl Sum {
         Ok(sum)
     }
 
-    /// Its columns.
     pub fn columns(&self) -> impl Iterator<Item = usize> {
         self.terms.iter().map(|(_, column)| *column)
     }

@@ -15,12 +15,7 @@ pub enum StationTableError {
     Table(Box<MeasuredTableError>),
     /// Its columns or rows are not those that the pipeline file names.
     #[error("{}: {kind}", path.display())]
-    Stations {
-        /// The file.
-        path: PathBuf,
-        /// The fault in it.
-        kind: Box<StationTableErrorKind>,
-    },
+    Stations { path: PathBuf, kind: Box<StationTableErrorKind> },
 }
 
 /// The fault in a table's columns or rows.
@@ -33,9 +28,7 @@ pub enum StationTableErrorKind {
     Column {
         /// The key of `[stations]`.
         key: String,
-        /// Its value.
         value: String,
-        /// The fault.
         source: Box<ColumnError>,
     },
     /// A value that names no column at all.
@@ -45,7 +38,6 @@ pub enum StationTableErrorKind {
     Empty {
         /// The key of `[stations]`.
         key: String,
-        /// Its value.
         value: String,
     },
     /// No row at all, or none of the session.

@@ -17,7 +17,6 @@ const DECIMALS: usize = 7;
 pub struct LengthColumn {
     /// Its name, and that of its column.
     pub name: String,
-    /// What it reads.
     pub reads: LengthRead,
     /// Standard deviation of its readings, mm.
     pub sd_mm: f64,

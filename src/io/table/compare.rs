@@ -39,7 +39,6 @@ pub struct OneSided {
 /// The differences of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnDifference {
-    /// Name of the column.
     pub column: String,
     /// Number of cells that differ.
     pub cells: usize,

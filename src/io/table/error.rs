@@ -12,47 +12,28 @@ use thiserror::Error;
 pub enum TableError {
     /// The schema has no such column.
     #[error("table {table}: there is no column {column:?}; see `posegrid schema {table}`")]
-    UnknownColumn {
-        /// The table.
-        table: String,
-        /// The column.
-        column: String,
-    },
+    UnknownColumn { table: String, column: String },
     /// Two columns have names that differ at most in upper and lower case, or one has the schema's name in another case.
     #[error(
         "table {table}: columns {column:?} and {other:?}: the names differ at most in upper and lower case; which is \
          meant is not clear"
     )]
     Alike {
-        /// The table.
         table: String,
-        /// The column.
         column: String,
         /// The other column, or the schema's.
         other: String,
     },
     /// A column is given twice.
     #[error("table {table}: column {column:?} is given twice")]
-    Twice {
-        /// The table.
-        table: String,
-        /// The column.
-        column: String,
-    },
+    Twice { table: String, column: String },
     /// Columns are missing.
     #[error("table {table}: missing columns {}; a column without values still has to be there, all null", columns.join(", "))]
-    Missing {
-        /// The table.
-        table: String,
-        /// The columns.
-        columns: Vec<String>,
-    },
+    Missing { table: String, columns: Vec<String> },
     /// A column has another type.
     #[error("table {table}, column {column:?}: found {found}, the schema states {expected}")]
     WrongType {
-        /// The table.
         table: String,
-        /// The column.
         column: String,
         /// The schema's type.
         expected: &'static str,
@@ -62,9 +43,7 @@ pub enum TableError {
     /// A column has another length than the table.
     #[error("table {table}, column {column:?}: {found} values for {rows} rows")]
     Length {
-        /// The table.
         table: String,
-        /// The column.
         column: String,
         /// Number of rows of the table.
         rows: usize,
@@ -74,9 +53,7 @@ pub enum TableError {
     /// A value that breaks the column's contract.
     #[error("table {table}, column {column:?}, row {row}: {problem}")]
     Value {
-        /// The table.
         table: String,
-        /// The column.
         column: String,
         /// The row, from 0, as given.
         row: usize,
@@ -89,7 +66,6 @@ pub enum TableError {
         if columns.is_empty() { "file".to_owned() } else { columns.join(", ") }
     )]
     SameRow {
-        /// The table.
         table: String,
         /// The columns that identify a row.
         columns: Vec<String>,
@@ -103,7 +79,6 @@ pub enum TableError {
     /// Arrow refused.
     #[error("table {table}: {source}")]
     Arrow {
-        /// The table.
         table: String,
         /// Arrow's error.
         source: ArrowError,
@@ -114,9 +89,7 @@ pub enum TableError {
 #[derive(Debug, Error)]
 #[error("{}", kind.message(path))]
 pub struct FileError {
-    /// Path of the file.
     pub path: PathBuf,
-    /// The fault in it.
     pub kind: FileErrorKind,
 }
 
@@ -129,7 +102,6 @@ pub enum FileErrorKind {
     TooLarge {
         /// The limit, bytes.
         limit: u64,
-        /// Advice.
         advice: &'static str,
     },
     /// No Parquet file: what its bytes look like.
@@ -151,7 +123,6 @@ pub enum FileErrorKind {
     },
     /// The file has another version of the table.
     OtherVersion {
-        /// The table.
         table: String,
         /// The version found.
         found: String,

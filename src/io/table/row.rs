@@ -51,7 +51,6 @@ pub trait Row: Sized {
 /// Rows in the order of their table, and the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rows<R> {
-    /// The rows.
     pub rows: Vec<R>,
     /// The table that they make.
     pub table: Table,
@@ -72,10 +71,8 @@ impl<R: Row> Rows<R> {
     }
 }
 
-/// A column of a field.
 #[cfg(test)]
 pub struct FieldColumn {
-    /// Its name.
     pub name: &'static str,
     /// Type of its values.
     pub kind: ColumnType,

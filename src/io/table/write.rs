@@ -69,7 +69,6 @@ impl<W: Write + Send> PartsFile<W> {
         self.digest.add_here(&part.batch);
     }
 
-    /// Appends the row groups of a part.
     pub fn append(&mut self, part: &RowGroups) -> Result<(), ParquetError> {
         for columns in part.columns() {
             let mut group = self.file.next_row_group()?;

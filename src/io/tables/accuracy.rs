@@ -19,63 +19,34 @@ use crate::units::WallTime;
 row! {
     /// An accuracy figure.
     pub struct AccuracyRow of "accuracy" {
-        /// The way in which the stations were kept from training.
         split: Split,
-        /// The model that corrects the error.
         model: Model,
-        /// The joint angles that the model was given.
         angles: Angles,
-        /// The source of the base of an unseen session.
         base_refit: BaseRefit,
-        /// Number of stations that the base of an unseen session was found from and that do not judge; `None` without such.
         base_stations: Option<usize>,
-        /// Whether the target was found with that base; `None` without such stations.
         target_found: Option<bool>,
-        /// The part of the stations in the fit.
         role: Role,
-        /// Measured, predicted, or measured after a table drove the session.
         evidence: Moment,
-        /// Before or after compensation.
         moment: BeforeAfter,
-        /// The point that the error is of.
         point: Point,
-        /// The kind of figure.
         quantity: FigureKind,
-        /// Name of the figure.
         name: FigureName,
-        /// The session of the stations.
         of_session: String,
-        /// Start of that session; `None` where no clock has an epoch, and in rows before version 6.
         session_started: Option<WallTime>,
-        /// The pose of an ISO 9283 figure, by the station of its first visit; `None` over all poses.
         pose: Option<usize>,
-        /// The figure; `None` where it is not shown.
         value: Option<f64>,
-        /// Its unit.
         unit: Unit,
-        /// Expanded uncertainty of one measured error, mm; `None` where it does not apply.
         expanded_uncertainty: Option<f64>,
-        /// Coverage factor of that uncertainty.
         coverage_factor: Option<f64>,
-        /// Number of values; for a bound, of poses.
         n: usize,
-        /// For a bound, number of visits of these poses.
         visits: Option<usize>,
-        /// Number of blocks of the poses; `None` where it is not known.
         blocks: Option<usize>,
-        /// Number of values that the standard or the bound needs.
         n_needed: Option<i64>,
-        /// For a bound, the share of errors that it covers.
         share: Option<f64>,
-        /// For a bound, its confidence.
         confidence: Option<f64>,
-        /// For a bound, the tolerance that it is compared with, mm.
         tolerance: Option<f64>,
-        /// For a bound, whether the tolerance is met.
         verdict: Option<TableVerdict>,
-        /// Why it is not met or not shown, or the limitation of the figure.
         reason: Option<String>,
-        /// The table that corrects; `None` where none does.
         table_id: Option<String>,
     }
 }
@@ -83,7 +54,6 @@ row! {
 /// Before or after compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BeforeAfter {
-    /// Before.
     Before,
     /// After, measured or predicted.
     After,
@@ -103,7 +73,6 @@ pub enum FigureKind {
 /// The figure of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
-    /// The mean.
     Mean,
     /// Root mean square.
     Rms,

@@ -22,188 +22,121 @@ use crate::tables::outcome::Outcome;
 row! {
     /// An identified model, its determinacy, and the conditions that it is valid for.
     pub struct CalibrationRow of "calibrations" {
-        /// The arm's model.
         arm_model: String,
-        /// The convention of its links.
         convention: Convention,
-        /// Joints whose axis is parallel to the one before.
         parallel_joints: Vec<String>,
-        /// The joints, by the controller's names.
         joint_names: Vec<String>,
-        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
         joint_units: Option<Arc<[String]>>,
-        /// The model.
         model_kind: Model,
-        /// Its parts.
         parts: Vec<String>,
-        /// Optional parts that the evidence dropped.
         parts_dropped: Vec<String>,
-        /// Optional parts that were tested by their evidence.
         parts_tried: Vec<String>,
-        /// Gain in log evidence of each of these, nats.
         parts_gain_nat: Vec<f64>,
-        /// Sessions it was identified from.
         sessions: Vec<String>,
-        /// The joint angles that it was identified from.
         angles: Angles,
-        /// Stations used.
         stations: usize,
-        /// Number of them with a reduced weight.
         stations_downweighted: usize,
-        /// Measured numbers.
         observations: usize,
-        /// Free parameters.
         parameters: usize,
-        /// Structural rank, for a geometry.
         rank: Option<usize>,
-        /// Condition number, for a geometry; `None` where it is not finite.
         condition: Option<f64>,
-        /// Observability O1.
         o1: Option<f64>,
-        /// Observability O2.
         o2: Option<f64>,
-        /// Observability O3.
         o3: Option<f64>,
-        /// Observability O4.
         o4: Option<f64>,
-        /// Observability O5.
         o5: Option<f64>,
-        /// s².
         variance_factor: Option<f64>,
-        /// Factor on a camera's stated standard deviations.
         camera_size: Option<f64>,
-        /// Its standard error.
         camera_size_se: Option<f64>,
-        /// Misfit per axis, mm.
         misfit_mm: Option<f64>,
-        /// The loss on a station's residual.
         loss: LossName,
-        /// Standard deviation of the prior of lengths, mm; `None` without one.
         prior_length_mm: Option<f64>,
-        /// Standard deviation of the prior of angles, rad; `None` without one.
         prior_angle_rad: Option<f64>,
-        /// Whether the iterations converged.
         converged: Option<bool>,
-        /// The reason why the iterations ended, as text.
         convergence: String,
-        /// Iterations made.
         iterations: Option<usize>,
-        /// Cost at the start.
         cost_start: Option<f64>,
-        /// Cost at the end.
         cost_end: Option<f64>,
-        /// Log evidence of the full error model, nats.
         log_evidence: Option<f64>,
-        /// Origin of the base in the tracker's frame, mm, where there is one session.
         tracker_from_base as [
             tracker_from_base_x_mm,
             tracker_from_base_y_mm,
             tracker_from_base_z_mm,
         ]: Option<[f64; 3]>,
-        /// Its orientation, x y z w.
         tracker_from_base_turn as [
             tracker_from_base_qx,
             tracker_from_base_qy,
             tracker_from_base_qz,
             tracker_from_base_qw,
         ]: Option<[f64; 4]>,
-        /// The target in the flange's frame, mm, where there is one session.
         flange_from_target as [
             flange_from_target_x_mm,
             flange_from_target_y_mm,
             flange_from_target_z_mm,
         ]: Option<[f64; 3]>,
-        /// Its orientation, x y z w, where that was fitted.
         flange_from_target_turn as [
             flange_from_target_qx,
             flange_from_target_qy,
             flange_from_target_qz,
             flange_from_target_qw,
         ]: Option<[f64; 4]>,
-        /// Origin of the base in the frame of commands, mm.
         command_from_base as [
             command_from_base_x_mm,
             command_from_base_y_mm,
             command_from_base_z_mm,
         ]: [f64; 3],
-        /// Its orientation, x y z w.
         command_from_base_turn as [
             command_from_base_qx,
             command_from_base_qy,
             command_from_base_qz,
             command_from_base_qw,
         ]: [f64; 4],
-        /// The controller's tool point in the flange's frame, mm.
         flange_from_tool as [
             flange_from_tool_x_mm,
             flange_from_tool_y_mm,
             flange_from_tool_z_mm,
         ]: [f64; 3],
-        /// Its orientation, x y z w.
         flange_from_tool_turn as [
             flange_from_tool_qx,
             flange_from_tool_qy,
             flange_from_tool_qz,
             flange_from_tool_qw,
         ]: [f64; 4],
-        /// The base that errors are stated in.
         error_frame: ErrorFrameName,
-        /// Origin of that base in the tracker's frame, mm.
         error_frame_base as [
             error_frame_base_x_mm,
             error_frame_base_y_mm,
             error_frame_base_z_mm,
         ]: [f64; 3],
-        /// Its orientation, x y z w.
         error_frame_base_turn as [
             error_frame_base_qx,
             error_frame_base_qy,
             error_frame_base_qz,
             error_frame_base_qw,
         ]: [f64; 4],
-        /// The measured target in the flange's frame, as errors suppose it, mm.
         error_frame_target as [
             error_frame_target_x_mm,
             error_frame_target_y_mm,
             error_frame_target_z_mm,
         ]: [f64; 3],
-        /// Standard deviation of each coordinate of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of that base's rotation about each axis, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
-        /// Standard deviation of each coordinate of the tool beside the measured target, mm; `None` where nothing was counted.
         error_frame_lever_sd_mm: Option<f64>,
-        /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
-        /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,
-        /// Highest reported angle of each joint, rad.
         joint_upper_rad: Vec<f64>,
-        /// Arm configurations of the stations.
         configurations: Vec<String>,
-        /// The tool, as the pipeline file states it.
         tool: Option<String>,
-        /// The payload, kg, as the pipeline file states it.
         payload_kg: Option<f64>,
-        /// The mounting, as the pipeline file states it.
         mounting: Option<String>,
-        /// The base, as the pipeline file states it.
         base: Option<String>,
-        /// The controller, as the pipeline file states it.
         controller_model: Option<String>,
-        /// Whether the controller's own compensation is on, as the pipeline file states it.
         absolute_accuracy_option: Option<bool>,
-        /// Lowest temperature while measuring, °C.
         temperature_min_c: Option<f64>,
-        /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
-        /// Whether the tolerance is met by commands that this model corrects.
         verdict: TableVerdict,
-        /// Why it is not met or not shown to be; `None` where it is met.
         reason: Option<String>,
-        /// The version of the saved model's format.
         model_version: u32,
-        /// The model as JSON.
         model: String,
     }
 }
@@ -213,7 +146,6 @@ corrects!(CalibrationRow);
 /// The loss on a station's residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LossName {
-    /// Squares.
     Squares,
     /// Huber's.
     Huber,

@@ -8,21 +8,13 @@ const PPM: f64 = 1e6;
 row! {
     /// The relation of a session's clocks.
     pub struct ClockRow of "clocks" {
-        /// First stamp of the controller's log, ns.
         origin_ns: i64,
-        /// Offset of the tracker's clock at that stamp, ns, positive when ahead.
         offset_ns: f64,
-        /// Its standard error, ns.
         offset_se_ns: f64,
-        /// Drift of the tracker's clock, ppm, positive when faster.
         drift_ppm: f64,
-        /// Its standard error, ppm.
         drift_se_ppm: f64,
-        /// Number of edges of dwells that were matched.
         matched_edges: usize,
-        /// Root mean square of their residuals, ns.
         edge_rms_ns: f64,
-        /// The method that found the relation, as text.
         method: String,
     }
 }

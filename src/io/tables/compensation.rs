@@ -21,33 +21,19 @@ use crate::tables::outcome::Outcome;
 row! {
     /// A node of the chosen table, with the values of the whole table.
     pub struct NodeRow of "compensation" {
-        /// The node's number, x fastest.
         node: usize,
-        /// Number of the orientation; there is one.
         orientation: i64,
-        /// The node's place along x.
         index_x: usize,
-        /// The node's place along y.
         index_y: usize,
-        /// The node's place along z.
         index_z: usize,
-        /// The table's name, which is its run's.
         table_id: Arc<str>,
-        /// Position in the frame of commands, mm.
         at as [x_mm, y_mm, z_mm]: [f64; 3],
-        /// The tool's orientation in the frame of commands, x y z w.
         turn as [qx, qy, qz, qw]: [f64; 4],
-        /// The arm configuration; `None` for arms without six axes.
         configuration: Option<Arc<str>>,
-        /// The joints, by the controller's names.
         joint_names: Arc<[String]>,
-        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
         joint_units: Option<Arc<[String]>>,
-        /// Joint angles of the nominal arm there, rad.
         joints_rad: Option<Vec<f64>>,
-        /// The error in the frame of commands, mm; `None` where the node is refused.
         error as [error_x_mm, error_y_mm, error_z_mm]: Option<[f64; 3]>,
-        /// Its covariance, mm²: xx xy xz yy yz zz.
         error_cov_mm2 as [
             error_cov_xx_mm2,
             error_cov_xy_mm2,
@@ -56,40 +42,27 @@ row! {
             error_cov_yz_mm2,
             error_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Root of the covariance's trace, mm.
         error_sd_mm: Option<f64>,
-        /// Why the node has no error; `None` where it has one.
         refused: Option<Refusal>,
-        /// Distance to the nearest station of the configuration, mm.
         nearest_station_mm: Option<f64>,
-        /// The largest joint difference to the station for which it is smallest, rad.
         nearest_station_rad: Option<f64>,
-        /// Number of stations within a step along each axis.
         stations_near: usize,
-        /// Whether the joint angles are within those of the stations.
         within_joint_ranges: Option<bool>,
-        /// The table's step along each axis of the base frame, mm.
         steps_mm as [step_x_mm, step_y_mm, step_z_mm]: [f64; 3],
-        /// Origin of the base in the frame of commands, mm.
         command_from_base as [
             command_from_base_x_mm,
             command_from_base_y_mm,
             command_from_base_z_mm,
         ]: [f64; 3],
-        /// Its orientation, x y z w.
         command_from_base_turn as [
             command_from_base_qx,
             command_from_base_qy,
             command_from_base_qz,
             command_from_base_qw,
         ]: [f64; 4],
-        /// Source of node values.
         source: Source,
-        /// Interpolation inside a cell.
         interpolation: Interpolation,
-        /// The power of inverse distance weighting; `None` for other interpolations.
         idw_power: Option<f64>,
-        /// Second moment of the interpolation error off the nodes, mm²: xx xy xz yy yz zz.
         interpolation_moment_mm2 as [
             interpolation_moment_xx_mm2,
             interpolation_moment_xy_mm2,
@@ -98,64 +71,41 @@ row! {
             interpolation_moment_yz_mm2,
             interpolation_moment_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// The joint angles of the node values.
         angles: Angles,
-        /// The largest turn of a target's orientation from the table's, degrees.
         orientation_tolerance_deg: f64,
-        /// Whether the tolerance is met by this table.
         verdict: TableVerdict,
-        /// Why it is not met or not shown to be; `None` where it is met.
         reason: Option<Arc<str>>,
-        /// Largest error of the stations before correction, mm; `None` without a station.
         largest_error_mm: Option<f64>,
-        /// Mean errors before, by the table and by the identified arm, in words; `None` where nothing shows both.
         table_and_arm: Option<Arc<str>>,
-        /// Lowest reported angle of each joint over the stations, rad.
         joint_lower_rad: Arc<[f64]>,
-        /// Highest reported angle of each joint over the stations, rad.
         joint_upper_rad: Arc<[f64]>,
-        /// The measured target in the flange's frame, mm.
         flange_from_target as [
             flange_from_target_x_mm,
             flange_from_target_y_mm,
             flange_from_target_z_mm,
         ]: [f64; 3],
-        /// The base that errors are stated in.
         error_frame: ErrorFrameName,
-        /// Origin of that base in the tracker's frame, mm.
         error_frame_base as [
             error_frame_base_x_mm,
             error_frame_base_y_mm,
             error_frame_base_z_mm,
         ]: [f64; 3],
-        /// Its orientation, x y z w.
         error_frame_base_turn as [
             error_frame_base_qx,
             error_frame_base_qy,
             error_frame_base_qz,
             error_frame_base_qw,
         ]: [f64; 4],
-        /// Standard deviation of each coordinate of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of that base's rotation about each axis, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
-        /// Standard deviation of each coordinate of the tool beside the measured target, mm; `None` where nothing was counted.
         error_frame_lever_sd_mm: Option<f64>,
-        /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,
-        /// The payload, kg, as the pipeline file states it.
         payload_kg: Option<f64>,
-        /// The mounting, as the pipeline file states it.
         mounting: Option<Arc<str>>,
-        /// The base, as the pipeline file states it.
         base: Option<Arc<str>>,
-        /// The controller, as the pipeline file states it.
         controller_model: Option<Arc<str>>,
-        /// Whether the controller's own compensation is on, as the pipeline file states it.
         absolute_accuracy_option: Option<bool>,
-        /// Lowest temperature while measuring, °C.
         temperature_min_c: Option<f64>,
-        /// Highest temperature while measuring, °C.
         temperature_max_c: Option<f64>,
     }
 }

@@ -9,47 +9,26 @@ use crate::table::{row, words};
 row! {
     /// The result of a session for one hypothesis: a test, or the shift of a component.
     pub struct DriftRow of "drift" {
-        /// The robot.
         robot: String,
-        /// The session.
         session: String,
-        /// Its run.
         run: String,
-        /// First stamp of its controller's log, ns.
         measured_at_ns: i64,
-        /// Number of its segment: the sessions since the last change of the basis.
         segment: usize,
-        /// Why a segment begins, as text; `None` where none does.
         began: Option<String>,
-        /// Number of sessions that it is compared with.
         against: usize,
-        /// The part that may have moved.
         hypothesis: HypothesisKind,
-        /// Its joint, from 1.
         joint: Option<usize>,
-        /// The component whose shift this is.
         component: Option<String>,
-        /// Chi-square of the hypothesis's change against none.
         chi_square: Option<f64>,
-        /// Its degrees of freedom.
         degrees_of_freedom: Option<usize>,
-        /// Its p-value.
         p_value: Option<f64>,
-        /// Chi-square of the remainder when the hypothesis is true.
         remainder_chi_square: Option<f64>,
-        /// Its degrees of freedom.
         remainder_degrees_of_freedom: Option<usize>,
-        /// Its p-value.
         remainder_p_value: Option<f64>,
-        /// The shift of the component, in its unit.
         shift: Option<f64>,
-        /// The shift's standard error.
         standard_error: Option<f64>,
-        /// The shift's unit.
         unit: Option<Unit>,
-        /// The verdict on the hypothesis.
         verdict: HypothesisVerdict,
-        /// Whether the next session has the change too; `None` where there is none.
         lasting: Option<bool>,
     }
 }
@@ -57,7 +36,6 @@ row! {
 /// Parts that may have moved, without their joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HypothesisKind {
-    /// Anything at all.
     Anything,
     /// The base, or the tracker.
     Base,

@@ -13,37 +13,21 @@ use crate::report::ResidualSet;
 use crate::table::{Row as _, Table, row};
 
 row! {
-    /// An estimate.
     pub struct EstimateRow of "estimates" {
-        /// Version that computed it.
         version: String,
-        /// Processor architecture and operating system.
         platform: String,
-        /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
-        /// The sessions that train.
         session_names: Vec<String>,
-        /// Their results as joined, in that order.
         session_runs: Vec<String>,
-        /// BLAKE3 digest of the robot file, hexadecimal.
         robot_digest: String,
-        /// The settings that training reads, as JSON.
         settings: String,
-        /// The digest of `settings`.
         settings_digest: String,
-        /// The models on all stations, as JSON.
         models: String,
-        /// The models of each fold, as JSON.
         fold_models: Vec<String>,
-        /// Residuals of the sessions left out, as JSON.
         left_out: String,
-        /// Names of the files written, as TABLE/SESSION; `None` in rows of version 1, which have none.
         table_names: Option<Vec<String>>,
-        /// Rows of the files written, in the order of their names.
         table_rows: Option<Vec<u64>>,
-        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
         table_digests: Option<Vec<String>>,
-        /// The digest of this row; `None` only while it is made.
         row_digest: Option<String>,
     }
 }

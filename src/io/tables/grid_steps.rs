@@ -12,111 +12,58 @@ use crate::tables::outcome::Outcome;
 row! {
     /// A judged step.
     pub struct StepRow of "grid_steps" {
-        /// Source of node values.
         source: Source,
-        /// Interpolation inside a cell.
         interpolation: Interpolation,
-        /// The power of inverse distance weighting; `None` for other interpolations.
         idw_power: Option<f64>,
-        /// The model, where node values come from one.
         model: Option<Model>,
-        /// The joint angles that it was given.
         angles: Angles,
-        /// By the table itself, or by cells around each station.
         judgement: Judgement,
-        /// The way in which the stations that judge were kept from training.
         split: Split,
-        /// The session whose stations judge.
         of_session: String,
-        /// Number of the table's orientation; there is one.
         orientation: Option<i64>,
-        /// The table's arm configuration.
         configuration: Option<String>,
-        /// The step asked for, mm.
         step_mm: f64,
-        /// The pitch of nodes along each axis of the base frame, mm; `None` where the step does not fit.
         pitch_mm as [pitch_x_mm, pitch_y_mm, pitch_z_mm]: Option<[f64; 3]>,
-        /// Number of nodes of the table; for local cells, eight for each cell.
         nodes: Option<usize>,
-        /// Nodes without a value.
         nodes_refused: Option<usize>,
-        /// Number of cells.
         cells: usize,
-        /// Cells at a singularity.
         cells_singular: usize,
-        /// Cells whose nodes are of several configurations or branches.
         cells_mixed: usize,
-        /// Cells that are not reached or not measured.
         cells_unreachable: usize,
-        /// Phases of the lattice: not given.
         phases: Option<i64>,
-        /// Held-out poses that judged.
         held_out: usize,
-        /// Visits of them.
         visits: usize,
-        /// Number of errors that the bound counts.
         errors: usize,
-        /// Held-out stations whose cell has no value.
         held_out_refused: usize,
-        /// Held-out stations outside of the box.
         held_out_outside: usize,
-        /// Held-out stations of another orientation or configuration.
         held_out_unlike: usize,
-        /// Number of measured stations that the table covers; `None` where there is no table.
         stations_covered: Option<usize>,
-        /// Their share of all measured stations.
         stations_covered_share: Option<f64>,
-        /// Their share of the stations of the table's orientation and configuration.
         like_covered_share: Option<f64>,
-        /// The share of the box that the table covers.
         box_covered_share: Option<f64>,
-        /// How much of the interpolation error the stations can show; `None` of local cells.
         interpolation_shown_share: Option<f64>,
-        /// Blocks that the poses come from.
         blocks: Option<usize>,
-        /// Mean error left, mm.
         mean_mm: Option<f64>,
-        /// Root mean square, mm.
         rms_mm: Option<f64>,
-        /// 95th percentile, mm.
         p95_mm: Option<f64>,
-        /// 99th percentile, mm.
         p99_mm: Option<f64>,
-        /// Largest, mm.
         max_mm: Option<f64>,
-        /// Mean and three standard deviations, mm.
         mean_plus_3sd_mm: Option<f64>,
-        /// Upper tolerance bound with between-session variation, mm.
         bound_mm: Option<f64>,
-        /// Upper tolerance bound of the session as it was measured, mm.
         bound_of_session_mm: Option<f64>,
-        /// Upper tolerance bound of what the model itself leaves on the same stations, mm.
         model_bound_mm: Option<f64>,
-        /// The share of errors that the bound covers.
         bound_share: f64,
-        /// Its confidence.
         bound_confidence: f64,
-        /// Rank of the bound among the sorted errors, from 1.
         bound_rank: Option<usize>,
-        /// Poses that the bound needs.
         held_out_needed: i64,
-        /// Expanded uncertainty of the measurement, mm.
         expanded_uncertainty_mm: Option<f64>,
-        /// The tolerance, mm.
         tolerance_mm: Option<f64>,
-        /// Whether it is met.
         verdict: TableVerdict,
-        /// The reason why it is not met or not shown.
         reason: Option<String>,
-        /// Whether its table is published.
         chosen: bool,
-        /// Why the rule `within` chooses this step, in words; `None` where it does not.
         choice_within: Option<String>,
-        /// Why the rule `fewest-nodes` chooses this step, in words; `None` where it does not.
         choice_fewest_nodes: Option<String>,
-        /// Mean error beyond that of the model without a grid, mm.
         excess_mm: Option<f64>,
-        /// Its standard error, mm.
         excess_se_mm: Option<f64>,
     }
 }

@@ -20,27 +20,16 @@ pub const ESTIMATE: &str = "estimate";
 row! {
     /// The steps of an estimate's grids.
     pub struct GridsRow of "grids" {
-        /// Version that computed it.
         version: String,
-        /// Processor architecture and operating system.
         platform: String,
-        /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
-        /// The estimate whose models have the nodes.
         estimate: String,
-        /// The settings that training and grids read, as JSON.
         settings: String,
-        /// The digest of `settings`.
         settings_digest: String,
-        /// The steps without their answers, as JSON.
         steps: String,
-        /// Names of the files written, as TABLE/SESSION.
         table_names: Vec<String>,
-        /// Rows of the files written, in the order of their names.
         table_rows: Vec<u64>,
-        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
         table_digests: Vec<String>,
-        /// The digest of this row; `None` only while it is made.
         row_digest: Option<String>,
     }
 }
@@ -48,21 +37,13 @@ row! {
 row! {
     /// The answer of a step at a held-out station.
     pub struct GridErrorRow of "grid_errors" {
-        /// The step asked for, mm.
         step_mm: f64,
-        /// Source of node values.
         source: Source,
-        /// Interpolation inside a cell.
         interpolation: Interpolation,
-        /// By the table itself, or by cells around each station.
         judgement: Judgement,
-        /// Number of the grid that answers.
         sample: usize,
-        /// Number of the station.
         station: usize,
-        /// The error interpolated between the nodes, base frame, mm.
         error_mm as [error_x_mm, error_y_mm, error_z_mm]: [f64; 3],
-        /// The error by the model itself; `None` for measured nodes.
         model_error_mm as [model_error_x_mm, model_error_y_mm, model_error_z_mm]: Option<[f64; 3]>,
     }
 }

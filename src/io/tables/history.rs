@@ -9,37 +9,21 @@ use crate::table::{row, words};
 row! {
     /// A figure of a session.
     pub struct HistoryRow of "history" {
-        /// The robot.
         robot: String,
-        /// The session.
         session: String,
-        /// Its run.
         run: String,
-        /// First stamp of its controller's log, ns.
         measured_at_ns: i64,
-        /// Number of its segment: the sessions since the last change of the basis.
         segment: usize,
-        /// Kind of the figure.
         kind: Kind,
-        /// Its name.
         name: String,
-        /// The joint, from 1.
         joint: Option<usize>,
-        /// The joint's angle, rad.
         angle_rad: Option<f64>,
-        /// Its value.
         value: f64,
-        /// Its unit.
         unit: Unit,
-        /// Its standard error.
         standard_error: Option<f64>,
-        /// Its score on the control chart.
         score: Option<f64>,
-        /// The chart's moving average.
         ewma: Option<f64>,
-        /// Control limit of the average, to either side.
         control_limit: Option<f64>,
-        /// Whether the average is within its limit; `None` without a chart.
         verdict: Option<Control>,
     }
 }

@@ -19,39 +19,22 @@ use crate::table::{Row, Rows, Table, row};
 use crate::units::WallTime;
 
 row! {
-    /// A session as joined.
     pub struct JoinedSessionRow of "joined_sessions" {
-        /// Version that computed it.
         version: String,
-        /// Processor architecture and operating system.
         platform: String,
-        /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
-        /// Start of the session; `None` where no clock has an epoch.
         session_started: Option<WallTime>,
-        /// Number of dwells.
         dwells: usize,
-        /// Number of them with a measurement of their own.
         paired: usize,
-        /// Names of the files read.
         input_names: Vec<String>,
-        /// Sizes of the files read, in the order of their names, bytes.
         input_bytes: Vec<u64>,
-        /// BLAKE3 digests of the files read, in the order of their names, hexadecimal.
         input_digests: Vec<String>,
-        /// The settings of ingest and join as JSON.
         settings: String,
-        /// The digest of `settings`.
         settings_digest: String,
-        /// Everything but dwells and readings, as JSON ([`AsJoined`]).
         joined: String,
-        /// Names of the files written, as TABLE/SESSION.
         table_names: Vec<String>,
-        /// Rows of the files written, in the order of their names.
         table_rows: Vec<u64>,
-        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
         table_digests: Vec<String>,
-        /// The digest of this row; `None` only while it is made.
         row_digest: Option<String>,
     }
 }

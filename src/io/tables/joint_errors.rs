@@ -22,23 +22,14 @@ const MOST: usize = 10_000;
 row! {
     /// The error of a joint at one angle.
     pub struct JointErrorRow of "joint_errors" {
-        /// The joint, from 1.
         joint: usize,
-        /// Name of the joint by the controller.
         joint_name: Arc<str>,
-        /// Unit of the row's values: mm where the joint slides; `None`, for rad, in older files.
         joint_unit: Option<Unit>,
-        /// Its angle, rad; mm where it slides, as all that follows.
         angle_rad: f64,
-        /// Curve and gear lines together, rad.
         error_rad: f64,
-        /// Standard deviation of that, rad.
         sd_rad: f64,
-        /// The smooth curve, rad.
         curve_rad: f64,
-        /// The gear lines, rad.
         gear_lines_rad: f64,
-        /// Whether stations visited that angle.
         measured: bool,
     }
 }

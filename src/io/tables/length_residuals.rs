@@ -10,35 +10,20 @@ use crate::table::row;
 row! {
     /// Measured minus predicted length of one reading by one model.
     pub struct LengthResidualRow of "length_residuals" {
-        /// The model that predicts.
         model: Model,
-        /// The part of the reading in the fit.
         role: Role,
-        /// The fold that held it out; `None` where it trained.
         fold: Option<usize>,
-        /// The session of the station.
         of_session: String,
-        /// Its number.
         station: usize,
-        /// Index of the instrument among the sources, from 0.
         source_index: usize,
-        /// The instrument's name.
         source: String,
-        /// Kind of its readings.
         reads: SourceReads,
-        /// Name of the target that was read; `None` where the session has one target.
         target: Option<String>,
-        /// The number of the station that names its pose.
         pose: usize,
-        /// The reading, mm.
         measured_mm: f64,
-        /// The predicted reading, mm.
         predicted_mm: f64,
-        /// Measured minus predicted, mm.
         residual_mm: f64,
-        /// Its standard deviation, mm; `None` of a model without one, and in training.
         predicted_sd_mm: Option<f64>,
-        /// The reading's robust weight, in training.
         weight: Option<f64>,
     }
 }

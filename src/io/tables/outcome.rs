@@ -26,7 +26,6 @@ use crate::units::WallTime;
 /// One session of a piece of work, read and joined.
 #[derive(Debug, Clone)]
 pub struct JoinedSession {
-    /// Its name.
     pub name: String,
     /// Messages and byte ranges that its logs lost.
     pub log_rejects: Vec<LogReject>,
@@ -68,7 +67,6 @@ pub struct DrivenBy {
 pub struct Driven {
     /// The run of the table.
     pub key: RunKey,
-    /// Name of the table.
     pub table: String,
     /// Stations that went to a target, in the base frame.
     pub stations: Vec<DrivenStation>,
@@ -98,7 +96,6 @@ pub struct SeveralTargets {
 /// The part of one instrument in one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
-    /// The model.
     pub model: Model,
     /// The instrument's name.
     pub name: String,
@@ -119,7 +116,6 @@ pub struct Source {
 /// Measured minus predicted length of one reading by one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LengthResidual {
-    /// The model.
     pub model: Model,
     /// The fold that held the reading out; `None` where it trained.
     pub fold: Option<usize>,
@@ -133,7 +129,6 @@ pub struct LengthResidual {
     pub source: SourceId,
     /// The instrument's name.
     pub name: String,
-    /// What it reads.
     pub kind: ReadingKind,
     /// The target that was read; `None` where the session has one.
     pub target: Option<TargetId>,

@@ -16,39 +16,22 @@ use crate::tables::outcome::Outcome;
 row! {
     /// A parameter that a model identified.
     pub struct ParameterRow of "parameters" {
-        /// The model.
         model: Model,
-        /// Index among the model's parameters.
         parameter_index: usize,
-        /// Its name.
         parameter: String,
-        /// The body that it belongs to.
         belongs_to: BelongsTo,
-        /// The session of the parameter; `None` for the arm's.
         of_session: Option<String>,
-        /// The joint, from 1; `None` for base and target.
         joint: Option<usize>,
-        /// The quantity that it measures.
         quantity: ParameterQuantity,
-        /// The unit of its values.
         unit: Unit,
-        /// Nominal value.
         nominal: f64,
-        /// Identified minus nominal.
         offset: f64,
-        /// Identified value.
         identified: f64,
-        /// Standard error of the offset.
         standard_error: Option<f64>,
-        /// Standard deviation of its prior; `None` without one.
         prior_sd: Option<f64>,
-        /// Whether it is identifiable, and if not, why.
         identifiability: Identifiability,
-        /// The parameters that it is confounded with.
         confounded_with: Vec<String>,
-        /// The parameter that it correlates with most.
         most_correlated_with: Option<String>,
-        /// Their correlation.
         correlation: Option<f64>,
     }
 }
@@ -62,7 +45,6 @@ pub enum BelongsTo {
     Link,
     /// The target at the flange.
     Target,
-    /// A session.
     Session,
     /// An instrument that reads one length.
     Gauge,

@@ -29,17 +29,14 @@ impl PastSession {
 pub struct Figure {
     /// Kind of the figure.
     pub kind: Kind,
-    /// Its name.
     pub name: String,
     /// The joint, from 1.
     pub joint: Option<usize>,
     /// The joint's angle, rad.
     pub angle_rad: Option<f64>,
-    /// Its value.
     pub value: f64,
     /// Its standard deviation.
     pub sd: Option<f64>,
-    /// Its unit.
     pub unit: Unit,
     /// Its values on its control chart; `None` where it has none.
     pub charted: Option<Charted>,

@@ -10,57 +10,31 @@ use crate::table::{row, words};
 row! {
     /// Accuracy after compensation over many simulated robots, for one setting of one study.
     pub struct FigureRow of "plan_figures" {
-        /// The study.
         study: FigureStudy,
-        /// Choice of the measured poses.
         design: Kind,
-        /// The correction that is subtracted from commands.
         source: CorrectedBy,
-        /// Interpolation inside a cell; `None` without a grid.
         interpolation: Option<Interpolation>,
-        /// Step of the grid, mm; `None` without a grid.
         step_mm: Option<f64>,
-        /// Number of poses measured.
         poses: usize,
-        /// Number of nodes or poses needed that the arm does not reach.
         not_reached: usize,
-        /// Number of robots drawn.
         robots: usize,
-        /// Number of robots whose session could not be fitted; they do not meet the tolerance.
         no_fit: usize,
-        /// Number of robots with enough fresh poses for a bound.
         judged: usize,
-        /// Number of fresh poses in a cell that cannot serve, all robots together.
         refused: usize,
-        /// Number of fresh poses outside the grid, all robots together.
         outside: usize,
-        /// Mean over robots of the mean error, mm; `None` without a robot that was judged, like the next three.
         mean_mm: Option<f64>,
-        /// Mean over robots of the 95th percentile, mm.
         p95_mm: Option<f64>,
-        /// Mean over robots of the 99th percentile, mm.
         p99_mm: Option<f64>,
-        /// Mean over robots of the largest error, mm.
         max_mm: Option<f64>,
-        /// Mean error that the error model expects, mm; `None` for poses that it did not choose, like the next.
         expected_mean_mm: Option<f64>,
-        /// Bound of the tolerance's share of errors that the error model expects, mm.
         expected_share_mm: Option<f64>,
-        /// Bound of the mean errors that the share of robots asked for stays below, mm; `None` with too few robots.
         mean_bound_mm: Option<f64>,
-        /// Bound that the share of robots asked for stays below, mm; `None` with too few robots.
         bound_mm: Option<f64>,
-        /// Number of robots whose bound is within the tolerance.
         meet: usize,
-        /// Least share of such robots, with the confidence asked for.
         share_at_least: f64,
-        /// Share of robots that has to meet the tolerance.
         share_asked: f64,
-        /// Confidence of shares and bounds over robots.
         confidence: f64,
-        /// The tolerance, mm.
         tolerance_mm: f64,
-        /// Whether this is the plan's row, or the row of the largest step that holds.
         chosen: bool,
     }
 }

@@ -18,39 +18,22 @@ row! {
     /// A reading of a dwell, or a dwell without readings.
     #[derive(Default)]
     pub struct ReadingRow of "readings" {
-        /// Number of the dwell in the session.
         station: usize,
-        /// Number of the reading in the dwell.
         reading: usize,
-        /// Why the dwell has no measurement; `None` where it is paired.
         reason: Option<Unpaired>,
-        /// Start of the dwell, ns of the controller's clock.
         start_ns: i64,
-        /// Its end, ns of the controller's clock.
         end_ns: i64,
-        /// Mean reported joint angles, rad.
         joints_rad: Vec<f64>,
-        /// Number of samples in the mean.
         joint_samples: usize,
-        /// Commanded position of the tool point, frame of commands, mm.
         command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
-        /// Commanded orientation, x y z w.
         command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
-        /// Index of the instrument; `None` of a dwell without readings, as are the next ones.
         source_index: Option<usize>,
-        /// Index of the target.
         target_index: Option<usize>,
-        /// Kind of the reading.
         reads: Option<SourceReads>,
-        /// Position, mm.
         at as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
-        /// Orientation, x y z w.
         turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
-        /// Standard deviation of a sample along each axis, mm.
         scatter_mm as [scatter_x_mm, scatter_y_mm, scatter_z_mm]: Option<[f64; 3]>,
-        /// Scatter of the orientations, rad.
         scatter_orientation_rad: Option<f64>,
-        /// Covariance that the instrument states, mm²: xx xy xz yy yz zz.
         stated_cov_mm2 as [
             stated_cov_xx_mm2,
             stated_cov_xy_mm2,
@@ -59,11 +42,8 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Covariance that the instrument states of the orientation, a rotation vector, rad²: three rows of three, one after another.
         stated_orientation_cov_rad2: Option<Vec<f64>>,
-        /// Its covariance with the position, mm·rad: rows of x, y and z.
         stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
-        /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
         motion_cov_mm2 as [
             motion_cov_xx_mm2,
             motion_cov_xy_mm2,
@@ -72,19 +52,12 @@ row! {
             motion_cov_yz_mm2,
             motion_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Length, mm.
         length_mm: Option<f64>,
-        /// Its stated standard uncertainty, mm.
         length_sd_mm: Option<f64>,
-        /// Number of samples of the dwell.
         samples: Option<usize>,
-        /// Number of them in the mean.
         samples_kept: Option<usize>,
-        /// First of them, ns of the tracker's clock.
         first_ns: Option<i64>,
-        /// Last of them, ns of the tracker's clock.
         last_ns: Option<i64>,
-        /// Temperature, °C.
         temperature_c: Option<f64>,
     }
 }
@@ -97,7 +70,6 @@ pub enum NoStations {
     Absent {
         /// The dwell.
         station: usize,
-        /// The reading.
         reading: usize,
         /// The column, or the first of several that belong together.
         column: &'static str,
@@ -111,7 +83,6 @@ pub enum NoStations {
         row: usize,
         /// The dwell.
         station: usize,
-        /// The reading.
         reading: usize,
     },
 }

@@ -14,27 +14,16 @@ use crate::tables::outcome::{JoinedSession, Outcome};
 row! {
     /// One place of a reference.
     pub struct ReferenceRow of "references" {
-        /// The session.
         of_session: String,
-        /// The reference's name.
         reference: String,
-        /// Line of the look from which it is in this place; of logs its number, from 1.
         from_line: u64,
-        /// What it stands on.
         stands_on: StandsOn,
-        /// Its place in the instrument's frame of the first look, mm.
         at as [x_mm, y_mm, z_mm]: [f64; 3],
-        /// Standard deviation of the place among the others, per axis, mm.
         sd_mm: f64,
-        /// Its place in the base frame of the geometric model, mm; `None` of a session that did not train.
         in_base as [base_x_mm, base_y_mm, base_z_mm]: Option<[f64; 3]>,
-        /// Readings used.
         readings: usize,
-        /// Readings left out.
         left_out: usize,
-        /// Root mean square distance of the readings used from the place, with the motion taken out, mm.
         scatter_mm: f64,
-        /// Distance from its place before, mm; `None` of its first place.
         moved_by_mm: Option<f64>,
     }
 }
@@ -42,31 +31,18 @@ row! {
 row! {
     /// The references of floor or base at one look.
     pub struct MotionRow of "reference_motion" {
-        /// What they stand on.
         stands_on: StandsOn,
-        /// Line of the look in the table of stations; of logs its number, from 1.
         line: u64,
-        /// The station; `None` of a look between stations.
         station: Option<usize>,
-        /// The moment, ns.
         at_ns: i64,
-        /// Number of references read.
         seen: usize,
-        /// The part of the session.
         part: usize,
-        /// What happened at the look.
         event: Option<MotionEvent>,
-        /// Shift of the references' middle since the first look, mm.
         shift_mm as [shift_x_mm, shift_y_mm, shift_z_mm]: [f64; 3],
-        /// Rotation since the first look as a rotation vector, rad.
         turn_rad as [turn_x_rad, turn_y_rad, turn_z_rad]: [f64; 3],
-        /// Lower triangle of the covariance of shift and rotation, row by row, mm², mm·rad and rad².
         covariance: Vec<f64>,
-        /// The middle of the references at the first look, mm.
         middle as [middle_x_mm, middle_y_mm, middle_z_mm]: [f64; 3],
-        /// Whether the references tell rotations.
         tells_turns: bool,
-        /// Whether this motion was taken out of the readings.
         is_taken_out: bool,
     }
 }

@@ -9,35 +9,20 @@ use crate::tables::outcome::JoinedSession;
 row! {
     /// Items left out for one reason at one place.
     pub struct RejectRow of "rejects" {
-        /// Its number.
         reject: usize,
-        /// The stage that left it out.
         stage: Stage,
-        /// Kind of item.
         kind: RejectKind,
-        /// Number of bytes, messages, readings or dwells.
         number: u64,
-        /// The reason, as a word or a sentence.
         reason: String,
-        /// The log's file.
         file: Option<String>,
-        /// The log's topic.
         topic: Option<String>,
-        /// First byte, in the file as stored.
         byte_start: Option<u64>,
-        /// One past the last byte.
         byte_end: Option<u64>,
-        /// The clock of start and end.
         clock: Option<SpanClock>,
-        /// First moment, ns.
         start_ns: Option<i64>,
-        /// Last moment, ns.
         end_ns: Option<i64>,
-        /// The station of a dwell, or of a reading in a table; `None` for other items.
         station: Option<usize>,
-        /// Line in a table of stations, from 1.
         line: Option<u64>,
-        /// The column at fault in a table of stations.
         column: Option<String>,
     }
 }
@@ -56,11 +41,8 @@ pub enum Stage {
 pub enum RejectKind {
     /// Bytes of a log.
     Bytes,
-    /// Messages.
     Messages,
-    /// Readings.
     Readings,
-    /// A dwell.
     Dwell,
     /// A row of a table of stations.
     Rows,

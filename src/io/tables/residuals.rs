@@ -16,38 +16,21 @@ use crate::table::{Columns, Row, Table, row};
 row! {
     /// Measured minus predicted at one station under one model, base frame.
     pub struct ResidualRow of "residuals" {
-        /// The way in which the stations were kept from training.
         split: Split,
-        /// The model that predicts.
         model: Model,
-        /// The joint angles that it was given.
         angles: Angles,
-        /// The source of the base of an unseen session.
         base_refit: BaseRefit,
-        /// The part of the stations in the fit.
         role: Role,
-        /// The fold that held the station out; `None` unless blocks were held out.
         fold: Option<usize>,
-        /// The session of the station.
         of_session: String,
-        /// Its number.
         station: usize,
-        /// Name of the target that was read; `None` where the session has one target, and for errors of the tool point.
         target: Option<String>,
-        /// The number of the station that names its pose.
         pose: usize,
-        /// Whether the session's base was found from it.
         used_for_refit: bool,
-        /// Attained position, mm.
         at as [x_mm, y_mm, z_mm]: [f64; 3],
-        /// Measured minus predicted, mm.
         residual as [residual_x_mm, residual_y_mm, residual_z_mm]: [f64; 3],
-        /// Its norm.
         residual_mm: f64,
-        /// Measured minus predicted or commanded orientation as a rotation vector, base frame, rad; `None` where it was not
-        /// measured.
         turned as [residual_rx_rad, residual_ry_rad, residual_rz_rad]: Option<[f64; 3]>,
-        /// Covariance of measured minus predicted, mm²: xx xy xz yy yz zz; `None` for a model without one.
         predicted_cov_mm2 as [
             predicted_cov_xx_mm2,
             predicted_cov_xy_mm2,
@@ -56,9 +39,7 @@ row! {
             predicted_cov_yz_mm2,
             predicted_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// The residual's squared distance by that covariance; `None` without a positive definite one.
         mahalanobis_squared: Option<f64>,
-        /// The station's robust weight, in training.
         weight: Option<f64>,
     }
 }

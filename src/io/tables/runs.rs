@@ -10,75 +10,40 @@ use crate::table::{Row as _, Table, row};
 use crate::units::WallTime;
 
 row! {
-    /// A run.
     pub struct RunRow of "runs" {
-        /// Name of the pipeline file.
         pipeline: String,
-        /// Version that computed it.
         version: String,
-        /// Processor architecture and operating system.
         platform: String,
-        /// Processor features that determine the arithmetic.
         cpu_features: Vec<String>,
-        /// Start of the last session learnt from, as is the next in rows of version 4 and later; `None` where no clock has an epoch.
         session_started: Option<WallTime>,
-        /// Start of the earliest one.
         first_session_started: Option<WallTime>,
-        /// Sessions learnt from.
         sessions: Vec<String>,
-        /// Sessions that only judged.
         test_sessions: Vec<String>,
-        /// Names of the files read.
         input_names: Vec<String>,
-        /// Sizes of the files read, in the order of their names, bytes.
         input_bytes: Vec<u64>,
-        /// BLAKE3 digests of the files read, in the order of their names, hexadecimal.
         input_digests: Vec<String>,
-        /// Every setting as JSON.
         settings: String,
-        /// The digest of `settings`.
         settings_digest: String,
-        /// The numbers of items that each stage read, kept and rejected, as JSON.
         counts: String,
-        /// Names of the files written, as TABLE/SESSION.
         table_names: Vec<String>,
-        /// Rows of the files written, in the order of their names.
         table_rows: Vec<u64>,
-        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
         table_digests: Vec<String>,
-        /// Whether the tolerance is met.
         verdict: TableVerdict,
-        /// Why not met or not shown.
         reason: Option<String>,
-        /// The table that the verdict is of; `None` in rows of versions 1 and 2, as are the next five.
         verdict_of: Option<VerdictOf>,
-        /// The verdict in words, with what it is of and why.
         statement: Option<String>,
-        /// Mean error before correction, mm; `None` of a plan, and in rows before version 4, as is the next.
         mean_before_mm: Option<f64>,
-        /// Mean error after it, at the same stations, in the same frame and at the same angles, mm.
         mean_after_mm: Option<f64>,
-        /// What both are of, in words; `None` of a plan, and in rows before version 8, whose means may be of different stations.
         means_of: Option<String>,
-        /// The bound that it rests on, mm; `None` where there is none.
         bound_mm: Option<f64>,
-        /// Held-out poses that the bound counts; `None` of a plan.
         held_out: Option<usize>,
-        /// Visits of these poses; `None` of a plan.
         visits: Option<usize>,
-        /// Share of all measured stations that the table answers for; `None` where the verdict is of something else.
         stations_covered_share: Option<f64>,
-        /// The sessions as joined that it started from, as SESSION/RUN; `None` of a plan, and in rows before version 5.
         made_of: Option<Vec<String>>,
-        /// The estimate that it started from; `None` of a plan, and in rows before version 6.
         estimate: Option<String>,
-        /// The grids that it started from; `None` of a plan, and in rows before version 7.
         grids: Option<String>,
-        /// The run that this one takes the place of.
         replaces: Option<String>,
-        /// The digest of that run's row.
         replaced_row_digest: Option<String>,
-        /// The digest of this row; `None` in rows of version 1.
         row_digest: Option<String>,
     }
 }

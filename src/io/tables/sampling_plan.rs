@@ -15,52 +15,28 @@ use crate::table::{row, words};
 row! {
     /// A planned visit, with the promise of the whole plan.
     pub struct VisitRow of "sampling_plan" {
-        /// Place in the order of visits, from 0.
         pose: usize,
-        /// Name of the visit's target when the plan is used as a file of targets.
         target: String,
-        /// Purpose of the visit.
         purpose: VisitPurpose,
-        /// The visit whose pose a drift check repeats; `None` for all others.
         repeats: Option<usize>,
-        /// The joints in the order of `joints_rad`.
         joint_names: Arc<[String]>,
-        /// Unit of each joint, "rad" or "mm"; `None` where all turn.
         joint_units: Option<Arc<[String]>>,
-        /// Joint angles of the nominal arm, rad.
         joints_rad: Vec<f64>,
-        /// Position of the target in the frame of commands, mm.
         position as [x_mm, y_mm, z_mm]: [f64; 3],
-        /// Orientation of the target in the frame of commands, x y z w.
         orientation as [qx, qy, qz, qw]: [f64; 4],
-        /// Arm configuration; `None` for arms that are not six-axis ones.
         configuration: Option<String>,
-        /// Choice of the pose; never absent, though the table's contract allows it.
         design: Option<Kind>,
-        /// Place in the order in which the design chose it, from 0; `None` for poses it did not choose.
         chosen_as: Option<usize>,
-        /// Predicted variance that is left over the region once this pose and those before it are measured, mm²; `None` for
-        /// poses the design did not choose.
         variance_left_mm2: Option<f64>,
-        /// Largest step of a uniform grid that holds, mm; `None` where none does.
         step_mm: Option<f64>,
-        /// Bound of the mean error over robots, mm; `None` with too few robots.
         promised_mean_mm: Option<f64>,
-        /// Bound of the robots' own bounds, mm; `None` with too few robots.
         promised_bound_mm: Option<f64>,
-        /// Share of robots that both promises are of.
         promised_share: f64,
-        /// Confidence of both promises.
         promised_confidence: f64,
-        /// Robots that the promise was found on.
         robots_simulated: usize,
-        /// Robots of these whose bound is within the tolerance.
         robots_meet: usize,
-        /// The tolerance, mm.
         tolerance_mm: f64,
-        /// Share of errors that each robot's bound covers.
         bound_share: f64,
-        /// Confidence of each robot's bound.
         bound_confidence: f64,
     }
 }

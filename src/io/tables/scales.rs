@@ -6,35 +6,20 @@ use crate::table::row;
 row! {
     /// The estimate of one session's scale.
     pub struct ScaleRow of "scales" {
-        /// The session.
         of_session: String,
-        /// Its measured stations.
         stations: usize,
-        /// The scale in the full error model, ppm; `None` where it has none.
         fitted_ppm: Option<f64>,
-        /// Its standard deviation, ppm.
         fitted_sd_ppm: Option<f64>,
-        /// Whether the evidence kept it.
         kept: Option<bool>,
-        /// Standard deviation of the scale before any measurement, ppm.
         prior_sd_ppm: f64,
-        /// The scale from the arm's lengths alone, ppm; `None` where it could not be determined.
         free_ppm: Option<f64>,
-        /// Its standard deviation, ppm.
         free_sd_ppm: Option<f64>,
-        /// Root mean square of the remaining errors of the lengths with that scale, mm.
         length_rms_mm: Option<f64>,
-        /// The smallest scale that would be named, ppm.
         detectable_ppm: Option<f64>,
-        /// Standard deviation of the arm's lengths, mm.
         length_tolerance_mm: f64,
-        /// Lowest temperature above the reference that explains the scale, K.
         warmer_by_least_k: Option<f64>,
-        /// Highest such temperature, K.
         warmer_by_most_k: Option<f64>,
-        /// Whether the scale is named.
         verdict: ScaleVerdict,
-        /// The reason, where it is not obvious.
         reason: Option<String>,
     }
 }

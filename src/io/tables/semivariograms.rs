@@ -8,43 +8,24 @@ use crate::table::{row, words};
 row! {
     /// A bin of a semivariogram, or a model fitted to its bins: the columns of the other are absent.
     pub struct SemivariogramRow of "semivariograms" {
-        /// The space in which separations are measured.
         space: Space,
-        /// The model whose errors are compared.
         errors: Model,
-        /// The component that is compared, or the whole vector.
         axis: Quantity,
-        /// Bin or fitted model.
         entry: Entry,
-        /// The bin's number from separation zero.
         bin: Option<i64>,
-        /// The fitted model's shape.
         variogram: Option<Shape>,
-        /// Unit of separations and of the range.
         separation_unit: Unit,
-        /// The bin's lower limit.
         separation_lower: Option<f64>,
-        /// The bin's upper limit.
         separation_upper: Option<f64>,
-        /// Mean separation of the bin's pairs.
         separation: Option<f64>,
-        /// Number of pairs of the bin, or of all bins.
         pairs: u64,
-        /// The bin's semivariance, mm².
         gamma_mm2: Option<f64>,
-        /// The model's semivariance at separation zero, mm².
         nugget_mm2: Option<f64>,
-        /// The model's semivariance of far pairs, mm².
         sill_mm2: Option<f64>,
-        /// The model's range, in the unit of separations.
         range: Option<f64>,
-        /// Root of the model's mean squared deviation from the bins, mm².
         misfit_mm2: Option<f64>,
-        /// Whether the model fits best.
         best: Option<bool>,
-        /// Variance of the noise of these axes, mm², where it is known.
         noise_mm2: Option<f64>,
-        /// Whether near errors are alike.
         similarity: Alikeness,
     }
 }
@@ -52,7 +33,6 @@ row! {
 /// The subject of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
-    /// A bin.
     Bin,
     /// A fitted model.
     Fitted,

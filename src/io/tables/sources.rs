@@ -10,56 +10,32 @@ use crate::table::{row, words};
 row! {
     /// The part of one source in one model.
     pub struct SourceRow of "sources" {
-        /// The model.
         model: Model,
-        /// Its index among the sources, from 0.
         source_index: usize,
-        /// Its name.
         source: String,
-        /// What it reads.
         reads: SourceReads,
-        /// Number of its readings.
         readings: usize,
-        /// Number of numbers in them.
         numbers: usize,
-        /// Root mean square of its stated standard deviations, mm.
         stated_sd_mm: f64,
-        /// Factor from stated to found standard deviations; `None` where the model has none for it.
         noise_factor: Option<f64>,
-        /// Its standard error.
         noise_factor_se: Option<f64>,
-        /// Sessions whose readings determine the size of the covariances that they state.
         sized_sessions: Vec<String>,
-        /// Factor on the standard deviations that they state of positions, for each of these sessions.
         stated_sizes: Vec<f64>,
-        /// Its standard error.
         stated_size_ses: Vec<f64>,
-        /// Factor on those that they state of orientations; empty where they state none.
         stated_orientation_sizes: Vec<f64>,
-        /// Its standard error.
         stated_orientation_size_ses: Vec<f64>,
-        /// Numbers less those that the unknowns took.
         redundancy: Option<f64>,
-        /// Its share of the information on the unknowns.
         information_share: Option<f64>,
-        /// The prior's share.
         prior_share: Option<f64>,
-        /// Place of its anchor in the base's frame, mm; `None` without one.
         anchor as [anchor_x_mm, anchor_y_mm, anchor_z_mm]: Option<[f64; 3]>,
-        /// Its reading at no distance from the anchor, mm.
         anchor_offset_mm: Option<f64>,
-        /// Normal of its plane in the base's frame; `None` without one.
         normal as [normal_x, normal_y, normal_z]: Option<[f64; 3]>,
-        /// Distance of its plane from the base's origin along the normal, mm.
         plane_height_mm: Option<f64>,
-        /// Number of lengths that were held out.
         held_out: usize,
-        /// Root mean square of what is left of them, mm.
         held_out_rms_mm: Option<f64>,
     }
 }
 
-/// What a source reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SourceReads {
     /// Positions.

@@ -15,43 +15,24 @@ use crate::tables::outcome::JoinedSession;
 row! {
     /// A dwell of the arm.
     pub struct StationRow of "stations" {
-        /// Its number in the session.
         station: usize,
-        /// Whether it has a measurement of its own.
         verdict: PairingVerdict,
-        /// Why it has none; `None` where it has one.
         reason: Option<Unpaired>,
-        /// Its start, ns of the controller's clock.
         start_ns: i64,
-        /// Its end, ns of the controller's clock.
         end_ns: i64,
-        /// The joints, by the controller's names.
         joint_names: Arc<[String]>,
-        /// Mean reported joint angles, rad.
         joints_rad: Vec<f64>,
-        /// Number of samples in the mean.
         joint_samples: usize,
-        /// Joint angles of the command, rad; `None` where they could not be found.
         commanded_joints_rad: Option<Vec<f64>>,
-        /// Commanded position of the tool point, frame of commands, mm.
         command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
-        /// Commanded orientation, x y z w.
         command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
-        /// Name of the target; `None` unless a table drove the session to one.
         target: Option<String>,
-        /// The target, mm.
         target_at as [target_x_mm, target_y_mm, target_z_mm]: Option<[f64; 3]>,
-        /// The table that corrected it.
         table_id: Option<Arc<str>>,
-        /// Attained position of the measured target, tracker frame, mm.
         at as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
-        /// Attained orientation, x y z w.
         turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
-        /// Standard deviation of the readings along each axis, mm.
         scatter_mm as [scatter_x_mm, scatter_y_mm, scatter_z_mm]: Option<[f64; 3]>,
-        /// Scatter of the orientations, rad.
         scatter_orientation_rad: Option<f64>,
-        /// Covariance that the tracker states, mm²: xx xy xz yy yz zz.
         stated_cov_mm2 as [
             stated_cov_xx_mm2,
             stated_cov_xy_mm2,
@@ -60,11 +41,8 @@ row! {
             stated_cov_yz_mm2,
             stated_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Covariance that the tracker states of the orientation, a rotation vector, rad²: three rows of three, one after another.
         stated_orientation_cov_rad2: Option<Vec<f64>>,
-        /// Its covariance with the position, mm·rad: rows of x, y and z.
         stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
-        /// Covariance that following the references adds, mm²: xx xy xz yy yz zz.
         motion_cov_mm2 as [
             motion_cov_xx_mm2,
             motion_cov_xy_mm2,
@@ -73,15 +51,10 @@ row! {
             motion_cov_yz_mm2,
             motion_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Number of readings of the dwell.
         readings: Option<usize>,
-        /// Number of them in the mean position.
         readings_kept: Option<usize>,
-        /// First of them, ns of the tracker's clock.
         first_reading_ns: Option<i64>,
-        /// Last of them, ns of the tracker's clock.
         last_reading_ns: Option<i64>,
-        /// Temperature, °C.
         temperature_c: Option<f64>,
     }
 }

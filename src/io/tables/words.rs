@@ -21,7 +21,6 @@ use crate::units::SLIDE_MM_PER_RAD;
 pub enum TableVerdict {
     /// It is.
     Met,
-    /// It is not.
     NotMet,
     /// It could not be shown.
     NotShown,

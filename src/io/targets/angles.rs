@@ -84,7 +84,6 @@ impl JointUnits {
 /// The columns of joint angles that a first line names, in the joints' order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AngleColumns {
-    /// Units of the joints.
     pub(super) units: JointUnits,
     /// Their places in a line, in the joints' order.
     pub(super) places: Vec<usize>,

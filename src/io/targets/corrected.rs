@@ -13,41 +13,23 @@ use crate::tables::words::{CorrectingTable, xyzw};
 row! {
     /// A target and its command, or the reason why there is none.
     pub struct CorrectedRow of "corrected_targets" {
-        /// Place in the file of targets, from 0.
         row: usize,
-        /// The target's name.
         target: String,
-        /// Position to command, frame of commands, mm; `None` where the target is refused.
         command as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
-        /// Orientation to command, x y z w; of a refused target its own. `None` where none is stated.
         command_turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
-        /// Arm configuration that the target asks for.
         configuration: Option<String>,
-        /// Tool that the target is for.
         tool: Option<String>,
-        /// Name of the table that corrected, which is its run's.
         table_id: Arc<str>,
-        /// Kind of that table.
         corrected_by: CorrectingTable,
-        /// Joints in the order of joint angles; `None` where there are no joint angles.
         joint_names: Option<Arc<[String]>>,
-        /// Joint angles to command, rad.
         joints_rad: Option<Vec<f64>>,
-        /// Joint angles at which the nominal arm attains the target, rad.
         target_joints_rad: Option<Vec<f64>>,
-        /// Joint angles to command minus those, rad.
         correction_joints_rad: Option<Vec<f64>>,
-        /// Target position, mm; `None` for a refused target that states none.
         target_at as [target_x_mm, target_y_mm, target_z_mm]: Option<[f64; 3]>,
-        /// Command minus target, mm.
         correction as [correction_x_mm, correction_y_mm, correction_z_mm]: Option<[f64; 3]>,
-        /// Standard deviation of the correction along each axis, mm.
         correction_sd as [correction_sd_x_mm, correction_sd_y_mm, correction_sd_z_mm]: Option<[f64; 3]>,
-        /// Root of the trace of its covariance, mm.
         correction_sd_mm: Option<f64>,
-        /// Root of the trace of the surveyed frame's share in that covariance, mm.
         correction_frame_sd_mm: Option<f64>,
-        /// Covariance of the correction, mm²: xx xy xz yy yz zz.
         correction_cov_mm2 as [
             correction_cov_xx_mm2,
             correction_cov_xy_mm2,
@@ -56,13 +38,9 @@ row! {
             correction_cov_yz_mm2,
             correction_cov_zz_mm2,
         ]: Option<[f64; 6]>,
-        /// Times that the table or the model was asked.
         iterations: Option<usize>,
-        /// Exceptions without which the target would have been refused; none where none was needed.
         allowed: Vec<String>,
-        /// Reason of a refusal in a word.
         refused: Option<RefusedFor>,
-        /// Reason of a refusal in a sentence.
         reason: Option<String>,
     }
 }
@@ -84,7 +62,6 @@ pub enum RefusedFor {
     Tool,
     /// The command did not converge.
     NoConvergence,
-    /// No position.
     NoPosition,
     /// Neither joint angles nor an orientation.
     NoOrientation,
@@ -183,7 +160,6 @@ impl From<&Gap> for RefusedFor {
 /// What corrected targets, as every row of the result says.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
-    /// Key of the run.
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,

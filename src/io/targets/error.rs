@@ -17,12 +17,7 @@ use crate::table::FileError;
 pub enum TargetsError {
     /// What is wrong with the file.
     #[error("{}", kind.message(path))]
-    File {
-        /// Path of the file.
-        path: PathBuf,
-        /// The fault in it.
-        kind: TargetsErrorKind,
-    },
+    File { path: PathBuf, kind: TargetsErrorKind },
     /// Not a Parquet file of targets.
     #[error(transparent)]
     Parquet(#[from] FileError),
@@ -127,12 +122,7 @@ pub enum RowProblem {
     #[error(
         "column {column:?} holds {text:?}, which is no finite number (decimal point, lengths in mm, no unit written)"
     )]
-    NoNumber {
-        /// Name of the column.
-        column: String,
-        /// The text in it.
-        text: String,
-    },
+    NoNumber { column: String, text: String },
     /// A value of another type.
     #[error("key {key:?} holds {found} where {wanted} is needed")]
     WrongType {
@@ -154,14 +144,10 @@ pub enum RowProblem {
     Krl(KrlProblem),
     /// A required value is missing.
     #[error("column {column:?} is empty, and every target has a value there")]
-    NoValue {
-        /// Name of the column.
-        column: &'static str,
-    },
+    NoValue { column: &'static str },
     /// Two targets have one name.
     #[error("target {target:?} is in {first} already; names are unique within a file")]
     SameName {
-        /// Place of the first one.
         first: Place,
         /// Name of both.
         target: String,

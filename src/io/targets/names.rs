@@ -18,10 +18,7 @@ pub(super) const MARKS: [&str; 2] = ["table_id", "corrected_by"];
 pub enum NamesProblem {
     /// A name is given twice.
     #[error("{name:?} is given twice; which value is meant is not clear")]
-    Twice {
-        /// The name.
-        name: String,
-    },
+    Twice { name: String },
     /// Two names differ only in upper and lower case.
     #[error(
         "{first:?} and {second:?} differ in the size of letters alone; which is meant is not clear"

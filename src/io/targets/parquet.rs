@@ -14,33 +14,19 @@ use crate::table::{self, Row as _, Table, row};
 row! {
     /// A target as stated in another program's file; missing parts of a position or a quaternion are reported later.
     pub struct TargetRow of "targets" {
-        /// Its name.
         target: String,
-        /// Position of the controller's tool point, frame of commands, x, mm.
         x_mm: Option<f64>,
-        /// Position, y, mm.
         y_mm: Option<f64>,
-        /// Position, z, mm.
         z_mm: Option<f64>,
-        /// Orientation, x of its quaternion.
         qx: Option<f64>,
-        /// Orientation, y of its quaternion.
         qy: Option<f64>,
-        /// Orientation, z of its quaternion.
         qz: Option<f64>,
-        /// Orientation, w of its quaternion.
         qw: Option<f64>,
-        /// Arm configuration asked for.
         configuration: Option<String>,
-        /// Names of the joints in the order of the angles; `None` for the order of the arm.
         joint_names: Option<Vec<String>>,
-        /// Joint angles, rad.
         joints_rad: Option<Vec<f64>>,
-        /// Tool that the target is for.
         tool: Option<String>,
-        /// Name of the table that corrected it: a mark of a command.
         table_id: Option<String>,
-        /// Kind of that table: a mark too.
         corrected_by: Option<String>,
     }
 }

@@ -20,7 +20,6 @@ pub(crate) enum Cell {
     Number(String),
     /// True or false.
     Flag(bool),
-    /// A text.
     Text(String),
     /// Several values.
     List(Vec<Cell>),

@@ -13,7 +13,6 @@ use crate::kinematics::InverseError;
 pub struct Refused {
     /// The target's name.
     pub target: String,
-    /// The reason.
     pub reason: Reason,
     /// The slip of a unit without which it would have a command; `None` where there is none.
     pub slip: Option<Slip>,

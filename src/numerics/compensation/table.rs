@@ -53,7 +53,6 @@ pub struct Known {
     pub covariance: Matrix3<f64>,
 }
 
-/// A compensation table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompensationTable {
     terms: Terms,

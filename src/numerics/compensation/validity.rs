@@ -14,13 +14,11 @@ use super::{Reason, Target};
 pub struct Conditions {
     /// The tool, as the pipeline file names it.
     pub tool: Option<String>,
-    /// The payload, kg.
     pub payload_kg: Option<f64>,
     /// The mounting of the base: floor, wall, ceiling or an angle.
     pub mounting: Option<String>,
     /// The base frame, as the pipeline file names it.
     pub base: Option<String>,
-    /// The controller.
     pub controller_model: Option<String>,
     /// Whether the controller's own absolute-accuracy option was on.
     pub absolute_accuracy_option: Option<bool>,
@@ -53,19 +51,15 @@ pub struct UsedWith {
 /// One condition in a table's validity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Term {
-    /// The tool.
     Tool,
-    /// The payload.
     Payload,
     /// The mounting of the base.
     Mounting,
     /// The base frame.
     Base,
-    /// The controller.
     ControllerModel,
     /// The controller's own absolute-accuracy option.
     AbsoluteAccuracy,
-    /// The temperature.
     Temperature,
 }
 

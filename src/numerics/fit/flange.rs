@@ -59,7 +59,6 @@ impl OneReading {
         pose(readings, frames, noise).or_else(own)
     }
 
-    /// The reading.
     pub const fn reading(&self) -> &Reading {
         match self {
             Self::Pose(reading, _) | Self::Point(reading) => reading,

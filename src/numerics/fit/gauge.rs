@@ -27,7 +27,6 @@ pub enum Sees {
 /// An instrument that reads one length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Gauge {
-    /// A distance from an anchor.
     Distance(Anchor),
     /// A height above a plane.
     Height(Plane),

@@ -9,7 +9,6 @@ use super::registry::Model;
 use super::{Calibration, FitError, FitSettings, Freedom, Prior, identify_from, start};
 use crate::kinematics::Arm;
 
-/// The settings of a training.
 #[derive(Debug, Clone, Copy)]
 pub struct TrainingSettings<'s> {
     /// Settings of the geometric fit.

@@ -175,7 +175,6 @@ impl Observation {
 pub struct Source {
     /// The kind of reading used: the orientation of a pose only from a source of poses.
     pub reads: ReadingKind,
-    /// Its uncertainty.
     pub uncertainty: Uncertainty,
 }
 
@@ -201,9 +200,7 @@ pub struct Noise {
 /// Factors on the standard deviations that readings state of themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StatedSize {
-    /// Of positions.
     pub position: f64,
-    /// Of orientations.
     pub orientation: f64,
 }
 

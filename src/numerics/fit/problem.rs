@@ -155,7 +155,6 @@ impl<'a> Problem<'a> {
         &self.expected
     }
 
-    /// The observations.
     pub const fn observations(&self) -> &[Observation] {
         self.observations
     }

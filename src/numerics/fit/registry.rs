@@ -98,7 +98,6 @@ pub type Load = fn(&str, Option<f64>) -> Result<Loaded, SavedError>;
 pub struct Loaded {
     /// The arm and the sessions that it is of.
     pub head: SavedHead,
-    /// The model.
     pub model: Box<dyn PoseModel>,
 }
 

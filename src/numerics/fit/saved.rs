@@ -61,7 +61,6 @@ pub enum SavedError {
     Unknown {
         /// The kind of thing named.
         what: &'static str,
-        /// The name.
         name: String,
     },
     /// A matrix that is no factor of a covariance.
@@ -116,7 +115,6 @@ impl SavedHead {
     }
 }
 
-/// One joint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedJoint {
@@ -263,7 +261,6 @@ pub enum SavedPlacements {
     Several(Vec<SavedPlacement>),
 }
 
-/// One unknown.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedUnknown {
@@ -433,7 +430,6 @@ impl SavedSession {
         names.iter().zip(frames).map(session).collect()
     }
 
-    /// The frames.
     pub fn frames(&self) -> Result<Frames, SavedError> {
         let sources = self.tracker_from_base.frames("tracker_from_base")?;
         let targets = self.flange_from_target.frames("flange_from_target")?;

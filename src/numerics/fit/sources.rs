@@ -28,7 +28,6 @@ const EXACT: f64 = 1e-9;
 /// The part that one source had in a fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SourceSize {
-    /// The source.
     pub source: SourceId,
     /// The kind of its readings.
     pub kind: ReadingKind,

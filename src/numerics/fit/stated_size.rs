@@ -38,11 +38,9 @@ const LEAST_READINGS: usize = 10;
 pub struct FoundSize {
     /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// The source.
     pub source: SourceId,
     /// Factors on the stated standard deviations.
     pub size: StatedSize,
-    /// Their standard errors.
     pub standard_error: StatedSize,
     /// Whether the orientation's factor is its own; otherwise both are one.
     pub is_apart: bool,
@@ -65,7 +63,6 @@ struct Row {
     weight: f64,
 }
 
-/// What the factors are of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Factors {
     /// One of all.

@@ -42,7 +42,6 @@ pub struct Answers {
 /// Stations by their numbers.
 pub(super) type ByNumber<'s> = BTreeMap<usize, &'s GridStation>;
 
-/// Stations by their numbers.
 pub(super) fn by_number(stations: &[GridStation]) -> ByNumber<'_> {
     stations.iter().map(|own| (own.number, own)).collect()
 }

@@ -22,7 +22,6 @@ pub struct Tolerance {
     pub mm: f64,
     /// Share of positions that have to be within it.
     pub share: f64,
-    /// Confidence of that.
     pub confidence: f64,
 }
 

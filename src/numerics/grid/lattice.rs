@@ -56,7 +56,6 @@ pub enum NoLattice {
          along {axis} too, or state [grid] box"
     )]
     Flat {
-        /// Which axis.
         axis: char,
         /// Size of the box along it, mm.
         size_mm: f64,

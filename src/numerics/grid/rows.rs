@@ -51,7 +51,6 @@ pub struct StepAnswers {
     /// How much of the interpolation error its stations can show: 0 at nodes, 1 at uniform places; `None` of local cells and
     /// without a station.
     pub interpolation_shown: Option<f64>,
-    /// Its answers.
     pub answers: Answers,
 }
 

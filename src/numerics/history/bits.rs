@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// One number.
 pub mod number {
     use super::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -33,7 +32,6 @@ pub mod optional {
     }
 }
 
-/// A vector.
 pub mod vector {
     use nalgebra::DVector;
 

@@ -35,14 +35,12 @@ pub struct Explained {
     pub test: ChiSquare,
     /// The shift, in the columns' units.
     pub shift: DVector<f64>,
-    /// Its covariance.
     pub covariance: DMatrix<f64>,
 }
 
 /// A chi-square statistic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ChiSquare {
-    /// The statistic.
     #[serde(with = "bits::number")]
     pub statistic: f64,
     /// Degrees of freedom.
@@ -52,7 +50,6 @@ pub struct ChiSquare {
 /// The shift of one column.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
-    /// The column.
     pub column: Column,
     /// The shift, mm or rad.
     #[serde(with = "bits::number")]

@@ -33,18 +33,15 @@ pub enum Hypothesis {
     JointCurve(usize),
     /// A link's lengths and angles.
     Link(usize),
-    /// Anything at all.
     Anything,
 }
 
-/// The verdict on a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HypothesisVerdict {
     /// It did not change by more than the covariances allow.
     NoChange,
     /// It moved, by less than counts.
     Small,
-    /// It moved.
     Moved,
     /// One of several moved, which cannot be distinguished.
     OneOfSeveral,
@@ -57,7 +54,6 @@ pub enum HypothesisVerdict {
 /// The test of one hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
-    /// The hypothesis.
     pub hypothesis: Hypothesis,
     /// Chi-square of a change of this part alone, against no change.
     pub alone: ChiSquare,
@@ -149,7 +145,6 @@ impl Finding {
         }
     }
 
-    /// The verdict on one part.
     pub fn verdict_of(&self, part: Hypothesis) -> HypothesisVerdict {
         match self {
             Self::Moved { .. } if part == Hypothesis::Anything => HypothesisVerdict::Moved,

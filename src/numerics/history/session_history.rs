@@ -30,7 +30,6 @@ pub struct SessionHistory {
 }
 
 impl SessionHistory {
-    /// Judges the next session.
     pub fn next(&mut self, session: &SessionFigures) -> Judged {
         let began = self.turn_to(&session.basis);
         let own = &session.estimate;

@@ -70,7 +70,6 @@ pub struct InOrder<B> {
     files: Vec<FileRows>,
 }
 
-/// The rows of one file.
 #[derive(Debug)]
 struct FileRows {
     name: String,

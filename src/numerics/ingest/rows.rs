@@ -14,7 +14,6 @@ pub(super) enum RowFault {
     Position,
     /// A quaternion component is NaN or infinite.
     Orientation,
-    /// The quaternion is zero.
     ZeroQuaternion,
     /// A position alone, where a camera on the flange measures poses.
     NoOrientation,

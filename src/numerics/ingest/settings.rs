@@ -123,7 +123,6 @@ pub enum AngleUnit {
     Deg,
 }
 
-/// Unit of lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthUnit {

@@ -41,9 +41,7 @@ pub enum IngestError {
          see `posegrid inspect`"
     )]
     NoSamples {
-        /// The file.
         file: String,
-        /// The topic.
         topic: String,
         /// Number of decoded rows.
         decoded: u64,
@@ -56,9 +54,7 @@ pub enum IngestError {
          try time = \"publish\" or time = \"log\""
     )]
     StampsUnset {
-        /// The file.
         file: String,
-        /// The topic.
         topic: String,
         /// Number of messages.
         messages: u64,
@@ -68,12 +64,7 @@ pub enum IngestError {
         "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic, or set \
          ignore_orientation = true for [tracker]"
     )]
-    Mixed {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-    },
+    Mixed { file: String, topic: String },
 }
 
 impl StreamSummary {

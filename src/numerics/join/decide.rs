@@ -29,7 +29,6 @@ const RIVAL_RESIDUAL: f64 = 2.0;
 pub struct Decision {
     /// The clock relation, still rough.
     pub relation: Relation,
-    /// Pairs that support it.
     pub support: Vec<Pair>,
     /// Base and target, rough.
     pub placement: Placement,

@@ -83,9 +83,7 @@ pub enum JoinError {
         .median_mm.map_or(String::new(), |mm| format!("; median distance {mm:.1} mm"))
     )]
     NoCommonPattern {
-        /// Dwells of the arm.
         arm_dwells: usize,
-        /// Dwells of the target.
         target_dwells: usize,
         /// Pairs that fit at the best shift.
         pairs: usize,

@@ -32,7 +32,6 @@ const PIECE: usize = 4096;
 /// The readings of an instrument of one length in a log.
 #[derive(Debug)]
 pub struct LengthReadings {
-    /// Its name.
     pub name: String,
     /// Kind of its readings.
     pub reads: LengthRead,

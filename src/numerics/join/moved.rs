@@ -57,7 +57,6 @@ impl Elsewhere {
 pub(super) struct Stretch {
     /// Places of its first and last reading among those that were searched.
     pub first: usize,
-    /// The last one.
     pub last: usize,
     /// Places of its readings.
     pub readings: Vec<usize>,

@@ -20,9 +20,7 @@ pub struct Observation {
     pub stationary_rad: f64,
     /// Target motion within the stationary window, mm.
     pub stationary_mm: f64,
-    /// Dwells of the arm.
     pub arm: Vec<ArmDwell>,
-    /// Dwells of the target.
     pub target: Vec<TargetDwell>,
 }
 

@@ -62,11 +62,9 @@ pub fn gate_mm(median_mm: f64, settings: &JoinSettings) -> f64 {
 pub struct Evidence<'a> {
     /// The tracker's readings.
     pub readings: &'a Readings<'a>,
-    /// Temperatures.
     pub temperatures: &'a TemperatureSamples,
     /// The target's dwells.
     pub target: &'a [TargetDwell],
-    /// The clocks.
     pub clock: ClockModel,
     /// Base and target, rough.
     pub placement: Placement,
@@ -80,7 +78,6 @@ pub struct Evidence<'a> {
     pub usual_mm: [f64; 3],
     /// Readings younger than this after the arm's arrival are left out, s.
     pub settle_s: f64,
-    /// The settings of the join.
     pub settings: &'a JoinSettings,
 }
 

@@ -32,7 +32,6 @@ const PAIR_S: f64 = 0.05;
 /// The relation of seconds since the first stamp of each log: `tracker = controller + offset + drift · controller`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relation {
-    /// The offset, s.
     pub offset_s: f64,
     /// The drift, dimensionless.
     pub drift: f64,
@@ -62,9 +61,7 @@ pub struct Pair {
 /// The dwells of both logs.
 #[derive(Debug, Clone, Copy)]
 pub struct Dwells<'a> {
-    /// Dwells of the arm.
     pub arm: &'a [ArmDwell],
-    /// Dwells of the target.
     pub target: &'a [TargetDwell],
 }
 

@@ -165,7 +165,6 @@ impl Seen {
         std::array::from_fn(axis)
     }
 
-    /// The stamp of a row.
     pub fn stamp(&self, row: usize) -> Stamp<Tracker> {
         self.readings.stamps[row - self.rows.start]
     }

@@ -69,7 +69,6 @@ pub enum Event {
     },
     /// All of them were elsewhere together at one look.
     Shock {
-        /// The look.
         look: usize,
         /// Shift of the references' middle from the look before, mm.
         shift_mm: f64,
@@ -78,9 +77,7 @@ pub enum Event {
     },
     /// One reading is of another reflector, or wrong: it is left out.
     Stray {
-        /// The look.
         look: usize,
-        /// The reference.
         reference: ReferenceId,
         /// Distance from where the others put it, mm.
         away_mm: f64,
@@ -89,7 +86,6 @@ pub enum Event {
     Moved {
         /// The first look in its new place.
         look: usize,
-        /// The reference.
         reference: ReferenceId,
         /// Distance between its places, mm.
         by_mm: f64,
@@ -99,7 +95,6 @@ pub enum Event {
 /// One place of a reference in the instrument's frame at the session's first look.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
-    /// The reference.
     pub reference: ReferenceId,
     /// Its first look in this place.
     pub from: usize,

@@ -40,7 +40,6 @@ pub struct Row {
     pub command: Option<Command>,
     /// When it was measured, ns; absent where the table does not state it.
     pub time_ns: Option<i64>,
-    /// Temperature, °C.
     pub temperature_c: Option<f64>,
     /// The readings, in the order of targets.
     pub readings: Vec<RowReading>,
@@ -55,14 +54,12 @@ pub struct ApartRow {
     pub line: u64,
     /// When it was measured, ns; absent where the table does not state it.
     pub time_ns: Option<i64>,
-    /// The references.
     pub references: Vec<RowReference>,
 }
 
 /// The reading of a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowReference {
-    /// The reference.
     pub reference: ReferenceId,
     /// Its line in the file, from 1.
     pub line: u64,
@@ -75,7 +72,6 @@ pub struct RowReference {
 pub struct RowReading {
     /// The instrument.
     pub source: SourceId,
-    /// The target.
     pub target: TargetId,
     /// Its line in the file, from 1; of a long table its own.
     pub line: u64,
@@ -88,7 +84,6 @@ pub struct RowReading {
 /// A row or reading of a table that was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowReject {
-    /// The kind of item.
     pub kind: RowItem,
     /// Name of the table's file.
     pub file: String,
@@ -98,14 +93,12 @@ pub struct RowReject {
     pub column: Option<String>,
     /// Number of the station that the row became; `None` where it became none.
     pub station: Option<usize>,
-    /// Why.
     pub reason: String,
 }
 
 /// The kind of an item of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RowItem {
-    /// A row.
     Row,
     /// A reading of one target.
     Reading,
@@ -116,7 +109,6 @@ pub enum RowItem {
 /// A table's rows as its reader found them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Rows {
-    /// Name of the file.
     pub file: String,
     /// Rows with joint angles, in the table's order.
     pub rows: Vec<Row>,

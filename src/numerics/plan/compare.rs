@@ -65,7 +65,6 @@ pub struct DesignRow {
 /// The model's expectation of errors over the region, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expected {
-    /// Mean.
     pub mean_mm: f64,
     /// Bound of the tolerance's share of errors.
     pub share_mm: f64,

@@ -49,7 +49,6 @@ pub struct Design<'c> {
     chosen: Vec<usize>,
 }
 
-/// One choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
     /// Index of the candidate.

@@ -83,7 +83,6 @@ pub enum Unsuitable {
         "joint {joint:?} is at {angle_deg:.3}{unit}, allowed are {lower_deg:.3}{unit} to {upper_deg:.3}{unit}"
     )]
     BeyondLimit {
-        /// Name of the joint.
         joint: String,
         /// Angle of the joint, degrees; mm of one that slides, as all that follows.
         angle_deg: f64,

@@ -67,7 +67,6 @@ pub struct Outcomes {
     pub meet: usize,
     /// Least share of the population that meets it, with the confidence asked for.
     pub share_at_least: f64,
-    /// The share asked for.
     pub share_asked: f64,
     /// Mean over robots of each robot's figures, mm; `None` without a robot that was judged.
     pub mean: Option<RobotFigures>,

@@ -117,7 +117,6 @@ impl Robot<'_> {
     }
 }
 
-/// The stations of visits.
 pub fn stations(visits: Vec<Visit>) -> Vec<Station> {
     visits.into_iter().map(|visit| visit.station).collect()
 }

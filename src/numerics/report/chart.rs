@@ -57,7 +57,6 @@ pub struct Chart {
 /// The quantity, unit and range of an axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
-    /// The quantity.
     pub quantity: String,
     /// Its unit; empty for a number without one.
     pub unit: String,

@@ -26,7 +26,6 @@ pub struct Pairs {
 pub struct TableAndArm {
     /// Before correction.
     pub before_mm: f64,
-    /// By the table.
     pub table_mm: f64,
     /// By the identified arm that the table is made from.
     pub arm_mm: f64,

@@ -11,7 +11,6 @@ use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction, 
 /// A held-out session or the training session itself, as observations.
 #[derive(Debug, Clone, Copy)]
 pub struct Stations<'s> {
-    /// Name of the session.
     pub session: &'s str,
     /// Paired stations of the session.
     pub observations: &'s [Observation],

@@ -80,11 +80,9 @@ pub struct Iso9283 {
     pub driven_by: Option<String>,
     /// Expanded uncertainty (k = 2) of one measured position, mm.
     pub expanded_uncertainty_mm: f64,
-    /// The figures.
     pub figures: Vec<Figure>,
 }
 
-/// One figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     /// Name of the figure.

@@ -33,7 +33,6 @@ pub struct PlanPromise {
     pub verify: Vec<Vec<f64>>,
     /// Radians that one unit of each joint's variable counts as; 1 beyond its end.
     pub counted: Vec<f64>,
-    /// The promise.
     pub promise: Promise,
 }
 
@@ -51,7 +50,6 @@ pub struct Verified {
 /// A promise held against errors that were measured. A pose counts once however often it was visited, with its worst visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PromiseKept {
-    /// The promise.
     pub promise: Promise,
     /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,

@@ -49,7 +49,6 @@ impl Hypothesis {
 pub struct KnownArm {
     /// The robot file's name.
     pub file: String,
-    /// The arm.
     pub arm: crate::kinematics::Arm,
 }
 

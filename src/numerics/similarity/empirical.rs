@@ -13,7 +13,6 @@ pub struct Bin {
     pub to: f64,
     /// Mean separation of its pairs.
     pub separation: f64,
-    /// Pairs in it.
     pub pairs: u64,
     /// `1/(2N) Σ (e_i − e_j)²`, mm².
     pub gamma: f64,

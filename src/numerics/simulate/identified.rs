@@ -27,7 +27,6 @@ pub struct AxisError {
     pub curve_unit: f64,
     /// Curves, to be summed, as functions of the angle divided by `curve_unit`.
     pub curves: Vec<JointCurve>,
-    /// Gear lines.
     pub lines: Vec<GearLine>,
     /// Compliance to a mass at each later axis' origin and, last, at the measured target: rad per m of lever.
     pub gives_way: Vec<f64>,

@@ -15,15 +15,12 @@ pub enum Ingredient {
     Geometry = 1,
     /// Joint error curves.
     JointCurves = 2,
-    /// Gear lines.
     GearLines = 3,
     /// Compliance of the axes.
     Gravity = 4,
-    /// Backlash.
     Backlash = 5,
     /// True place of the measured target on the flange.
     Target = 6,
-    /// Drift of the base.
     BaseDrift = 7,
     /// Poses of a session.
     Poses = 8,
@@ -33,13 +30,11 @@ pub enum Ingredient {
     Repeatability = 10,
     /// Lengths of dwells.
     Pauses = 11,
-    /// Lost beams.
     LostBeam = 12,
     /// Noise that all readings of a station share.
     Placement = 13,
     /// Noise of single readings.
     Reading = 14,
-    /// Outliers.
     Outliers = 15,
     /// Poses that a design may choose.
     Candidates = 16,

@@ -191,7 +191,6 @@ pub enum Instrument {
     Tracker,
     /// A stationary scanner.
     Scanner(ScannerSettings),
-    /// A camera.
     Camera(CameraSettings),
 }
 

@@ -79,7 +79,6 @@ pub struct TrueClock {
 /// Distances over all stations, mm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct RawError {
-    /// Mean.
     pub mean: f64,
     /// Root mean square.
     pub rms: f64,

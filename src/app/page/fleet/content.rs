@@ -22,7 +22,6 @@ pub struct Content {
 /// A robot and its newest session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
-    /// Its name.
     pub name: String,
     /// File name of its page, next to this one.
     pub page: String,
@@ -37,7 +36,6 @@ pub struct Robot {
 /// The newest session of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Newest {
-    /// Its name.
     pub session: String,
     /// Its start; `None` where no clock has an epoch.
     pub started: Option<WallTime>,

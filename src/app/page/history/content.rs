@@ -23,7 +23,6 @@ pub struct Content {
     pub left_out: Vec<(String, String)>,
 }
 
-/// One session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
     /// Name of the session.

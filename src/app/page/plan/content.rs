@@ -9,7 +9,6 @@ use crate::page::from_rows::{count, made_from};
 /// Everything on the page of one plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// The robot.
     pub robot: String,
     /// The plan's id: its run.
     pub plan: String,

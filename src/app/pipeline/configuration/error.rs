@@ -23,17 +23,14 @@ pub enum ConfigurationError {
     At {
         /// Path of the pipeline file.
         path: PathBuf,
-        /// The fault.
         kind: ConfigurationErrorKind,
     },
     /// A fault in the settings of one of several robots.
     #[error("robot {robot:?} ({place}): {source}")]
     OfRobot {
-        /// The robot.
         robot: String,
         /// Where it is stated.
         place: String,
-        /// The fault.
         source: Box<Self>,
     },
     /// The robot file is no robot file, or its arm is invalid.
@@ -41,13 +38,11 @@ pub enum ConfigurationError {
     RobotParse {
         /// The robot file.
         robot: PathBuf,
-        /// Where and why.
         source: Box<NoRobotFile>,
     },
     /// A session is missing or incomplete.
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
     Session {
-        /// The session.
         session: String,
         /// The missing part.
         reason: String,
@@ -61,7 +56,6 @@ pub enum ConfigurationError {
         "session {session:?} is named {how}: a session is learnt from or judges, once; take one out"
     )]
     NamedTwice {
-        /// The session.
         session: String,
         /// The two places.
         how: &'static str,
@@ -119,7 +113,6 @@ pub enum ConfigurationErrorKind {
     },
     /// The file has no robot of that name.
     NoRobot {
-        /// The name.
         name: String,
         /// The robots that it has.
         known: Vec<String>,
@@ -140,7 +133,6 @@ pub enum ConfigurationErrorKind {
     Placement {
         /// Section and key.
         key: &'static str,
-        /// Why.
         source: PlacementError,
     },
     /// An invalid setting of the join.
@@ -149,16 +141,10 @@ pub enum ConfigurationErrorKind {
     Robot {
         /// The robot file.
         robot: PathBuf,
-        /// Why.
         source: io::Error,
     },
     /// The folder with the sessions cannot be read.
-    Folder {
-        /// The folder.
-        folder: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    Folder { folder: PathBuf, source: io::Error },
 }
 
 impl ConfigurationErrorKind {

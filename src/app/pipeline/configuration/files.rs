@@ -19,11 +19,9 @@ use crate::pipeline::keys::retired::retired;
 /// The contents of the files.
 #[derive(Debug)]
 pub struct Files {
-    /// The pipeline file.
     pub file: PipelineFile,
     /// The folder that paths in it are relative to.
     pub base: PathBuf,
-    /// The robot file.
     pub robot_file: PathBuf,
     /// The nominal arm.
     pub arm: Arm,
@@ -34,7 +32,6 @@ pub struct Files {
 /// A pipeline file as written: of one robot, or of several.
 #[derive(Debug)]
 pub struct Source {
-    /// Its path.
     pub path: PathBuf,
     /// The folder that paths in it are relative to.
     base: PathBuf,
@@ -142,7 +139,6 @@ impl Source {
 }
 
 impl Files {
-    /// The place of the sessions.
     pub fn sessions(&self) -> Place {
         placed_at(&self.base, &self.file.input.folder)
     }

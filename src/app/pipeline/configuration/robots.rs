@@ -29,7 +29,6 @@ pub struct Robots {
 /// A robot with the place where it is stated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatedRobot {
-    /// The robot.
     pub entry: RobotEntry,
     /// Its place, in words: `[[robots]] 3`, or `row 4 of robots.csv`.
     pub place: String,
@@ -102,7 +101,6 @@ impl Robots {
         Ok(Some(robots))
     }
 
-    /// The robot of that name.
     pub fn named(&self, path: &Path, name: &str) -> Result<&StatedRobot, ConfigurationError> {
         let found = self.stated.iter().find(|own| own.entry.name == name);
         found.ok_or_else(|| {

@@ -72,7 +72,6 @@ pub struct JoinedBefore {
 /// A table with the stations of a session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionTable {
-    /// The file.
     pub path: PathBuf,
     /// Its robot and its session by the table's columns, where it has columns of them.
     pub whose: Whose,
@@ -112,9 +111,7 @@ pub struct LeftOut {
 /// A session without a piece of work at present.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SetAside {
-    /// Its name.
     pub session: String,
-    /// Why.
     pub why: Why,
     /// Number of pieces listed before it.
     pub before: usize,
@@ -199,7 +196,6 @@ impl FoundSessions {
         Self { sessions, left_out: Vec::new(), by: self.by }
     }
 
-    /// The session of a name.
     fn named(&self, name: &str) -> Session {
         let found = self.sessions.iter().find(|session| session.name == name);
         found.cloned().unwrap_or_else(|| Session {

@@ -15,7 +15,6 @@ use crate::setup::{Alternatives, FrameKey, OtherReading, SetUp, UnitKeys};
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
 pub struct StatedSetUp {
-    /// The set-up.
     pub set_up: SetUp,
     /// Other robot files, and the frames' numbers under other conventions.
     pub alternatives: Alternatives,

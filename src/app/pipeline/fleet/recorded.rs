@@ -44,7 +44,6 @@ impl ByRobot {
         Ok((Self { found, sessions }, told))
     }
 
-    /// The sessions of one robot.
     pub fn of(&self, robot: &str) -> FoundSessions {
         let own = self.sessions.get(robot);
         self.found.only(own.cloned().unwrap_or_default())

@@ -16,11 +16,9 @@ pub struct Within<'a> {
     pub path: &'a Path,
     /// The tree that they are in.
     pub tree: &'a Tree,
-    /// Their folder in it.
     pub folder: &'a Path,
     /// The pipeline file with the sessions of every robot.
     pub file: &'a PipelineFile,
-    /// The robots.
     pub robots: &'a Robots,
 }
 

@@ -91,7 +91,6 @@ impl RunResult {
 /// The kind of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
-    /// One session.
     Session,
     /// Several sessions together.
     Pooled,

@@ -51,7 +51,6 @@ fn read_by(stage: &Reads, all: &Value) -> Value {
     all.as_object().map_or_else(|| Value::Object(Map::new()), read)
 }
 
-/// The section of this name.
 fn section(name: &str) -> Option<&'static KeySection> {
     let mut sections = KeyReference::pipeline().sections.iter();
     sections.find(|own| own.at.is_empty() && own.name == name)

@@ -44,22 +44,10 @@ pub enum KnownError {
         "[plan.known] session = {session:?}: the lake {lake} has no run of it for robot {robot:?}; run it first, or give \
          calibrations"
     )]
-    NoRun {
-        /// The lake.
-        lake: Place,
-        /// The robot.
-        robot: String,
-        /// The session.
-        session: String,
-    },
+    NoRun { lake: Place, robot: String, session: String },
     /// The lake has no run of the robot.
     #[error("no arm is known of robot {robot:?}: {source}; name its run under [plan.known]")]
-    NoNewest {
-        /// The robot.
-        robot: String,
-        /// Why.
-        source: Box<HistoryError>,
-    },
+    NoNewest { robot: String, source: Box<HistoryError> },
     /// The table is not on this machine.
     #[error(
         "[plan.known]: {table} is on object storage; copy it here and name it under calibrations"

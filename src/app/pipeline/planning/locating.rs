@@ -28,7 +28,6 @@ pub struct Located {
     pub identified_by: RunKey,
     /// The poses, and what follows.
     pub plan: LocatePlan,
-    /// The settings of the plan.
     pub settings: PlanSettings,
     /// The nominal arm.
     pub arm: Arm,

@@ -33,7 +33,6 @@ use crate::report::promise::is_same_pose;
 /// The state of a session that is being measured.
 #[derive(Debug)]
 pub struct SoFar {
-    /// The plan.
     pub plan: RunKey,
     /// Number of measured stations that take part.
     pub identify: usize,
@@ -59,27 +58,18 @@ pub enum SoFarError {
         "the lake {lake} has no plan {run} of this pipeline file: make it first with `posegrid plan`, without --measured"
     )]
     NotPlanned {
-        /// The lake.
         lake: String,
         /// The plan.
         run: String,
     },
     /// The stations so far determine nothing.
     #[error("session {session}: {source}; measure more poses")]
-    Fit {
-        /// The session.
-        session: String,
-        /// Why.
-        source: FitError,
-    },
+    Fit { session: String, source: FitError },
     /// The full error model is switched off, or could not be factored.
     #[error(
         "session {session}: there is no full error model of it, the only model that states its own uncertainty: set [fit.full] enabled = true"
     )]
-    NoModel {
-        /// The session.
-        session: String,
-    },
+    NoModel { session: String },
 }
 
 impl Planning {

@@ -24,12 +24,7 @@ use crate::setup::Finding;
 pub enum RunError {
     /// An input cannot be digested.
     #[error("cannot read {}: {source}", path.display())]
-    Input {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    Input { path: PathBuf, source: std::io::Error },
     /// A recording would count twice.
     #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
     SameTwice {
@@ -48,18 +43,10 @@ pub enum RunError {
     #[error(
         "session {session}: it was recorded in another way than [input] reads: as logs or as a table of stations"
     )]
-    OtherKind {
-        /// The session.
-        session: String,
-    },
+    OtherKind { session: String },
     /// One session of the work cannot be used; a pool may do without it.
     #[error("{source}")]
-    OfSession {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<RunError>,
-    },
+    OfSession { session: String, source: Box<RunError> },
     /// An estimate that the lake should have.
     #[error(
         "session {session}: the lake has no estimate of it by these settings: run it without --from table, or with --until estimate first"
@@ -77,7 +64,6 @@ pub enum RunError {
         session: String,
         /// The estimate.
         run: String,
-        /// Why.
         source: Box<NoEstimate>,
     },
     /// Grids that the lake should have.
@@ -97,40 +83,29 @@ pub enum RunError {
         session: String,
         /// The grids.
         run: String,
-        /// Why.
         source: Box<NoGrids>,
     },
     /// The robot is named neither in the pipeline file nor in the logs.
     #[error(
         "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
     )]
-    NoRobotName {
-        /// The session.
-        session: String,
-    },
+    NoRobotName { session: String },
     /// More of a log was lost than the pipeline file allows.
     #[error("session {session}: {0}", damage)]
     Damaged {
-        /// The session.
         session: String,
         /// The loss.
         damage: DamageError,
     },
     /// The logs cannot be joined.
     #[error("session {session}: join: {source}")]
-    Join {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<JoinError>,
-    },
+    Join { session: String, source: Box<JoinError> },
     /// The logs cannot be joined under any usual mistake of the set-up.
     #[error(
         "session {session}: join: {source} No usual mistake of the set-up makes them agree (units, order, signs and zeros of joints, signs \
          of links, the ready robot files): they are probably logs of two sessions, or of another arm"
     )]
     Unexplained {
-        /// The session.
         session: String,
         /// Why they cannot be joined as stated.
         source: Box<JoinError>,
@@ -138,7 +113,6 @@ pub enum RunError {
     /// What the logs state and what the pipeline file states are two cells.
     #[error("session {session}: the logs contradict the stated set-up: {finding}")]
     SetUp {
-        /// The session.
         session: String,
         /// The disagreement and what explains it.
         finding: Box<Finding>,
@@ -149,7 +123,6 @@ pub enum RunError {
          set [tracker] camera.mounted = \"{right}\""
     )]
     Mounted {
-        /// The session.
         session: String,
         /// The stated word.
         stated: &'static str,
@@ -163,22 +136,15 @@ pub enum RunError {
     Stage(#[from] StageError),
     /// The corrected targets that drove a session cannot be read.
     #[error("session {session}: corrected targets: {source}")]
-    Driving {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<TargetsError>,
-    },
+    Driving { session: String, source: Box<TargetsError> },
     /// A session as joined cannot be read back.
     #[error(
         "session {session}: its result of ingest and join in the lake, {run}, cannot be used: {source}"
     )]
     NotRestored {
-        /// The session.
         session: String,
         /// Name of the result.
         run: String,
-        /// Why.
         source: Box<NotRestored>,
     },
     /// The tables cannot be published.

@@ -197,9 +197,7 @@ fn in_order(mut sets: Vec<ResidualSet>, training: &[JoinedSession]) -> Vec<Resid
 struct Known {
     /// Models on all readings.
     models: Models,
-    /// Models of each fold.
     folds: Vec<Option<Models>>,
-    /// Residuals of the sessions left out.
     sessions_left_out: Option<Vec<ResidualSet>>,
     /// Residuals of all stations.
     residuals: Option<Vec<ResidualSet>>,
@@ -231,7 +229,6 @@ fn restored(
     })
 }
 
-/// The settings of a training.
 pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
     TrainingSettings {
         fit: &settings.fit,

@@ -28,7 +28,6 @@ pub struct Claim {
     pub settings: String,
     /// The digest of `settings`.
     pub settings_digest: String,
-    /// Files written.
     pub files: Vec<Written>,
     /// Sessions as joined that it started from, as SESSION/RUN; `None` of a plan and of earlier versions.
     pub made_of: Option<Vec<String>>,

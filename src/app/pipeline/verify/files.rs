@@ -41,7 +41,6 @@ pub struct FilesOfLake {
 pub struct WithoutRow {
     /// The folder of its robot.
     pub robot: String,
-    /// The run.
     pub run: String,
     /// Its files, as TABLE/SESSION by the names of their folders.
     pub files: Vec<String>,

@@ -14,7 +14,6 @@ pub struct Register {
 pub(super) struct Registered {
     /// Robot, session and name.
     pub(super) key: RunKey,
-    /// Files written.
     pub(super) files: Vec<Written>,
     replaces: Option<String>,
     pub(super) row: RowDigests,

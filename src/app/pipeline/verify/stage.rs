@@ -88,7 +88,6 @@ pub(super) fn each(
 pub(super) struct Stated<'r> {
     /// The name of its table.
     pub(super) rows: &'static str,
-    /// Its place.
     pub(super) place: &'r Place,
     pub(super) key: &'r RunKey,
     pub(super) row: &'r Table,

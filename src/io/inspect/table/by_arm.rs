@@ -41,7 +41,6 @@ const MOST_SEARCHED: usize = 4;
 /// Arms that may be meant.
 #[derive(Debug, Clone, Default)]
 pub struct Arms {
-    /// The arms.
     pub known: Vec<KnownArm>,
     /// Whether it is the one that was named; otherwise they are the ready ones.
     pub is_named: bool,
@@ -89,9 +88,7 @@ pub enum Differs {
     Length,
     /// The order of the joints.
     Order,
-    /// The arm.
     Arm,
-    /// The columns.
     Columns,
 }
 

@@ -22,7 +22,6 @@ const LARGEST_DEG: f64 = 400.0;
 pub struct Target {
     /// Its name; absent where there is one only.
     pub name: Option<String>,
-    /// The position.
     pub position: Position,
     /// The orientation.
     pub turn: Option<TurnColumns>,
@@ -48,7 +47,6 @@ pub enum Part {
 /// One reading of the columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The joints.
     pub joints: JointSet,
     /// The targets, the main one first.
     pub targets: Vec<Target>,

@@ -9,10 +9,8 @@ use crate::measured_table::{Cell, MeasuredTable};
 /// The most different texts of a column that are kept.
 const MOST_TEXTS: usize = 12;
 
-/// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnSummary {
-    /// Its name.
     pub name: String,
     /// The name in words, with the unit.
     pub named: Named,

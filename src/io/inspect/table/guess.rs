@@ -59,7 +59,6 @@ pub enum Key {
 /// Why a key is unsure, and the alternative.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Doubt {
-    /// The key.
     pub key: Key,
     /// The reason.
     pub words: String,

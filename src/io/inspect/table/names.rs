@@ -7,7 +7,6 @@ use crate::ingest::{AngleUnit, LengthUnit};
 pub enum StatedUnit {
     /// Of angles.
     Angle(AngleUnit),
-    /// Of lengths.
     Length(LengthUnit),
 }
 
@@ -39,11 +38,8 @@ pub enum Sense {
     Controller,
     /// Neither a position nor an angle: speed, force, current.
     Other,
-    /// A time.
     Time,
-    /// A temperature.
     Temperature,
-    /// The name of a session.
     Session,
     /// The name of a station.
     Station,

@@ -44,9 +44,7 @@ pub enum TurnColumns {
 pub struct Placed {
     /// The words of its names.
     pub words: Vec<String>,
-    /// The columns.
     pub columns: [usize; 3],
-    /// Whose it is.
     pub whose: Whose,
     /// Its orientation.
     pub turn: Option<TurnColumns>,

@@ -8,7 +8,6 @@ use crate::measured_table::MeasuredTable;
 pub struct Sum(Vec<(f64, usize)>);
 
 impl Sum {
-    /// One column.
     pub fn of(column: usize) -> Self {
         Self(vec![(1.0, column)])
     }
@@ -19,7 +18,6 @@ impl Sum {
         Self([&self.0[..], &[(sign, column)]].concat())
     }
 
-    /// Its columns.
     pub fn columns(&self) -> impl Iterator<Item = usize> + '_ {
         self.0.iter().map(|(_, column)| *column)
     }

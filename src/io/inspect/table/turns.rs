@@ -34,7 +34,6 @@ pub enum Form {
 /// The orientation of a table under the form that agrees best.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned {
-    /// The form.
     pub form: Form,
     /// The orientation in the flange frame.
     pub flange_from_own: UnitQuaternion<f64>,

@@ -11,7 +11,6 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Adds messages of a channel.
     pub fn add(&mut self, channel: u16, messages: u64) {
         let place = usize::from(channel);
         if self.of.len() <= place {

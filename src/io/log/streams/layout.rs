@@ -25,7 +25,6 @@ pub(super) enum StampValues {
     Time,
     /// Seconds and nanoseconds or, in JSON, a date-time as text.
     TimeOrText,
-    /// One number.
     Number(TimeUnit),
 }
 

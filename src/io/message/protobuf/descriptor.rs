@@ -26,7 +26,6 @@ pub(super) struct Type {
     pub(super) is_map_entry: bool,
 }
 
-/// A field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Field {
     pub(super) name: String,

@@ -42,7 +42,6 @@ pub enum UrdfError {
     Incomplete {
         /// Counted from 1.
         line: u32,
-        /// The element.
         element: String,
         /// The part that it lacks.
         wanted: &'static str,
@@ -56,7 +55,6 @@ pub enum UrdfError {
         line: u32,
         /// `link` or `joint`.
         kind: &'static str,
-        /// Their name.
         name: String,
         /// Line of the first, from 1.
         first: u32,
@@ -69,13 +67,11 @@ pub enum UrdfError {
     UnknownLink {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// `parent` or `child`.
         role: &'static str,
         /// The link that is not there.
         link: String,
-        /// The links that are.
         links: Vec<String>,
     },
     /// A link on two joints.
@@ -88,7 +84,6 @@ pub enum UrdfError {
         line: u32,
         /// The second joint.
         joint: String,
-        /// The link.
         link: String,
         /// The first joint.
         other: String,
@@ -103,11 +98,9 @@ pub enum UrdfError {
     Circle {
         /// Line of a joint in it, from 1.
         line: u32,
-        /// That joint.
         joint: String,
         /// Number of joints in it.
         count: usize,
-        /// A link in it.
         link: String,
     },
     /// Links that nothing carries.
@@ -127,7 +120,6 @@ pub enum UrdfError {
     NoSuchEnd {
         /// `base` or `tip`.
         role: &'static str,
-        /// The link.
         link: String,
         /// The links that are there.
         links: Vec<String>,
@@ -138,7 +130,6 @@ pub enum UrdfError {
         listed(leaves)
     )]
     SeveralTips {
-        /// The base.
         base: String,
         /// The links without a joint behind them.
         leaves: Vec<String>,
@@ -149,7 +140,6 @@ pub enum UrdfError {
         links_there(links)
     )]
     OneLink {
-        /// The link.
         link: String,
         /// The links that are there.
         links: Vec<String>,
@@ -162,7 +152,6 @@ pub enum UrdfError {
     Kind {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// Its type.
         found: String,
@@ -172,7 +161,6 @@ pub enum UrdfError {
     Number {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// Element and attribute.
         key: String,
@@ -186,7 +174,6 @@ pub enum UrdfError {
     Rotation {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// The fault, and what to do.
         problem: &'static str,
@@ -196,7 +183,6 @@ pub enum UrdfError {
     Limits {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// The limits found.
         found: String,
@@ -211,7 +197,6 @@ pub enum UrdfError {
     Mimic {
         /// Counted from 1.
         line: u32,
-        /// The joint.
         joint: String,
         /// The joint that it follows.
         follows: String,

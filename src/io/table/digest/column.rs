@@ -12,7 +12,6 @@ use super::super::same;
 use super::{number, text};
 use crate::schema::{ColumnSchema, ColumnType};
 
-/// The digest of one column.
 pub(super) struct ColumnDigest {
     /// Index of the column in a batch of rows.
     pub(super) place: usize,

@@ -4,7 +4,6 @@ use std::ops::Range;
 
 use super::{InLine, KrlProblem};
 
-/// One line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Line {
     /// Its number, from 1.

@@ -47,7 +47,6 @@ pub enum KrlProblem {
     /// A second type for the same name.
     #[error("{name} is declared in line {first_line} already")]
     DeclaredTwice {
-        /// The name.
         name: String,
         /// Line of the first declaration.
         first_line: u64,
@@ -106,16 +105,10 @@ pub enum KrlProblem {
         "{name} has X, Y and Z, but neither this list nor the value itself states its type; write {{E6POS: X …}} if it is a \
          position"
     )]
-    NoKind {
-        /// The name.
-        name: String,
-    },
+    NoKind { name: String },
     /// A position whose value is no aggregate.
     #[error("{name} is a position, but its value is no aggregate; write {{X …,Y …,Z …}}")]
-    NoAggregate {
-        /// The name.
-        name: String,
-    },
+    NoAggregate { name: String },
     /// A value for something that is no name.
     #[error(
         "the text before = is no name, or a type and a name; write each value in a line of its own"
@@ -158,7 +151,6 @@ pub enum KrlProblem {
     /// A component that positions do not have.
     #[error("component {component}: a value of type {kind} has none of this name")]
     OtherComponent {
-        /// The component.
         component: String,
         /// The type.
         kind: String,
@@ -166,7 +158,6 @@ pub enum KrlProblem {
     /// The type before the colon differs from the declared one.
     #[error("the value is of type {own}, but {name} is declared as {kind}")]
     OtherKind {
-        /// The name.
         name: String,
         /// The type declared.
         kind: String,
@@ -180,10 +171,7 @@ pub enum KrlProblem {
     Open,
     /// A component is given twice.
     #[error("component {component} is given twice")]
-    SameComponent {
-        /// The component.
-        component: String,
-    },
+    SameComponent { component: String },
     /// Only some of an orientation's three angles are given.
     #[error(
         "an orientation is three angles, A B C, and some of them are missing; give all or none"
@@ -191,20 +179,10 @@ pub enum KrlProblem {
     PartOfOrientation,
     /// A text in the place of a number.
     #[error("component {component} holds {text:?}, which is no finite number")]
-    NoNumber {
-        /// The component.
-        component: String,
-        /// The text.
-        text: String,
-    },
+    NoNumber { component: String, text: String },
     /// A text in the place of a whole number.
     #[error("component {component} holds {text:?}, which is no whole number")]
-    NoWhole {
-        /// The component.
-        component: String,
-        /// The text.
-        text: String,
-    },
+    NoWhole { component: String, text: String },
     /// An S with bits that are not defined.
     #[error("S is {number}; it has the bits 0 to 4, so it is 0 to 31")]
     NoStatus {

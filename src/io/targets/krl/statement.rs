@@ -19,7 +19,6 @@ pub(super) enum Statement {
     Valued {
         /// The type; `None` where the line does not state it.
         kind: Option<String>,
-        /// The name.
         name: Name,
         /// The place of the value.
         value: Range<usize>,

@@ -21,7 +21,6 @@ pub enum Part {
     ShortCurve(usize),
     /// The long kernel of one joint's curve.
     LongCurve(usize),
-    /// Gravity.
     Gravity,
     /// Approach-direction offset.
     ApproachOffset,

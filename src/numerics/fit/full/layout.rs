@@ -39,7 +39,6 @@ pub enum Block {
     },
     /// Change of one joint's curve in one session.
     SessionCurve {
-        /// The session.
         session: usize,
         /// The joint, from 0.
         joint: usize,

@@ -185,7 +185,6 @@ impl<'p> Around<'p> {
         &self.seen[session]
     }
 
-    /// The session of a station.
     pub fn session(&self, station: usize) -> usize {
         self.problem.observations()[self.stations[station].start].session
     }

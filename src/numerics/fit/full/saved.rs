@@ -123,59 +123,32 @@ pub enum BlockName {
     /// Approach-direction offset, one per joint.
     ApproachOffset,
     /// Difference of one session's command–feedback weight from the common one.
-    SessionCommandWeight {
-        /// The session.
-        session: usize,
-    },
+    SessionCommandWeight { session: usize },
     /// The command–feedback weight of a session whose commanded orientations are not those that were sent.
-    OwnCommandWeight {
-        /// The session.
-        session: usize,
-    },
+    OwnCommandWeight { session: usize },
     /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
     WarmUp,
     /// Slow translation of the base in one session, in the columns of `WarmUp`.
-    Drift {
-        /// The session.
-        session: usize,
-    },
+    Drift { session: usize },
     /// Scale of one session: the target's position relative to the middle of its stations.
-    Scale {
-        /// The session.
-        session: usize,
-    },
+    Scale { session: usize },
     /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1; of `2π k q / slide_periods_mm` where it
     /// slides.
-    Curve {
-        /// The joint.
-        joint: usize,
-    },
+    Curve { joint: usize },
     /// Zero and curve of a joint in the sessions that had so many of its repairs still to come, in place of `Curve`: a constant, then
     /// pairs.
     Earlier {
-        /// The joint.
         joint: usize,
         /// Repairs that were still to come.
         to_come: usize,
     },
     /// Change of a joint's curve in one session: a constant, then pairs.
-    SessionCurve {
-        /// The session.
-        session: usize,
-        /// The joint.
-        joint: usize,
-    },
+    SessionCurve { session: usize, joint: usize },
     /// Change of a joint's curve over one step of years, as `SessionCurve`: of a session older than the step, and in part of one
     /// within it. The step k, from 0, begins 0.1 (2^k − 1) years before the latest session.
-    Ageing {
-        /// The joint.
-        joint: usize,
-        /// The step.
-        step: usize,
-    },
+    Ageing { joint: usize, step: usize },
     /// A gear line: `cos ωq, sin ωq`.
     Line {
-        /// The joint.
         joint: usize,
         /// Cycles per turn.
         cycles: f64,

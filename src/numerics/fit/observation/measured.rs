@@ -27,7 +27,6 @@ pub enum Measured {
     Height(MeasuredLength),
 }
 
-/// A measured length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredLength {
     /// The reading, mm.
@@ -71,7 +70,6 @@ pub struct MeasuredPoint {
     pub factor: Matrix3<f64>,
 }
 
-/// A measured orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredOrientation {
     /// The measured orientation of the target.
@@ -121,7 +119,6 @@ impl Measured {
         }
     }
 
-    /// The kind of the reading.
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Point(_) => ReadingKind::Point,

@@ -13,7 +13,6 @@ use crate::kinematics::{GaugePart, Motion, Parameter};
 pub struct Unknown {
     /// The owner of the parameter: the arm, a source or a target.
     pub owner: Owner,
-    /// The parameter.
     pub parameter: Parameter,
 }
 

@@ -90,7 +90,6 @@ pub enum StampField {
     Number(NumberStamp),
 }
 
-/// A stamp that is one number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NumberStamp {

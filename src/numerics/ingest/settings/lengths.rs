@@ -52,7 +52,6 @@ pub struct LoggedLength {
     /// Path of the stamp in a message; absent: that of a common message type, or a usual one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
-    /// Unit of the length.
     pub unit: LengthUnit,
     /// Standard deviation of a reading, mm.
     pub sd_mm: f64,
@@ -73,7 +72,6 @@ pub struct LoggedLength {
 /// An instrument of one length as a source of readings, wherever they come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LengthSource<'s> {
-    /// Its name.
     pub name: &'s str,
     /// Kind of its readings.
     pub reads: LengthRead,

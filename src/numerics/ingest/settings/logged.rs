@@ -30,7 +30,6 @@ pub struct LoggedTarget {
 pub struct LoggedReference {
     /// Its name in tables and pages.
     pub name: String,
-    /// What it stands on.
     pub on: StandsOn,
     /// Topic of its readings. Absent: that of `[tracker]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,9 +57,7 @@ pub struct Seen<'s> {
     expecting = "is has to be the target's name in messages, or its number: \"SMR 1\", 3"
 )]
 pub enum TargetName {
-    /// A number.
     Number(i64),
-    /// A text.
     Text(String),
 }
 

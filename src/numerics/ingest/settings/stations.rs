@@ -82,7 +82,6 @@ pub const MISSING: [f64; 2] = [9999.0, -9999.0];
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
-    /// The column.
     pub column: String,
     /// Its unit, or how a date is written.
     pub unit: TableTime,
@@ -104,13 +103,11 @@ pub enum TableTime {
     Iso8601,
 }
 
-/// Columns of a pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseColumns {
     /// x, y and z.
     pub position: [String; 3],
-    /// Their unit.
     pub unit: LengthUnit,
     /// The orientation; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -126,7 +123,6 @@ pub struct ReadingColumns {
     pub name: Option<String>,
     /// x, y and z in the instrument's frame.
     pub position: [String; 3],
-    /// Their unit.
     pub unit: LengthUnit,
     /// Standard deviations of x, y and z, in the same unit: of a single sample where `samples` is given, otherwise of the reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -190,7 +186,6 @@ impl From<CovarianceColumns> for Vec<String> {
 pub struct ReferenceColumns {
     /// Its name; in a long table as the column `target` has it.
     pub name: String,
-    /// What it stands on.
     pub on: StandsOn,
     /// x, y and z in the instrument's frame; absent in a long table, whose rows have the columns of `measured`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -211,7 +206,6 @@ pub enum StandsOn {
 }
 
 impl StandsOn {
-    /// In words.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Base => "base",
@@ -241,7 +235,6 @@ pub struct OrientationColumns {
     pub covariance: Vec<String>,
 }
 
-/// Form of an orientation.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrientationForm {
     /// A quaternion x y z w.

@@ -16,7 +16,6 @@ pub(super) const ALL: usize = 4000;
 const STRETCHES: usize = 8;
 /// Looks of a stretch.
 const LONG: usize = 250;
-/// Means.
 const MEANS: usize = 1000;
 /// One look of so many is in a mean.
 const SPARSE: usize = 4;

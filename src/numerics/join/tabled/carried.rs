@@ -57,7 +57,6 @@ pub struct LookAt {
 /// How often and where in a session a stated reference was read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReadReference {
-    /// Its name.
     pub name: String,
     /// Body that the reference stands on: base or floor.
     pub on: StandsOn,

@@ -21,7 +21,6 @@ pub enum Application {
     Not,
     /// With the wrong sign: added where they had to be subtracted.
     WrongSign(f64),
-    /// Twice.
     Twice(f64),
     /// In a frame that is rotated relative to the table's.
     Turned {

@@ -9,7 +9,6 @@ use nalgebra::{Point3, Vector3};
 use super::super::{Residual, ResidualSet};
 use crate::geometry::align;
 
-/// A motion of a base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaseMotion {
     /// The first station after the motion.

@@ -25,7 +25,6 @@ pub enum FrameKey {
 /// The numbers of a frame read by another convention than the stated one.
 #[derive(Debug, Clone)]
 pub struct OtherReading {
-    /// The frame.
     pub frame: FrameKey,
     /// The other convention, in words: `euler_order = "moving-zyx"`.
     pub convention: String,

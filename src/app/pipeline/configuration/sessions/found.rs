@@ -19,7 +19,6 @@ use logs::Lack;
 /// A session as found: with its files, or why there is no work with it at present.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
-    /// Its name.
     pub name: String,
     /// What was measured.
     pub recorded: Result<Recorded, Why>,

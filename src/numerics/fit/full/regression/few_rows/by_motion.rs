@@ -15,7 +15,6 @@ use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 pub struct ByMotion {
     /// The columns that are no shapes.
     pub plain: Vec<usize>,
-    /// The shapes of each joint.
     pub joints: Vec<Shapes>,
     /// The rows of each station.
     pub stations: Vec<Range<usize>>,
@@ -24,7 +23,6 @@ pub struct ByMotion {
 /// The columns of one joint's shapes: the entry of a row is the station's number times the row's motion.
 #[derive(Debug, Clone)]
 pub struct Shapes {
-    /// The columns.
     pub columns: Vec<usize>,
     /// The numbers: a row for each of `columns`, a column for each station.
     pub numbers: DMatrix<f64>,
