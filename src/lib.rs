@@ -33,22 +33,24 @@
 //! There is one road from logs to stations: [`io::log::read_session`] replays the samples of the logs into the detector of dwells
 //! ([`join::stationary::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
 //!
-//! # Rings: who may use whom
+//! # Crates: who may use whom
 //!
 //! ```text
-//!  core  ←  stages  ←  io  ←  page  ←  pipeline  ←  cli
+//!  base  ←  arm  ←  numerics  ←  io  ←  app  ←  posegrid
 //! ```
 //!
-//! | ring | modules | may use |
-//! |---|---|---|
-//! | core | [`units`], [`geometry`], [`kinematics`], [`linalg`], [`figures`], [`progress`] | core |
-//! | stages | those above, [`simulate`], [`plan`], [`history`] | core, and stages before them in the order of the data |
-//! | io | [`io`]: logs, messages, Parquet tables, schemas, the lake; [`manifest`]: provenance | core, stages |
-//! | page | [`page`]: rows of tables become pages for people | core, stages, io |
-//! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io, page |
-//! | cli | [`cli`]: arguments, messages, exit codes | everything |
+//! Cargo holds the arrows. A crate stands in `src/` under its own name, and this one, `posegrid`, is the command and one door to
+//! the modules of all of them.
 //!
-//! `tests/rings.rs` holds every path in the source against this, and names the circles that there are inside a room.
+//! | crate | modules | what it knows |
+//! |---|---|---|
+//! | `base` | [`units`], [`linalg`], [`figures`], [`progress`], [`manifest`] | units, stamps, matrices, figures of samples, provenance |
+//! | `arm` | [`geometry`], [`kinematics`] | frames and chains |
+//! | `numerics` | the stages above, [`simulate`], [`plan`], [`history`], [`method`] | a stage uses those before it in the order of the data |
+//! | `io` | [`io`] | logs, messages, station tables, targets, robot files, Parquet tables, schemas, the lake |
+//! | `app` | [`page`], [`pipeline`], [`cli`] | rows become pages, a pipeline file becomes runs, arguments become exit codes |
+//!
+//! `tests/house` holds the modules inside a crate against the same order, and names the circles that there are inside a room.
 //!
 //! # Where to add
 //!
@@ -69,7 +71,7 @@
 //!   reading of each station that [`fit::flange`] derives. [`history`] compares the arm, the base in the frame of the first source of places and
 //!   the main target, and integrates out every other source and target; a plan is of one tracker and the main target, and may start from a
 //!   session of several ([`fit::full::next::Mounting`]).
-//! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
+//! - *A model*: a file in `src/numerics/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
 //!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
@@ -78,7 +80,7 @@
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
 //! - *A key of a pipeline or robot file*: a field of its section's struct ([`pipeline::file`]), and its entry in
-//!   `src/pipeline/keys/`, from which `posegrid schema pipeline` and the messages of missing keys are made ([`pipeline::keys`]). A
+//!   `src/app/pipeline/keys/`, from which `posegrid schema pipeline` and the messages of missing keys are made ([`pipeline::keys`]). A
 //!   test names the key where one of both is forgotten.
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a
 //!   test holds against the schema.

@@ -1,4 +1,4 @@
-//! Which module uses which: the rings of the crate's front page, held against every path in `src`.
+//! Which module uses which: the crates of the front page, held against every path in `src`.
 //!
 //! Paths are read from the source text: `crate::…` and `super::…`, in `use` and elsewhere, comments and inline tests left
 //! out. An edge that is not in [`MAY_USE`] fails, and so does an entry that no line of `src` needs any more.
