@@ -15,6 +15,7 @@ nothing is missing on either side; 1 otherwise.
 """
 
 import argparse
+import os
 import pathlib
 import re
 import sys
@@ -27,7 +28,7 @@ import pyarrow.parquet
 # What a run is known by, and what follows from the build: not values of the work.
 OF_THE_BUILD = {
     "run", "version", "platform", "cpu_features", "settings", "settings_digest", "table_digests", "replaces",
-    "replaced_row_digest", "row_digest",
+    "replaced_row_digest", "row_digest", "made_of", "session_runs", "estimate", "grids",
 }
 # Names of columns before -> after, as "table.column".
 RENAMED = {
@@ -129,7 +130,16 @@ def differences(table, before, after):
         ]
         if wrong:
             row, was, now = wrong[0]
+            was, now = short(was, now), short(now, was)
             yield f"column {new}: {len(wrong)} of {before.num_rows} values, the first in row {row}: {was!r} before, {now!r} after"
+
+
+def short(value, other):
+    """A long text from shortly before where it differs from the other."""
+    if not isinstance(value, str) or not isinstance(other, str) or len(value) < 200:
+        return value
+    same = len(os.path.commonprefix([value, other]))
+    return f"…{value[max(0, same - 40):same + 80]}…"
 
 
 def compare(table, before, after):
