@@ -129,7 +129,7 @@ mod tests {
     fn without_a_table_every_table_and_kind_of_file_is_a_line() {
         let text = shown(None, Format::Text).unwrap();
         assert_eq!(text.lines().count(), schema::all().len() + keys::FILES.len() + 1);
-        assert!(text.contains("\nstations           v6  one row per dwell of the arm\n"), "{text}");
+        assert!(text.contains("\nstations           v7  one row per dwell of the arm\n"), "{text}");
     }
 
     #[test]
