@@ -3,6 +3,7 @@
 //! An arm is made from a [robot file](super::robot_file) or read back from a saved model.
 
 use nalgebra::{DMatrix, Isometry3};
+use serde::{Deserialize, Serialize};
 
 use super::arm_error::ArmError;
 use super::chain::Chain;
@@ -12,15 +13,19 @@ use super::twist::Twist;
 use crate::geometry::{Base, Flange, Transform};
 
 /// One joint: its name in the controller and its limits.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Joint {
     /// The name under which the controller reports it.
     pub name: String,
     /// Lower limit of the reported angle, rad (mm for a joint that slides).
+    #[serde(rename = "lower_rad")]
     pub lower: f64,
     /// Upper limit of the reported angle, rad (mm for a joint that slides).
+    #[serde(rename = "upper_rad")]
     pub upper: f64,
     /// Whether it slides along its axis instead of turning about it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub slides: bool,
 }
 

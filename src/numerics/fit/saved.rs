@@ -92,7 +92,7 @@ pub struct SavedArm {
     #[serde(default = "standard_dh", skip_serializing_if = "is_standard_dh")]
     pub convention: Convention,
     /// The joints from base to flange.
-    pub joints: Vec<SavedJoint>,
+    pub joints: Vec<Joint>,
     /// Row i gives axis variable i as a linear combination of the reported joint angles.
     pub axes_from_joints: Vec<Vec<f64>>,
     /// The chain from base to flange, on axis variables.
@@ -113,20 +113,6 @@ impl SavedHead {
     pub fn read(text: &str) -> Result<Self, SavedError> {
         read(text)
     }
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedJoint {
-    /// The name under which the controller reports it.
-    pub name: String,
-    /// Lower limit of the reported angle, rad; mm for a joint that slides.
-    pub lower_rad: f64,
-    /// Upper limit of the reported angle, rad; mm for a joint that slides.
-    pub upper_rad: f64,
-    /// Whether it slides along its axis instead of turning about it.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub slides: bool,
 }
 
 const fn standard_dh() -> Convention {
@@ -301,17 +287,11 @@ pub struct SavedCalibration {
 impl SavedArm {
     /// The saved form of a nominal arm.
     pub fn of(arm: &Arm) -> Self {
-        let joint = |joint: &Joint| SavedJoint {
-            name: joint.name.clone(),
-            lower_rad: joint.lower,
-            upper_rad: joint.upper,
-            slides: joint.slides,
-        };
         let map = axes_from_joints(arm);
         Self {
             model: arm.model().to_owned(),
             convention: arm.convention(),
-            joints: arm.joints().iter().map(joint).collect(),
+            joints: arm.joints().to_vec(),
             axes_from_joints: map.row_iter().map(|row| row.iter().copied().collect()).collect(),
             elements: arm.chain().elements().iter().map(SavedElement::of).collect(),
         }
@@ -328,17 +308,10 @@ impl SavedArm {
 
     /// The nominal arm.
     pub fn arm(&self) -> Result<Arm, SavedError> {
-        let joint = |joint: &SavedJoint| Joint {
-            name: joint.name.clone(),
-            lower: joint.lower_rad,
-            upper: joint.upper_rad,
-            slides: joint.slides,
-        };
-        let joints = self.joints.iter().map(joint).collect();
         Ok(Arm::new(
             self.model.clone(),
             self.convention,
-            joints,
+            self.joints.clone(),
             &self.axes_from_joints,
             self.chain()?,
         )?)

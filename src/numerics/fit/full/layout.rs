@@ -79,6 +79,26 @@ impl Block {
                 | Self::Line { .. }
         )
     }
+
+    /// The joint and the session that the block belongs to.
+    pub(super) const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
+        match self {
+            Self::Unknowns
+            | Self::Gravity
+            | Self::CommandWeight
+            | Self::ApproachOffset
+            | Self::WarmUp => (None, None),
+            Self::SessionCommandWeight(session)
+            | Self::OwnCommandWeight(session)
+            | Self::Drift(session)
+            | Self::Scale(session) => (None, Some(session)),
+            Self::Curve(joint)
+            | Self::Earlier { joint, .. }
+            | Self::Ageing { joint, .. }
+            | Self::Line { joint, .. } => (Some(joint), None),
+            Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
+        }
+    }
 }
 
 /// Blocks in column order.

@@ -8,6 +8,7 @@
 
 use std::borrow::Cow;
 use std::num::NonZeroU32;
+use std::ops::Range;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -85,9 +86,10 @@ pub struct SavedFull {
     /// Log marginal likelihood, nats.
     pub log_evidence: f64,
     /// The noise beyond the model.
-    pub repeatability: SavedRepeatability,
+    #[serde(with = "RepeatabilityText")]
+    pub repeatability: Repeatability,
     /// The evidence of the optional parts.
-    pub parts: Vec<SavedPart>,
+    pub parts: Vec<PartEvidence>,
 }
 
 /// The factored part of one session: the columns of its own frames, drift, scale and changes, in their order.
@@ -105,98 +107,80 @@ pub struct SavedOwn {
 #[serde(deny_unknown_fields)]
 pub struct SavedBlock {
     /// The block's kind.
-    pub block: BlockName,
+    #[serde(with = "BlockText")]
+    pub block: Block,
     /// Number of columns.
     pub columns: usize,
 }
 
-/// The kind of a block of columns; joints and sessions are counted from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum BlockName {
-    /// Geometry, bases and targets.
+/// The text of a block's kind, with joints and sessions counted from 0.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Block", rename_all = "snake_case", deny_unknown_fields)]
+enum BlockText {
     Unknowns,
-    /// Deflection of joints under gravity: for each joint, one column for each later origin and the target.
     Gravity,
-    /// Command–feedback weight, one per joint: the share of the way from reported to commanded angle.
     CommandWeight,
-    /// Approach-direction offset, one per joint.
     ApproachOffset,
-    /// Difference of one session's command–feedback weight from the common one.
-    SessionCommandWeight { session: usize },
-    /// The command–feedback weight of a session whose commanded orientations are not those that were sent.
-    OwnCommandWeight { session: usize },
-    /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
+    SessionCommandWeight(#[serde(with = "OfSession")] usize),
+    OwnCommandWeight(#[serde(with = "OfSession")] usize),
     WarmUp,
-    /// Slow translation of the base in one session, in the columns of `WarmUp`.
-    Drift { session: usize },
-    /// Scale of one session: the target's position relative to the middle of its stations.
-    Scale { session: usize },
-    /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1; of `2π k q / slide_periods_mm` where it
-    /// slides.
-    Curve { joint: usize },
-    /// Zero and curve of a joint in the sessions that had so many of its repairs still to come, in place of `Curve`: a constant, then
-    /// pairs.
-    Earlier {
-        joint: usize,
-        /// Repairs that were still to come.
-        to_come: usize,
-    },
-    /// Change of a joint's curve in one session: a constant, then pairs.
+    Drift(#[serde(with = "OfSession")] usize),
+    Scale(#[serde(with = "OfSession")] usize),
+    Curve(#[serde(with = "OfJoint")] usize),
+    Earlier { joint: usize, to_come: usize },
     SessionCurve { session: usize, joint: usize },
-    /// Change of a joint's curve over one step of years, as `SessionCurve`: of a session older than the step, and in part of one
-    /// within it. The step k, from 0, begins 0.1 (2^k − 1) years before the latest session.
     Ageing { joint: usize, step: usize },
-    /// A gear line: `cos ωq, sin ωq`.
-    Line {
-        joint: usize,
-        /// Cycles per turn.
-        cycles: f64,
-    },
+    Line { joint: usize, cycles: f64 },
 }
 
-/// Variances of the repeatability.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedRepeatability {
-    /// Variance of the arm as a whole, per axis, mm².
-    pub position_mm2: f64,
-    /// Variance of measured orientations, per axis, rad².
-    pub orientation_rad2: f64,
-    /// Variance of each joint, rad².
-    pub joints_rad2: Vec<f64>,
-    /// Variance of each reading beyond the instrument's, per axis, mm²; absent where no station has readings of several targets.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub own_mm2: Option<f64>,
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "usize", deny_unknown_fields)]
+struct OfSession {
+    #[serde(getter = "usize::clone")]
+    session: usize,
 }
 
-/// The evidence of one optional part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedPart {
-    /// The part's name.
-    pub name: String,
-    /// Log evidence with it minus without it, nats.
-    pub gain_nats: f64,
-    /// Whether it was kept in the model.
-    pub kept: bool,
+impl From<OfSession> for usize {
+    fn from(own: OfSession) -> Self {
+        own.session
+    }
 }
 
-/// Names of parts that can be left out.
-const PARTS: [&str; 8] = [
-    "joint_curves",
-    "gravity",
-    "command_weight",
-    "drift",
-    "session_scale",
-    "gear_lines",
-    "ageing",
-    "session_changes",
-];
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "usize", deny_unknown_fields)]
+struct OfJoint {
+    #[serde(getter = "usize::clone")]
+    joint: usize,
+}
+
+impl From<OfJoint> for usize {
+    fn from(own: OfJoint) -> Self {
+        own.joint
+    }
+}
+
+/// The text of a repeatability; a saved model predicts places, so factors of lengths are not in it.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Repeatability", deny_unknown_fields)]
+struct RepeatabilityText {
+    #[serde(rename = "position_mm2")]
+    position: f64,
+    #[serde(rename = "orientation_rad2")]
+    orientation: f64,
+    #[serde(rename = "joints_rad2")]
+    joints: Vec<f64>,
+    /// Absent where no station has readings of several targets.
+    #[serde(rename = "own_mm2", default, skip_serializing_if = "Option::is_none")]
+    own: Option<f64>,
+    #[serde(skip)]
+    lengths: Vec<f64>,
+}
 
 impl FullModel {
     /// The model in the form that is saved; `names` are the sessions' names in the fit's order.
     pub fn saved(&self, arm: &Arm, names: &[&str]) -> SavedFull {
+        let block =
+            |(block, columns): (_, Range<usize>)| SavedBlock { block, columns: columns.len() };
         SavedFull {
             version: VERSION,
             arm: SavedArm::of(arm),
@@ -204,7 +188,7 @@ impl FullModel {
             up: self.up.map(Into::into),
             unknowns: self.unknowns().iter().map(SavedUnknown::of).collect(),
             offsets: self.offsets.as_slice().to_vec(),
-            blocks: self.layout.blocks().map(SavedBlock::of).collect(),
+            blocks: self.layout.blocks().map(block).collect(),
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.saved_factor().lower()),
@@ -222,8 +206,8 @@ impl FullModel {
             scale_sd: self.scale_sd,
             approach: self.approach.clone(),
             log_evidence: self.posterior.log_evidence,
-            repeatability: SavedRepeatability::of(&self.repeatability),
-            parts: self.parts.iter().map(SavedPart::of).collect(),
+            repeatability: self.repeatability.clone(),
+            parts: self.parts.clone(),
         }
     }
 
@@ -260,10 +244,10 @@ impl FullModel {
             approach: saved.approach.clone(),
             posterior,
             span: saved.span_stations,
-            repeatability: saved.repeatability.repeatability(),
+            repeatability: saved.repeatability.clone(),
             weights: Vec::new(),
             left_out: Vec::new(),
-            parts: saved.parts.iter().map(SavedPart::evidence).collect::<Result<_, _>>()?,
+            parts: saved.parts.clone(),
         })
     }
 }
@@ -310,7 +294,7 @@ impl SavedFull {
         same_length(
             "joint repeatabilities",
             self.arm.joints.len(),
-            self.repeatability.joints_rad2.len(),
+            self.repeatability.joints.len(),
         )?;
         let mut layout = Layout::new(self.curve_period_turns.get())
             .with_slides(self.slide_periods_mm()?)
@@ -318,7 +302,7 @@ impl SavedFull {
             .with_repairs(self.repairs_to_come.clone());
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
-            layout.push(block.block.block(), block.columns);
+            layout.push(block.block, block.columns);
         }
         Ok(layout)
     }
@@ -361,19 +345,19 @@ impl SavedFull {
         }
         let columns = block.columns;
         Ok(match block.block {
-            BlockName::Unknowns => self.unknowns.len(),
-            BlockName::Gravity => (1..=joints).sum(),
-            BlockName::CommandWeight
-            | BlockName::ApproachOffset
-            | BlockName::SessionCommandWeight { .. }
-            | BlockName::OwnCommandWeight { .. } => joints,
-            BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
-            BlockName::Curve { .. } => columns / 2 * 2,
-            BlockName::Earlier { .. }
-            | BlockName::SessionCurve { .. }
-            | BlockName::Ageing { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
-            BlockName::Line { .. } => 2,
-            BlockName::Scale { .. } => 1,
+            Block::Unknowns => self.unknowns.len(),
+            Block::Gravity => (1..=joints).sum(),
+            Block::CommandWeight
+            | Block::ApproachOffset
+            | Block::SessionCommandWeight(_)
+            | Block::OwnCommandWeight(_) => joints,
+            Block::WarmUp | Block::Drift(_) => columns / 3 * 3,
+            Block::Curve(_) => columns / 2 * 2,
+            Block::Earlier { .. } | Block::SessionCurve { .. } | Block::Ageing { .. } => {
+                columns.saturating_sub(1) / 2 * 2 + 1
+            }
+            Block::Line { .. } => 2,
+            Block::Scale(_) => 1,
         })
     }
 
@@ -438,104 +422,6 @@ impl Posterior {
             Root::Sessions(arrow) => &arrow.own,
             Root::Columns(_) | Root::Rows(_) => &[],
         }
-    }
-}
-
-impl SavedBlock {
-    fn of((block, columns): (Block, std::ops::Range<usize>)) -> Self {
-        let block = match block {
-            Block::Unknowns => BlockName::Unknowns,
-            Block::Gravity => BlockName::Gravity,
-            Block::CommandWeight => BlockName::CommandWeight,
-            Block::ApproachOffset => BlockName::ApproachOffset,
-            Block::SessionCommandWeight(session) => BlockName::SessionCommandWeight { session },
-            Block::OwnCommandWeight(session) => BlockName::OwnCommandWeight { session },
-            Block::WarmUp => BlockName::WarmUp,
-            Block::Drift(session) => BlockName::Drift { session },
-            Block::Scale(session) => BlockName::Scale { session },
-            Block::Curve(joint) => BlockName::Curve { joint },
-            Block::Earlier { joint, to_come } => BlockName::Earlier { joint, to_come },
-            Block::SessionCurve { session, joint } => BlockName::SessionCurve { session, joint },
-            Block::Ageing { joint, step } => BlockName::Ageing { joint, step },
-            Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
-        };
-        Self { block, columns: columns.len() }
-    }
-}
-
-impl BlockName {
-    const fn block(self) -> Block {
-        match self {
-            Self::Unknowns => Block::Unknowns,
-            Self::Gravity => Block::Gravity,
-            Self::CommandWeight => Block::CommandWeight,
-            Self::ApproachOffset => Block::ApproachOffset,
-            Self::SessionCommandWeight { session } => Block::SessionCommandWeight(session),
-            Self::OwnCommandWeight { session } => Block::OwnCommandWeight(session),
-            Self::WarmUp => Block::WarmUp,
-            Self::Drift { session } => Block::Drift(session),
-            Self::Scale { session } => Block::Scale(session),
-            Self::Curve { joint } => Block::Curve(joint),
-            Self::Earlier { joint, to_come } => Block::Earlier { joint, to_come },
-            Self::SessionCurve { session, joint } => Block::SessionCurve { session, joint },
-            Self::Ageing { joint, step } => Block::Ageing { joint, step },
-            Self::Line { joint, cycles } => Block::Line { joint, cycles },
-        }
-    }
-
-    /// The joint and the session that the block belongs to.
-    const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
-        match self {
-            Self::Unknowns
-            | Self::Gravity
-            | Self::CommandWeight
-            | Self::ApproachOffset
-            | Self::WarmUp => (None, None),
-            Self::SessionCommandWeight { session }
-            | Self::OwnCommandWeight { session }
-            | Self::Drift { session }
-            | Self::Scale { session } => (None, Some(session)),
-            Self::Curve { joint }
-            | Self::Earlier { joint, .. }
-            | Self::Ageing { joint, .. }
-            | Self::Line { joint, .. } => (Some(joint), None),
-            Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
-        }
-    }
-}
-
-impl SavedRepeatability {
-    fn of(repeatability: &Repeatability) -> Self {
-        Self {
-            position_mm2: repeatability.position,
-            orientation_rad2: repeatability.orientation,
-            joints_rad2: repeatability.joints.clone(),
-            own_mm2: repeatability.own,
-        }
-    }
-
-    fn repeatability(&self) -> Repeatability {
-        Repeatability {
-            position: self.position_mm2,
-            orientation: self.orientation_rad2,
-            joints: self.joints_rad2.clone(),
-            own: self.own_mm2,
-            // A saved model predicts places.
-            lengths: Vec::new(),
-        }
-    }
-}
-
-impl SavedPart {
-    pub(super) fn of(part: &PartEvidence) -> Self {
-        Self { name: part.name.to_owned(), gain_nats: part.gain, kept: part.kept }
-    }
-
-    pub(super) fn evidence(&self) -> Result<PartEvidence, SavedError> {
-        let name = PARTS.into_iter().find(|name| *name == self.name);
-        let name =
-            name.ok_or_else(|| SavedError::Unknown { what: "a part", name: self.name.clone() })?;
-        Ok(PartEvidence { name, gain: self.gain_nats, kept: self.kept })
     }
 }
 

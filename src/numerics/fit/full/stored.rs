@@ -14,12 +14,11 @@ use super::noise::Repeatability;
 use super::regression::few_rows::FewRows;
 use super::regression::{Evidence, Posterior};
 use super::rows::{Around, prior_mean, stations};
-use super::saved::SavedPart;
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::train::State;
 use super::whitening::evidence;
-use super::{FullModel, Ready};
+use super::{FullModel, PartEvidence, Ready};
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Freedom, Prior, Problem};
@@ -52,7 +51,7 @@ pub struct StoredFull {
     span: f64,
     repeatability: Repeatability,
     weights: Vec<f64>,
-    parts: Vec<SavedPart>,
+    parts: Vec<PartEvidence>,
 }
 
 impl FullModel {
@@ -81,7 +80,7 @@ impl FullModel {
             span: self.span,
             repeatability: self.repeatability.clone(),
             weights: self.weights.clone(),
-            parts: self.parts.iter().map(SavedPart::of).collect(),
+            parts: self.parts.clone(),
         }
     }
 }
@@ -102,7 +101,7 @@ impl StoredFull {
         let trained = self.problem(arm, observations, prior);
         self.check_lengths(&trained)?;
         let posterior = self.posterior(&trained, settings)?;
-        self.with(posterior, arm, prior)
+        Ok(self.with(posterior, arm, prior))
     }
 
     /// [`Self::model`] for its predictions alone: its covariances are those before the training, and nothing is summed.
@@ -117,16 +116,15 @@ impl StoredFull {
         let nothing = Evidence::Rows(FewRows::none(self.scale.len()));
         let posterior = nothing.posterior_at(self.scale.clone());
         let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;
-        self.with(posterior, arm, prior)
+        Ok(self.with(posterior, arm, prior))
     }
 
-    fn with(self, posterior: Posterior, arm: &Arm, prior: &Prior) -> Result<FullModel, SavedError> {
+    fn with(self, posterior: Posterior, arm: &Arm, prior: &Prior) -> FullModel {
         let problem = self.problem(arm, &[], prior);
-        let parts = self.parts.iter().map(SavedPart::evidence);
-        Ok(FullModel {
+        FullModel {
             ready: Ready::of(&problem, &self.offsets, &self.layout, &self.mean),
             frames: problem.frames(&self.offsets),
-            parts: parts.collect::<Result<_, _>>()?,
+            parts: self.parts,
             problem,
             up: self.up,
             layout: self.layout,
@@ -145,7 +143,7 @@ impl StoredFull {
             repeatability: self.repeatability,
             weights: self.weights,
             left_out: Vec::new(),
-        })
+        }
     }
 
     fn problem<'o>(
