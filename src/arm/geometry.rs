@@ -6,6 +6,7 @@
 pub mod placement;
 pub mod pose_covariance;
 mod rotation_order;
+pub mod saved;
 mod symmetric;
 pub mod typed;
 

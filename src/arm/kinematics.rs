@@ -19,6 +19,7 @@
 
 pub mod arm;
 mod arm_error;
+mod arm_text;
 mod axes;
 pub mod batch;
 pub mod chain;
@@ -28,6 +29,7 @@ pub mod held;
 pub mod inverse;
 mod joint;
 mod motion;
+pub mod named;
 pub mod parameter;
 pub mod restate;
 pub mod robot_file;

@@ -92,7 +92,7 @@ pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), Calib
     let model = Model::Geometric;
     let arm = file.arm(&[model])?;
     let row = file.row(model).ok_or_else(|| file.absent(model))?;
-    let saved = SavedCalibration::read(&row.model).and_then(|saved| saved.errors());
+    let saved = SavedCalibration::read(&row.model).map(|saved| saved.errors());
     Ok((arm, saved.map_err(|source| file.wrong(model, source))?))
 }
 
@@ -113,8 +113,6 @@ impl<'t> CalibrationsFile<'t> {
     fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
         let base_target = Model::BaseTarget;
         let base = self.head(base_target)?.ok_or_else(|| self.absent(base_target))?;
-        let wrong = |source| self.wrong(base_target, source);
-        let arm = base.arm.arm().map_err(wrong)?;
         let said = self.said();
         let key = common::key(self.path, &self.table)?;
         let model = self.first(wanted, &base)?;
@@ -130,14 +128,14 @@ impl<'t> CalibrationsFile<'t> {
             })?,
             command_from_base: said.command_from_base()?,
             model,
-            measured: said.joint_ranges(arm.joints().len())?,
+            measured: said.joint_ranges(base.arm.joints().len())?,
             configurations: said
                 .one("configurations", |row| Some(&row.configurations))?
                 .cloned()
                 .unwrap_or_default(),
             validity: said.validity()?,
             frame_uncertainty: error_frame.uncertainty(),
-            arm,
+            arm: base.arm,
         };
         Ok(PublishedArm {
             key,

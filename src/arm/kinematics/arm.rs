@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
 
 use super::arm_error::ArmError;
+use super::arm_text::ArmText;
 use super::chain::Chain;
 use super::convention::Convention;
 use super::parameter::{LinkQuantity, Parameter};
@@ -29,8 +30,9 @@ pub struct Joint {
     pub slides: bool,
 }
 
-/// A nominal arm: its joints and its chain from base to flange.
-#[derive(Debug, Clone, PartialEq)]
+/// A nominal arm: its joints and its chain from base to flange. Its JSON has no home.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "ArmText", into = "ArmText")]
 pub struct Arm {
     model: String,
     convention: Convention,
@@ -157,6 +159,12 @@ impl Arm {
             row.collect()
         };
         self.map.as_ref().map(rows)
+    }
+
+    /// The matrix from reported joint angles to axis variables: the joint map, or the identity.
+    pub fn axes_from_joints(&self) -> DMatrix<f64> {
+        let joints = self.joints.len();
+        self.map.clone().unwrap_or_else(|| DMatrix::identity(joints, joints))
     }
 
     /// The axis variables at reported joint angles: the joint map applied, or the angles themselves without one.

@@ -139,6 +139,14 @@ pub enum ArmError {
         /// Number of reported joints in the file.
         joints: usize,
     },
+    /// A chain that does not move by the joints.
+    #[error("the chain moves by {found} joint variables, and the arm has {joints} joints")]
+    Variables {
+        /// Number of the arm's joints.
+        joints: usize,
+        /// Number of variables that the chain reads.
+        found: usize,
+    },
     /// A placement that is none.
     #[error("{place}: {source}")]
     Placement {
@@ -180,6 +188,7 @@ impl ArmError {
             | Self::NoFlange { .. }
             | Self::Home { .. }
             | Self::JointMap { .. }
+            | Self::Variables { .. }
             | Self::Placement { .. } => None,
         }
     }

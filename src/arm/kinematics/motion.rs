@@ -1,7 +1,12 @@
 //! Elementary motions: along or about an axis.
 
+use std::fmt;
+use std::str::FromStr;
+
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
+
+use super::named::UnknownName;
 
 /// An axis of the frame that an element acts in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -37,6 +42,21 @@ pub enum Motion {
     Rotation(Axis),
 }
 
+impl fmt::Display for Motion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Motion {
+    type Err = UnknownName;
+
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        let known = Self::ALL.into_iter().find(|motion| motion.name() == name);
+        known.ok_or_else(|| UnknownName { what: "motion", name: name.to_owned() })
+    }
+}
+
 impl Motion {
     /// The six motions: along and about each axis in turn.
     pub const ALL: [Self; 6] = [
@@ -58,11 +78,6 @@ impl Motion {
             Self::Rotation(Axis::Y) => "ry",
             Self::Rotation(Axis::Z) => "rz",
         }
-    }
-
-    /// The motion with this name; `None` when no motion has it.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|motion| motion.name() == name)
     }
 
     /// The motion's axis, as a unit vector of its own frame.

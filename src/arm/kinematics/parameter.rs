@@ -1,10 +1,12 @@
 //! The parameters that can be identified, as an enum: never a string or an index.
 
 use std::fmt;
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use super::motion::{Axis, Motion};
+use super::named::UnknownName;
 
 /// One free parameter of the measurement chain `tracker_from_base · arm · flange_from_target`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -125,11 +127,6 @@ impl LinkQuantity {
         }
     }
 
-    /// The quantity with this name; `None` when no quantity has it.
-    pub fn of_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|quantity| quantity.name() == name)
-    }
-
     /// Whether the quantity is an angle (rad); otherwise it is a length (mm).
     pub const fn is_angle(self) -> bool {
         match self {
@@ -163,5 +160,21 @@ impl fmt::Display for Parameter {
             Self::Link { joint, quantity } => write!(f, "{}_{joint}", quantity.name()),
             Self::Gauge(part) => f.write_str(part.name()),
         }
+    }
+}
+
+impl FromStr for Parameter {
+    type Err = UnknownName;
+
+    /// The parameter that is written so.
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        const MOST_JOINTS: usize = 16;
+        let frames =
+            Motion::ALL.into_iter().flat_map(|motion| [Self::Base(motion), Self::Target(motion)]);
+        let links = (1..=MOST_JOINTS)
+            .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Self::Link { joint, quantity }));
+        let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE).map(Self::Gauge);
+        let known = frames.chain(links).chain(gauges).find(|own| own.to_string() == name);
+        known.ok_or_else(|| UnknownName { what: "parameter", name: name.to_owned() })
     }
 }

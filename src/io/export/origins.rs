@@ -14,7 +14,6 @@ use thiserror::Error;
 
 use super::controller_base::InControllerBase;
 use crate::fit::conversion::{Errors, carried, measured, spread_joints};
-use crate::fit::saved::axes_from_joints;
 use crate::geometry::Placement;
 use crate::kinematics::{
     Arm, ArmError, Chain, Convention, Element, Joint, JointFile, JointKind, RobotFile,
@@ -202,7 +201,7 @@ impl AtZero {
 /// The arm that a chain states, its joints named and limited as the run's are.
 fn nominal(run: &Arm, chain: &[ChainJoint]) -> Result<Arm, OriginsError> {
     let count = run.joints().len();
-    if axes_from_joints(run) != nalgebra::DMatrix::identity(count, count) {
+    if run.axes_from_joints() != nalgebra::DMatrix::identity(count, count) {
         return Err(OriginsError::Coupled);
     }
     let moving: Vec<&ChainJoint> = chain.iter().filter(|joint| joint.moves.is_some()).collect();

@@ -19,7 +19,6 @@ use super::limits::Limits;
 use super::{ExportError, ExportErrorKind, controller_base};
 use crate::calibrations_table::{self, PublishedArm};
 use crate::compensation::IdentifiedArm;
-use crate::fit::saved::axes_from_joints;
 use crate::geometry::rpy;
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
@@ -47,7 +46,7 @@ struct Pieces {
 impl Pieces {
     fn of(arm: &IdentifiedArm) -> Result<Self, &'static str> {
         let count = arm.arm.joints().len();
-        if axes_from_joints(&arm.arm) != nalgebra::DMatrix::identity(count, count) {
+        if arm.arm.axes_from_joints() != nalgebra::DMatrix::identity(count, count) {
             return Err("has coupled joints");
         }
         let (base_from_root, chain, flange) = controller_base::carried(arm)?;

@@ -6,7 +6,6 @@ use nalgebra::DVector;
 
 use super::words::{orientation_rows, xyzw};
 use crate::fit::commanded::SettlingError;
-use crate::fit::saved::axes_from_joints;
 use crate::join::{Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
 use crate::table::{row, words};
@@ -182,7 +181,8 @@ fn measured(station: &Station) -> StationRow {
 
 /// Reported angles plus the settling error, converted from axis variables to joint angles.
 fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>> {
-    let joints_from_axes = axes_from_joints(arm)
+    let joints_from_axes = arm
+        .axes_from_joints()
         .try_inverse()
         .expect("a robot file's joint map was checked to be invertible");
     let commanded = |(station, settling_error): (&Station, &Option<SettlingError>)| {

@@ -3,19 +3,16 @@
 //! Numbers are written so that reading them gives them back to the last digit or the one before. A text may come
 //! from anywhere: every length is compared with the others before it is used.
 
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3,
-};
+use nalgebra::{DMatrix, DVector, Unit, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::conversion::Errors;
 use super::{Anchor, Calibration, Frames, Gauge, Owner, Plane, Sees, Unknown};
-use crate::geometry::Transform;
+use crate::geometry::saved::SavedPlacement;
+use crate::geometry::{PlacementError, Transform};
 use crate::join::SeveralSources;
-use crate::kinematics::{
-    Arm, ArmError, Chain, Convention, Element, GaugePart, Joint, LinkQuantity, Motion, Parameter,
-};
+use crate::kinematics::{Arm, Chain, Parameter, named};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 3;
@@ -45,24 +42,16 @@ pub enum SavedError {
         found: usize,
     },
     /// A quaternion that is not a rotation.
-    #[error(
-        "the saved model is damaged: {what} has a quaternion of norm {norm}; a rotation has norm 1"
-    )]
-    NotARotation {
+    #[error("the saved model is damaged: {what}: {source}")]
+    Placement {
         /// The name of the placement.
         what: &'static str,
-        /// The quaternion's norm.
-        norm: f64,
+        /// The fault of its numbers.
+        source: PlacementError,
     },
-    /// A name that this program does not know.
-    #[error(
-        "the saved model names {what} {name:?}, which this program does not know: use a matching version of posegrid"
-    )]
-    Unknown {
-        /// The kind of thing named.
-        what: &'static str,
-        name: String,
-    },
+    /// A parameter that the rest of the model has not there.
+    #[error("the saved model is damaged: its arm has no unknown {0} there")]
+    Unknown(Parameter),
     /// A matrix that is no factor of a covariance.
     #[error("the saved model is damaged: the factor of its covariance {problem}")]
     Factor {
@@ -77,33 +66,13 @@ pub enum SavedError {
     /// Several sources where a step is for one.
     #[error("the saved model has {0}")]
     SeveralSources(#[from] SeveralSources),
-    /// Joints that make no arm.
-    #[error("the saved model is damaged: {0}")]
-    Arm(#[from] ArmError),
-}
-
-/// A nominal arm: everything its kinematics need.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedArm {
-    /// The robot model's name for display.
-    pub model: String,
-    /// The convention of its links, as robot files name it; standard DH where it is not named.
-    #[serde(default = "standard_dh", skip_serializing_if = "is_standard_dh")]
-    pub convention: Convention,
-    /// The joints from base to flange.
-    pub joints: Vec<Joint>,
-    /// Row i gives axis variable i as a linear combination of the reported joint angles.
-    pub axes_from_joints: Vec<Vec<f64>>,
-    /// The chain from base to flange, on axis variables.
-    pub elements: Vec<SavedElement>,
 }
 
 /// The first fields of every saved model: its arm and sessions.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct SavedHead {
     /// The nominal arm.
-    pub arm: SavedArm,
+    pub arm: Arm,
     /// The frames of each session.
     pub sessions: Vec<SavedSession>,
 }
@@ -113,51 +82,6 @@ impl SavedHead {
     pub fn read(text: &str) -> Result<Self, SavedError> {
         read(text)
     }
-}
-
-const fn standard_dh() -> Convention {
-    Convention::StandardDh
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
-fn is_standard_dh(convention: &Convention) -> bool {
-    *convention == Convention::StandardDh
-}
-
-/// One elementary transform; a motion is `x`, `y`, `z` (mm) or `rx`, `ry`, `rz` (rad).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub enum SavedElement {
-    /// A constant.
-    Fixed(SavedPlacement),
-    /// A joint variable: the motion by `sign · q[joint]`, joints from 0.
-    Joint {
-        /// The motion's name.
-        motion: String,
-        /// Index of the axis variable, from 0.
-        joint: usize,
-        /// Its motion per unit of the variable: +1 or −1, or any factor for a joint that follows another.
-        sign: f64,
-    },
-    /// A constant with a free parameter: the motion by `nominal + offset`.
-    Free {
-        /// The motion's name.
-        motion: String,
-        /// The nominal value, mm or rad.
-        nominal: f64,
-        /// The parameter's name.
-        parameter: String,
-    },
-}
-
-/// A placement of one frame in another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SavedPlacement {
-    /// Origin of the placed frame, mm.
-    pub xyz_mm: [f64; 3],
-    /// Its rotation as a unit quaternion.
-    pub quaternion_xyzw: [f64; 4],
 }
 
 /// The frames of one session.
@@ -247,7 +171,7 @@ pub enum SavedPlacements {
     Several(Vec<SavedPlacement>),
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedUnknown {
     /// Index of its session among the saved ones; `None` for the arm's geometry.
@@ -255,8 +179,8 @@ pub struct SavedUnknown {
     /// Place of the source or target that it is of among those of its session; the first where it is absent.
     #[serde(default, skip_serializing_if = "is_first")]
     pub of: usize,
-    /// The parameter's name.
-    pub parameter: String,
+    #[serde(with = "named")]
+    pub parameter: Parameter,
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
@@ -271,7 +195,7 @@ pub struct SavedCalibration {
     /// Version of the JSON format.
     pub version: u32,
     /// The nominal arm.
-    pub arm: SavedArm,
+    pub arm: Arm,
     /// Offsets of the arm's free parameters, in its order; zeros where geometry was fixed.
     pub geometry: Vec<f64>,
     /// The frames of each session, with the offsets applied.
@@ -282,113 +206,6 @@ pub struct SavedCalibration {
     pub prior_sd: Vec<Option<f64>>,
     /// Covariance of the unknowns' offsets: row i has its first i + 1 columns.
     pub covariance: Vec<Vec<f64>>,
-}
-
-impl SavedArm {
-    /// The saved form of a nominal arm.
-    pub fn of(arm: &Arm) -> Self {
-        let map = axes_from_joints(arm);
-        Self {
-            model: arm.model().to_owned(),
-            convention: arm.convention(),
-            joints: arm.joints().to_vec(),
-            axes_from_joints: map.row_iter().map(|row| row.iter().copied().collect()).collect(),
-            elements: arm.chain().elements().iter().map(SavedElement::of).collect(),
-        }
-    }
-
-    /// The chain from base to flange.
-    pub fn chain(&self) -> Result<Chain, SavedError> {
-        let joints = self.joints.len();
-        let elements = self.elements.iter().map(|element| element.element(joints));
-        let chain = Chain::new(elements.collect::<Result<_, _>>()?);
-        same_length("joint variables", joints, chain.joint_count())?;
-        Ok(chain)
-    }
-
-    /// The nominal arm.
-    pub fn arm(&self) -> Result<Arm, SavedError> {
-        Ok(Arm::new(
-            self.model.clone(),
-            self.convention,
-            self.joints.clone(),
-            &self.axes_from_joints,
-            self.chain()?,
-        )?)
-    }
-}
-
-/// The matrix from reported joint angles to axis variables: the joint map, or the identity.
-pub fn axes_from_joints(arm: &Arm) -> DMatrix<f64> {
-    let joints = arm.joints().len();
-    let mut map = DMatrix::zeros(joints, joints);
-    for joint in 0..joints {
-        let mut unit = vec![0.0; joints];
-        unit[joint] = 1.0;
-        map.set_column(joint, &nalgebra::DVector::from_vec(arm.axes(&unit)));
-    }
-    map
-}
-
-impl SavedElement {
-    fn of(element: &Element) -> Self {
-        match element {
-            Element::Fixed(placement) => Self::Fixed(SavedPlacement::of(placement)),
-            Element::Joint { motion, joint, sign } => {
-                Self::Joint { motion: motion.name().to_owned(), joint: *joint, sign: *sign }
-            }
-            Element::Free { motion, nominal, parameter } => Self::Free {
-                motion: motion.name().to_owned(),
-                nominal: *nominal,
-                parameter: parameter.to_string(),
-            },
-        }
-    }
-
-    fn element(&self, joints: usize) -> Result<Element, SavedError> {
-        Ok(match self {
-            Self::Fixed(placement) => Element::Fixed(placement.isometry("a constant transform")?),
-            Self::Joint { motion, joint, sign } if *joint < joints => {
-                Element::Joint { motion: motion_of(motion)?, joint: *joint, sign: *sign }
-            }
-            Self::Joint { joint, .. } => {
-                return Err(SavedError::Length {
-                    what: "joints at least",
-                    expected: joints,
-                    found: joint.saturating_add(1),
-                });
-            }
-            Self::Free { motion, nominal, parameter } => Element::Free {
-                motion: motion_of(motion)?,
-                nominal: *nominal,
-                parameter: parameter_of(parameter)?,
-            },
-        })
-    }
-}
-
-impl SavedPlacement {
-    /// The saved form of an isometry in mm.
-    pub fn of(placement: &Isometry3<f64>) -> Self {
-        Self {
-            xyz_mm: placement.translation.vector.into(),
-            quaternion_xyzw: placement.rotation.coords.into(),
-        }
-    }
-
-    /// The isometry, mm; `what` names the placement in errors.
-    pub fn isometry(&self, what: &'static str) -> Result<Isometry3<f64>, SavedError> {
-        let [x, y, z, w] = self.quaternion_xyzw;
-        let quaternion = Quaternion::new(w, x, y, z);
-        let norm = quaternion.norm();
-        if (norm - 1.0).abs() > 1e-9 {
-            return Err(SavedError::NotARotation { what, norm });
-        }
-        Ok(Isometry3::from_parts(
-            Translation3::from(self.xyz_mm),
-            UnitQuaternion::from_quaternion(quaternion),
-        ))
-    }
 }
 
 impl SavedSession {
@@ -423,7 +240,7 @@ impl SavedSession {
 
 impl SavedPlacements {
     fn of<A, B>(frames: &[Transform<A, B>]) -> Self {
-        let saved = |frame: &Transform<A, B>| SavedPlacement::of(frame.isometry());
+        let saved = |frame: &Transform<A, B>| SavedPlacement::from(frame.isometry());
         match frames {
             [one] => Self::One(saved(one)),
             several => Self::Several(several.iter().map(saved).collect()),
@@ -436,8 +253,10 @@ impl SavedPlacements {
             Self::One(one) => std::slice::from_ref(one),
             Self::Several(several) => several,
         };
-        let frame = |saved: &SavedPlacement| Ok(Transform::claim(saved.isometry(what)?));
-        all.iter().map(frame).collect()
+        let wrong = |source| SavedError::Placement { what, source };
+        let frame = |saved: &SavedPlacement| Ok(Transform::claim((*saved).try_into()?));
+        let frames = all.iter().map(frame).collect::<Result<_, _>>();
+        frames.map_err(wrong)
     }
 }
 
@@ -451,7 +270,7 @@ impl SavedUnknown {
                 Owner::Source { source, .. } => source.0,
                 Owner::Target { target, .. } => target.0,
             },
-            parameter: unknown.parameter.to_string(),
+            parameter: unknown.parameter,
         }
     }
 }
@@ -463,7 +282,7 @@ impl SavedCalibration {
         let row = |i: usize| (0..=i).map(|j| covariance[(i, j)]).collect();
         Self {
             version: VERSION,
-            arm: SavedArm::of(arm),
+            arm: arm.clone(),
             geometry: calibration.geometry.clone(),
             sessions: SavedSession::all(names, &calibration.frames),
             unknowns: calibration.unknowns.iter().map(SavedUnknown::of).collect(),
@@ -480,41 +299,44 @@ impl SavedCalibration {
         for (row, columns) in saved.covariance.iter().enumerate() {
             same_length("columns in a row of the covariance", row + 1, columns.len())?;
         }
-        Ok(saved)
+        let of_arm = saved.arm.chain().parameters();
+        same_length("geometry offsets", of_arm.len(), saved.geometry.len())?;
+        let is_absent =
+            |own: &Parameter| matches!(own, Parameter::Link { .. }) && !of_arm.contains(own);
+        let mut unknowns = saved.unknowns.iter().map(|own| own.parameter);
+        unknowns.find(is_absent).map_or(Ok(saved), |own| Err(SavedError::Unknown(own)))
+    }
+
+    /// The offset of a parameter of the arm's; zero of another, which the frames have applied.
+    pub fn offset(&self, parameter: Parameter) -> f64 {
+        let place = self.arm.chain().parameters().into_iter().position(|own| own == parameter);
+        place.map_or(0.0, |place| self.geometry[place])
     }
 
     /// The offsets of the arm's parameters and their covariance, with those of the first source and target of the last session, which
     /// are zero: its frames have them applied.
-    pub fn errors(&self) -> Result<Errors, SavedError> {
+    pub fn errors(&self) -> Errors {
         let last = self.sessions.len().checked_sub(1);
         let is_of_arm = |own: &SavedUnknown| own.session.is_none();
         let kept = self.unknowns.iter().enumerate();
         let kept = kept.filter(|(_, own)| is_of_arm(own) || (own.session == last && own.of == 0));
         let kept: Vec<usize> = kept.map(|(place, _)| place).collect();
-        let parameters = kept.iter().map(|&place| parameter_of(&self.unknowns[place].parameter));
-        let parameters: Vec<Parameter> = parameters.collect::<Result<_, _>>()?;
-        let own = self.arm.chain()?.parameters();
-        same_length("geometry offsets", own.len(), self.geometry.len())?;
-        let offset = |parameter: &Parameter| {
-            let place = own.iter().position(|of_arm| of_arm == parameter);
-            place.map_or(0.0, |place| self.geometry[place])
-        };
+        let parameters = kept.iter().map(|&place| self.unknowns[place].parameter);
+        let offsets = parameters.clone().map(|own| self.offset(own));
         let entry = |row: usize, column: usize| {
             let (row, column) = (kept[row], kept[column]);
             self.covariance[row.max(column)][row.min(column)]
         };
-        Ok(Errors {
-            offsets: DVector::from_iterator(kept.len(), parameters.iter().map(offset)),
+        Errors {
+            offsets: DVector::from_iterator(kept.len(), offsets),
             covariance: DMatrix::from_fn(kept.len(), kept.len(), entry),
-            parameters,
-        })
+            parameters: parameters.collect(),
+        }
     }
 
     /// The identified chain from base to flange.
-    pub fn chain(&self) -> Result<Chain, SavedError> {
-        let chain = self.arm.chain()?;
-        same_length("geometry offsets", chain.parameters().len(), self.geometry.len())?;
-        Ok(chain.with_offsets(&self.geometry))
+    pub fn chain(&self) -> Chain {
+        self.arm.chain().with_offsets(&self.geometry)
     }
 }
 
@@ -542,29 +364,10 @@ pub(super) const fn same_length(
     if expected == found { Ok(()) } else { Err(SavedError::Length { what, expected, found }) }
 }
 
-fn motion_of(name: &str) -> Result<Motion, SavedError> {
-    Motion::of_name(name)
-        .ok_or_else(|| SavedError::Unknown { what: "a motion", name: name.to_owned() })
-}
-
-/// The parameter with this name, as its `Display` writes it.
-fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
-    const MOST_JOINTS: usize = 16;
-    let frames = Motion::ALL
-        .into_iter()
-        .flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
-    let links = (1..=MOST_JOINTS)
-        .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Parameter::Link { joint, quantity }));
-    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
-    let found = frames
-        .chain(links)
-        .chain(gauges.map(Parameter::Gauge))
-        .find(|parameter| parameter.to_string() == name);
-    found.ok_or_else(|| SavedError::Unknown { what: "a parameter", name: name.to_owned() })
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
     use crate::kinematics::RobotFile;
 
@@ -579,38 +382,31 @@ mod tests {
     #[test]
     fn an_arm_read_back_equals_the_arm_saved() {
         let arm = ur10();
-        let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
-        let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");
+        let text = serde_json::to_string(&arm).expect("JSON");
+        let saved: Arm = serde_json::from_str(&text).expect("the same shape");
         let joints = [0.3, -1.2, 1.5, -0.4, 0.9, 2.0];
-        let (there, back) =
-            (arm.chain().nominal(&joints), saved.chain().expect("whole").nominal(&joints));
+        let (there, back) = (arm.chain().nominal(&joints), saved.chain().nominal(&joints));
         assert!((there.to_homogeneous() - back.to_homogeneous()).abs().max() < 1e-12);
-        assert_eq!(saved.arm().expect("whole"), arm);
+        assert_eq!(saved, arm);
     }
 
     #[test]
     fn a_damaged_arm_is_refused() {
-        let sound = SavedArm::of(&ur10());
-        let error = |change: fn(&mut SavedArm)| {
-            let mut arm = sound.clone();
-            change(&mut arm);
-            arm.chain().expect_err("damaged").to_string()
-        };
-        // The first two elements of a standard DH link are its free joint offset and its joint variable.
-        let beyond = error(|arm| {
-            if let SavedElement::Joint { joint, .. } = &mut arm.elements[1] {
-                *joint = usize::MAX;
-            }
-        });
-        assert!(beyond.contains("needs 6"), "{beyond}");
-        let unknown = error(|arm| {
-            if let SavedElement::Free { parameter, .. } = &mut arm.elements[0] {
-                "theta_99".clone_into(parameter);
-            }
-        });
-        assert!(unknown.contains("theta_99"), "{unknown}");
+        let sound = serde_json::to_string(&ur10()).expect("JSON");
+        let cases = [
+            (r#""joint":5"#, r#""joint":18446744073709551615"#, "has 6 joints"),
+            ("theta_1", "theta_99", "theta_99"),
+            (r#""rz""#, r#""rw""#, "rw"),
+            ("[1.0,0.0", "[0.0,0.0", "invertible"),
+        ];
+        for (part, damaged, expected) in cases {
+            let text = sound.replacen(part, damaged, 1);
+            let error = serde_json::from_str::<Arm>(&text).expect_err("damaged").to_string();
+            assert!(error.contains(expected), "{expected}: {error}");
+        }
         let turned = SavedPlacement { xyz_mm: [0.0; 3], quaternion_xyzw: [0.0; 4] };
-        assert!(turned.isometry("base").expect_err("no rotation").to_string().contains("norm 0"));
+        let error = Isometry3::try_from(turned).expect_err("no rotation");
+        assert_eq!(error, PlacementError::NotUnit { norm: 0.0 });
         let found = VERSION + 1;
         let text = format!(r#"{{"version": {found}}}"#);
         let later = read::<SavedCalibration>(&text).expect_err("later");

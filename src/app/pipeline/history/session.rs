@@ -5,6 +5,8 @@
 
 use std::io::Seek as _;
 
+use nalgebra::DMatrix;
+
 use super::kept::{self, Kept};
 use super::rows::Fact;
 use crate::fit::TargetId;
@@ -87,7 +89,7 @@ pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Esti
     if let Some(row) = of(Model::Full) {
         let saved = SavedFull::read(&row.model).map_err(|error| error.to_string())?;
         let model = FullModel::from_saved(&saved).map_err(|error| error.to_string())?;
-        let ranges = ranges(row, &saved.arm.axes_from_joints);
+        let ranges = ranges(row, &saved.arm.axes_from_joints());
         let estimate = Estimate::of_full(&model, &ranges);
         let estimate = estimate.ok_or("the covariance of model full is none")?;
         return Ok((Model::Full, estimate));
@@ -116,25 +118,24 @@ pub(super) fn noticed(
     let target = frames.flange_from_target(TargetId::MAIN).isometry();
     let joints = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
     let ranges: Vec<[f64; 2]> = joints.map(|(low, high)| [*low, *high]).collect();
-    let arm = head.arm.arm().ok()?;
-    let is_whole = ranges.len() == arm.joints().len();
-    let noticed = |mm| Noticed::new(mm, estimate.columns(), (&arm, target), &ranges);
+    let is_whole = ranges.len() == head.arm.joints().len();
+    let noticed = |mm| Noticed::new(mm, estimate.columns(), (&head.arm, target), &ranges);
     least_mm.filter(|_| is_whole).map(noticed)
 }
 
 /// Lowest and highest axis variable of each joint over the stations of a calibration, rad or mm; empty for one that a joint map couples
 /// with others.
-fn ranges(row: &CalibrationRow, axes_from_joints: &[Vec<f64>]) -> Vec<[f64; 2]> {
-    let range = |(axis, map): (usize, &Vec<f64>)| {
-        let is_own = |(joint, share): (usize, &f64)| {
-            (*share - f64::from(u8::from(joint == axis))).abs() == 0.0
-        };
-        let is_alone = map.iter().enumerate().all(is_own);
+fn ranges(row: &CalibrationRow, axes_from_joints: &DMatrix<f64>) -> Vec<[f64; 2]> {
+    let joints = axes_from_joints.ncols();
+    let range = |axis: usize| {
+        let share = |joint: usize| axes_from_joints[(axis, joint)];
+        let is_own = |joint| (share(joint) - f64::from(u8::from(joint == axis))).abs() == 0.0;
+        let is_alone = (0..joints).all(is_own);
         let ends = row.joint_lower_rad.get(axis).zip(row.joint_upper_rad.get(axis));
         let ends = ends.filter(|_| is_alone);
         ends.map_or([f64::INFINITY, f64::NEG_INFINITY], |(low, high)| [*low, *high])
     };
-    axes_from_joints.iter().enumerate().map(range).collect()
+    (0..joints).map(range).collect()
 }
 
 /// Figures that are charted: mean and 95th percentile of held-out errors, before and after.

@@ -8,7 +8,6 @@ use thiserror::Error;
 use crate::compensation::IdentifiedArm;
 use crate::fit::full::FullModel;
 use crate::fit::full::next::{Mounted, Mounting, Placed};
-use crate::fit::saved::SavedArm;
 use crate::fit::{Sees, SourceId, TargetId};
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
@@ -235,22 +234,22 @@ pub(super) fn read(
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {
-    let (found, wanted) = (SavedArm::of(&past.arm), SavedArm::of(arm));
-    if found.joints.len() != wanted.joints.len() {
-        let (found, wanted) = (found.joints.len(), wanted.joints.len());
+    let (found, wanted) = (&past.arm, arm);
+    if found.joints().len() != wanted.joints().len() {
+        let (found, wanted) = (found.joints().len(), wanted.joints().len());
         return Err(KnownMisfit::Joints { found, wanted }.at(path));
     }
-    let names = |arm: &SavedArm| arm.joints.iter().map(|j| j.name.clone()).collect::<Vec<_>>();
-    let what = if names(&found) != names(&wanted) {
+    let names = |arm: &Arm| arm.joints().iter().map(|j| j.name.clone()).collect::<Vec<_>>();
+    let what = if names(found) != names(wanted) {
         "names of joints"
-    } else if found.elements != wanted.elements {
+    } else if found.chain() != wanted.chain() {
         "lengths or angles"
-    } else if found.axes_from_joints != wanted.axes_from_joints {
+    } else if found.axes_from_joints() != wanted.axes_from_joints() {
         "joint maps"
     } else {
         return Ok(());
     };
-    let (found, wanted) = (found.model, wanted.model);
+    let (found, wanted) = (found.model().to_owned(), wanted.model().to_owned());
     Err(KnownMisfit::OtherNominal { found, wanted, what }.at(path))
 }
 

@@ -24,10 +24,8 @@ use super::regression::{Posterior, Root};
 use super::student::Tails;
 use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
-use crate::fit::saved::{
-    SavedArm, SavedError, SavedSession, SavedUnknown, VERSION, read, same_length,
-};
-use crate::kinematics::{Arm, Chain, Motion, Parameter};
+use crate::fit::saved::{SavedError, SavedSession, SavedUnknown, VERSION, read, same_length};
+use crate::kinematics::{Arm, Motion, Parameter};
 use crate::linalg::Cholesky;
 
 /// The full error model of an arm.
@@ -37,7 +35,7 @@ pub struct SavedFull {
     /// Version of the JSON format.
     pub version: u32,
     /// The nominal arm.
-    pub arm: SavedArm,
+    pub arm: Arm,
     /// The frames that the unknowns of each session are relative to.
     pub sessions: Vec<SavedSession>,
     /// Direction of up in the base frame; absent where the mounting is not known.
@@ -183,7 +181,7 @@ impl FullModel {
             |(block, columns): (_, Range<usize>)| SavedBlock { block, columns: columns.len() };
         SavedFull {
             version: VERSION,
-            arm: SavedArm::of(arm),
+            arm: arm.clone(),
             sessions: SavedSession::all(names, self.starts()),
             up: self.up.map(Into::into),
             unknowns: self.unknowns().iter().map(SavedUnknown::of).collect(),
@@ -285,7 +283,7 @@ impl SavedFull {
             same_length("ages", self.sessions.len(), self.ages_years.len())?;
         }
         if !self.repairs_to_come.is_empty() {
-            let (sessions, joints) = (self.sessions.len(), self.arm.joints.len());
+            let (sessions, joints) = (self.sessions.len(), self.arm.joints().len());
             let repairs = &self.repairs_to_come;
             same_length("sessions with repairs", sessions, repairs.len())?;
             let mut lists = repairs.iter();
@@ -293,7 +291,7 @@ impl SavedFull {
         }
         same_length(
             "joint repeatabilities",
-            self.arm.joints.len(),
+            self.arm.joints().len(),
             self.repeatability.joints.len(),
         )?;
         let mut layout = Layout::new(self.curve_period_turns.get())
@@ -309,7 +307,7 @@ impl SavedFull {
 
     /// The period of each sliding joint's curve; an error unless exactly the joints that slide have one, above 0.
     fn slide_periods_mm(&self) -> Result<Vec<Option<f64>>, SavedError> {
-        let slides = self.arm.joints.iter().map(|joint| joint.slides);
+        let slides = self.arm.joints().iter().map(|joint| joint.slides);
         let fits = |(slides, period): (bool, &Option<f64>)| {
             period.is_some_and(|mm| mm.is_finite() && mm > 0.0) == slides
         };
@@ -319,7 +317,7 @@ impl SavedFull {
         } else {
             slides.zip(periods).filter(|own| fits(*own)).count()
         };
-        let joints = self.arm.joints.len();
+        let joints = self.arm.joints().len();
         same_length("joints with a curve's period of their kind", joints, fitting)?;
         Ok(periods.clone())
     }
@@ -333,7 +331,7 @@ impl SavedFull {
     /// The number of columns that a block must have; its own number where several are possible.
     fn columns_of(&self, block: &SavedBlock) -> Result<usize, SavedError> {
         let (joint, session) = block.block.belongs_to();
-        let joints = self.arm.joints.len();
+        let joints = self.arm.joints().len();
         for (what, place, count) in
             [("joints", joint, joints), ("sessions", session, self.sessions.len())]
         {
@@ -363,18 +361,15 @@ impl SavedFull {
 
     /// The problem without observations, whose unknowns are those saved.
     fn problem(&self) -> Result<Problem<'static>, SavedError> {
-        let chain: Chain = self.arm.chain()?;
         let frames =
             self.sessions.iter().map(SavedSession::frames).collect::<Result<Vec<_>, _>>()?;
-        let turns = |unknown: &SavedUnknown| {
-            let turn = |axis| Parameter::Target(Motion::Rotation(axis)).to_string();
-            crate::kinematics::Axis::ALL.into_iter().any(|axis| unknown.parameter == turn(axis))
-        };
+        let turns =
+            |own: &SavedUnknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
         let turned = self.unknowns.iter().any(turns);
         // The prior is in `scale`; predictions of a problem without observations do not depend on a prior.
         let problem = Problem::with_target_turn(
             &[],
-            &chain,
+            self.arm.chain(),
             &frames,
             Freedom::Geometry,
             &Prior::default(),
@@ -385,10 +380,7 @@ impl SavedFull {
         let other = problem.unknowns().iter().map(SavedUnknown::of).zip(&self.unknowns);
         match other.into_iter().find(|(own, saved)| own != *saved) {
             None => Ok(problem),
-            Some((_, saved)) => Err(SavedError::Unknown {
-                what: "out of its place the unknown",
-                name: saved.parameter.clone(),
-            }),
+            Some((_, saved)) => Err(SavedError::Unknown(saved.parameter)),
         }
     }
 }

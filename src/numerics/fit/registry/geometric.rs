@@ -46,7 +46,7 @@ pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedEr
     let saved = SavedCalibration::read(text)?;
     let frames = saved.sessions.iter().map(SavedSession::frames);
     let model = IdentifiedGeometry {
-        chain: saved.chain()?,
+        chain: saved.chain(),
         frames: frames.collect::<Result<_, _>>()?,
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
     };

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::kinematics::{Axis, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{LinkQuantity, Parameter, named};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// The largest change expected of a length, mm, and of an angle, mrad: the pipeline's own weak prior.
@@ -18,7 +18,7 @@ const CURVE_UNIT_MM: f64 = CURVE_UNIT_RAD * SLIDE_MM_PER_RAD;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Column {
     /// A parameter of the measurement chain; base and target by a small motion after their frame.
-    Chain(#[serde(with = "by_name")] Parameter),
+    Chain(#[serde(with = "named")] Parameter),
     /// Deflection of a joint that turns under gravity, by its place among the model's coefficients.
     Gravity(usize),
     /// A coefficient of the error curve of a joint that turns.
@@ -29,7 +29,7 @@ pub enum Column {
         coefficient: usize,
     },
     /// A parameter of the link of a joint that slides, whose zero is its shift and not its turn.
-    Slide(#[serde(with = "by_name")] Parameter),
+    Slide(#[serde(with = "named")] Parameter),
     /// Deflection of a joint that slides under the weight it carries, mm, by its place among the model's coefficients.
     SlideGravity(usize),
     /// The error curve of a joint that slides at one position, mm. The curve's period is that of its session's range, so two sessions
@@ -109,40 +109,5 @@ impl fmt::Display for Column {
             Self::Curve { joint, coefficient } => write!(f, "curve_{joint}_{}", coefficient + 1),
             Self::SlideCurve { joint, at_mm } => write!(f, "curve_{joint}_at_{at_mm}_mm"),
         }
-    }
-}
-
-/// The motions of base and target, as parameters.
-pub(super) fn frame_motions() -> impl Iterator<Item = Parameter> {
-    let motions = || {
-        let along = |of: fn(Axis) -> Motion| Axis::ALL.into_iter().map(of);
-        along(Motion::Translation).chain(along(Motion::Rotation))
-    };
-    motions().map(Parameter::Base).chain(motions().map(Parameter::Target))
-}
-
-/// Parameters by their names.
-mod by_name {
-    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
-
-    use crate::kinematics::{LinkQuantity, Parameter};
-
-    pub fn serialize<S: Serializer>(parameter: &Parameter, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_str(parameter)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Parameter, D::Error> {
-        let name = String::deserialize(from)?;
-        super::frame_motions()
-            .find(|own| own.to_string() == name)
-            .or_else(|| link(&name))
-            .ok_or_else(|| D::Error::custom(format!("{name:?} is no parameter")))
-    }
-
-    fn link(name: &str) -> Option<Parameter> {
-        let (quantity, joint) = name.rsplit_once('_')?;
-        let quantity = LinkQuantity::of_name(quantity)?;
-        let joint = joint.parse().ok()?;
-        Some(Parameter::Link { joint, quantity })
     }
 }

@@ -3,12 +3,12 @@
 use nalgebra::{DMatrix, DVector, Isometry3};
 
 use super::Estimate;
-use super::column::{Column, frame_motions};
+use super::column::Column;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::saved::{SavedCalibration, SavedError, SavedUnknown};
+use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{Frames, Owner, Sees, SourceId, TargetId, Unknown};
-use crate::kinematics::{GaugePart, Parameter};
+use crate::kinematics::Parameter;
 
 /// Pairs `cos, sin` of the curve of a joint that turns that are compared between sessions: those with a period of at least 90°.
 const CURVE_PAIRS: usize = 4;
@@ -122,23 +122,23 @@ impl Estimate {
             return Ok(None);
         };
         let frames = Compared::of_independent(&session.frames()?);
-        let parameters = parameters(saved)?;
-        let is_kept = |place: &usize| frames.has(parameters[*place].0, saved.unknowns[*place].of);
-        let kept: Vec<usize> = (0..parameters.len()).filter(is_kept).collect();
-        let parameters: Vec<_> = kept.iter().map(|&place| parameters[place]).collect();
-        let size = parameters.len();
+        let unknowns = &saved.unknowns;
+        let is_kept = |place: &usize| frames.has(unknowns[*place].parameter, unknowns[*place].of);
+        let kept: Vec<usize> = (0..unknowns.len()).filter(is_kept).collect();
+        let parameters = kept.iter().map(|&place| unknowns[place].parameter);
+        let size = kept.len();
         let covariance = DMatrix::from_fn(size, size, |i, j| {
             let (i, j) = (kept[i], kept[j]);
             saved.covariance[i.max(j)][i.min(j)]
         });
         let precision = |sd: &Option<f64>| sd.map_or(0.0, |sd| sd.powi(-2));
-        let joints = &saved.arm.joints;
+        let joints = saved.arm.joints();
         let slides = |joint: usize| joints.get(joint - 1).is_some_and(|own| own.slides);
         let precisions = kept.iter().map(|&place| precision(&saved.prior_sd[place])).collect();
         let posterior = Posterior {
-            columns: parameters.iter().map(|(own, _)| Column::of(*own, slides)).collect(),
+            columns: parameters.clone().map(|own| Column::of(own, slides)).collect(),
             covariance,
-            means: parameters.iter().map(|(_, offset)| *offset).collect(),
+            means: parameters.map(|own| saved.offset(own)).collect(),
             precision: DMatrix::from_diagonal(&DVector::from_vec(precisions)),
             frames,
         };
@@ -211,24 +211,6 @@ impl Posterior {
     fn expected(&self, place: usize) -> f64 {
         if self.columns[place].is_of_a_frame() { -self.means[place] } else { 0.0 }
     }
-}
-
-/// The unknowns of a calibration with their offsets; its frames already contain those of base and target.
-fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedError> {
-    let chain = saved.arm.chain()?.parameters();
-    let offset = |parameter: Parameter| {
-        let place = chain.iter().position(|own| *own == parameter);
-        place.and_then(|place| saved.geometry.get(place)).copied().unwrap_or(0.0)
-    };
-    let gauges = GaugePart::ANCHOR.into_iter().chain(GaugePart::PLANE);
-    let own = frame_motions().chain(gauges.map(Parameter::Gauge));
-    let known: Vec<Parameter> = chain.iter().copied().chain(own).collect();
-    let parameter = |SavedUnknown { parameter: name, .. }: &SavedUnknown| {
-        let found = known.iter().find(|own| own.to_string() == *name);
-        let wrong = || SavedError::Unknown { what: "a parameter", name: name.clone() };
-        found.map(|own| (*own, offset(*own))).ok_or_else(wrong)
-    };
-    saved.unknowns.iter().map(parameter).collect()
 }
 
 /// Whether a column of gravity, by its place among them, is the deflection of a joint that slides, in mm.

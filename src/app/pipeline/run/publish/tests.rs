@@ -268,7 +268,7 @@ fn a_damaged_full_model_is_refused() {
         (|s| s.factor.truncate(32), "numbers in the factor"),
         (|s| s.factor.replace_range(..1, "!"), "is not base64"),
         (|s| s.sessions.clear(), "sessions"),
-        (|s| "theta_9".clone_into(&mut s.unknowns[0].parameter), "theta_9"),
+        (|s| s.unknowns[0].parameter = "theta_9".parse().expect("a name"), "theta_9"),
     ];
     for (change, expected) in cases {
         assert!(error(change).contains(expected), "{expected}: {}", error(change));
@@ -285,7 +285,7 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
     let saved = SavedCalibration::read(&model_text("geometric")).unwrap();
     let (_, calibration) = &OUTCOME.calibrations[1];
     let joints = &OUTCOME.training[0].joined.stations[0].joints;
-    let (there, back) = (calibration.chain.nominal(joints), saved.chain().unwrap().nominal(joints));
+    let (there, back) = (calibration.chain.nominal(joints), saved.chain().nominal(joints));
     assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);
     let frames = saved.sessions[0].frames().unwrap().one().unwrap();
     let apart = frames.tracker_from_base.origin().coords()
