@@ -87,7 +87,7 @@
 
 pub use posegrid_app::{cli, page, pipeline};
 pub use posegrid_arm::{geometry, kinematics};
-pub use posegrid_base::{figures, linalg, manifest, progress, units};
+pub use posegrid_base::{at, figures, linalg, manifest, progress, units};
 pub use posegrid_io as io;
 pub use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity,

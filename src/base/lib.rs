@@ -1,5 +1,6 @@
 //! What every other crate of posegrid counts with: units and stamps, linear algebra, figures of samples, progress, provenance.
 
+pub mod at;
 pub mod figures;
 pub mod linalg;
 pub mod manifest;

@@ -15,6 +15,7 @@ use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Table, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use super::tables::words::TableVerdict;
+use crate::at::At;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::conversion::Errors;
 use crate::fit::flange::turn_behind;
@@ -55,14 +56,8 @@ pub enum CalibrationsTableError {
         kind: &'static str,
     },
     /// A model that cannot be read.
-    #[error("{path}, model {kind:?}: {source}")]
-    Model {
-        path: PathBuf,
-        /// The model.
-        kind: &'static str,
-        /// What is wrong with it.
-        source: SavedError,
-    },
+    #[error(transparent)]
+    Model(#[from] At<SavedError>),
     /// Rows of several arms or sessions.
     #[error(
         "{path}: models \"base_target\" and {kind:?} are not of the same {what}; take the file of a single run"
@@ -170,7 +165,7 @@ impl<'t> CalibrationsFile<'t> {
     }
 
     fn wrong(&self, model: Model, source: SavedError) -> CalibrationsTableError {
-        CalibrationsTableError::Model { path: self.path.to_owned(), kind: model.word(), source }
+        At::new(format!("{}, model {:?}", self.path.display(), model.word()), source).into()
     }
 
     /// The arm and the sessions of a saved model, where there is a row of it.

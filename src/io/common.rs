@@ -1,13 +1,14 @@
 //! What a published table says of itself: columns that hold the same value in every row, read back.
 
 use std::fmt::Debug;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
 use super::schema::KEY_COLUMNS;
 use super::table::Table;
+use crate::at::At;
 use crate::compensation::{Conditions, Validity};
 use crate::geometry::{Base, Command, Transform};
 use crate::manifest::RunKey;
@@ -20,28 +21,11 @@ const UNIT_NORM: f64 = 1e-6;
 #[derive(Debug, Error)]
 pub enum CommonError {
     /// Rows of several tables.
-    #[error(
-        "{path}, column {column:?}: row 0 has {first} and row {row} has {other}, and every row has the same there: take \
-         the file of a single run"
-    )]
-    NotOne {
-        path: PathBuf,
-        column: String,
-        /// Row 0's value.
-        first: String,
-        /// The row that differs.
-        row: usize,
-        /// Its value.
-        other: String,
-    },
+    #[error("{0}, and every row has the same there: take the file of a single run")]
+    NotOne(At<String>),
     /// A value that no such table has.
-    #[error("{path}, column {column:?}: {problem}; run the session again")]
-    Value {
-        path: PathBuf,
-        column: String,
-        /// What is wrong with it.
-        problem: String,
-    },
+    #[error("{0}; run the session again")]
+    Value(At<String>),
 }
 
 /// A table with at least one row, read as rows, and the file that it was read from.
@@ -253,7 +237,7 @@ impl<'t, R> Common<'t, R> {
 
     /// That a column's value is none such a table has.
     pub(super) fn value_error(self, column: &str, problem: String) -> CommonError {
-        CommonError::Value { path: self.path.to_owned(), column: column.to_owned(), problem }
+        CommonError::Value(in_column(self.path, column, problem))
     }
 }
 
@@ -281,14 +265,16 @@ fn one<T: PartialEq + Debug>(
     let first = value(0);
     match (1..rows).find(|&row| value(row) != first) {
         None => Ok(first),
-        Some(row) => Err(CommonError::NotOne {
-            path: path.to_owned(),
-            column: column.to_owned(),
-            first: shown(first.as_ref()),
-            row,
-            other: shown(value(row).as_ref()),
-        }),
+        Some(row) => {
+            let (first, other) = (shown(first.as_ref()), shown(value(row).as_ref()));
+            let problem = format!("row 0 has {first} and row {row} has {other}");
+            Err(CommonError::NotOne(in_column(path, column, problem)))
+        }
     }
+}
+
+fn in_column(path: &Path, column: &str, problem: String) -> At<String> {
+    At::new(format!("{}, column {column:?}", path.display()), problem)
 }
 
 fn shown<T: Debug>(value: Option<&T>) -> String {

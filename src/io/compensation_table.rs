@@ -19,6 +19,7 @@ use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _};
 use super::tables::compensation::NodeRow;
 pub use super::tables::words::TableVerdict;
+use crate::at::At;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::ingest::AngleUnit;
@@ -62,21 +63,11 @@ pub enum CompensationTableError {
     #[error(transparent)]
     Common(#[from] CommonError),
     /// A node that does not fit.
-    #[error("{path}, node {node}: {problem}; run the session again")]
-    Node {
-        path: PathBuf,
-        /// The node, or its row where the node's number itself is wrong.
-        node: usize,
-        /// What is wrong with it.
-        problem: String,
-    },
+    #[error("{0}; run the session again")]
+    Node(At<String>),
     /// Nodes that do not make a table.
-    #[error("{path}: {source}; run the session again")]
-    Misfit {
-        path: PathBuf,
-        /// Why not.
-        source: Misfit,
-    },
+    #[error("{0}; run the session again")]
+    Misfit(At<Misfit>),
 }
 
 /// Reads the compensation table that a run published.
@@ -101,7 +92,7 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
             said.position("flange_from_target", |row| row.flange_from_target)?,
         ),
         table: table
-            .map_err(|source| CompensationTableError::Misfit { path: path.to_owned(), source })?,
+            .map_err(|misfit| CompensationTableError::Misfit(At::new(path.display(), misfit)))?,
     })
 }
 
@@ -122,7 +113,9 @@ impl TableFile<'_> {
         Common { path: self.path, rows: &self.rows }
     }
 
+    /// The error of a node, or of its row where the node's number itself is wrong.
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {
-        CompensationTableError::Node { path: self.path.to_owned(), node, problem }
+        let place = format!("{}, node {node}", self.path.display());
+        CompensationTableError::Node(At::new(place, problem))
     }
 }

@@ -33,6 +33,7 @@ use std::io;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::at::At;
 use crate::ingest::{IngestError, Mapping};
 use crate::message::SchemaError;
 
@@ -78,75 +79,50 @@ impl Default for Limits {
     }
 }
 
+/// The reason why a file cannot be read as a log, and the file's name as given.
+pub type FileError = At<FileFault>;
+
 /// The reason why a file cannot be read as a log.
 #[derive(Debug, Error)]
-pub enum FileError {
+pub enum FileFault {
     /// The operating system refuses to read it.
-    #[error("{file}: {source}")]
-    Io {
-        file: String,
-        /// The operating system's error.
-        source: io::Error,
-    },
-    /// Not a regular file: it cannot be read by position.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// Not a regular file, but a pipe, a device or a socket: it cannot be read by position.
     #[error(
-        "{file}: it is {what}, not a file, and a log is read by position; copy what comes out of it into a file first"
+        "it is {0}, not a file, and a log is read by position; copy what comes out of it into a file first"
     )]
-    NotAFile {
-        /// Name of the file, as given.
-        file: String,
-        /// A pipe, a device, a socket.
-        what: &'static str,
-    },
+    NotAFile(&'static str),
     /// A folder in the place of a log.
+    #[error("it is a folder, and no log in it ends in .mcap or .mcap.zst; give the file of a log")]
+    Folder,
+    #[error("the file is empty; was the recorder stopped before it wrote anything?")]
+    Empty,
+    /// Stored in zstd, and larger than the limit of the settings after decompression, bytes.
     #[error(
-        "{file}: it is a folder, and no log in it ends in .mcap or .mcap.zst; give the file of a log"
+        "decompressed it is larger than the limit of {0} bytes; if that is right, raise unpacked_bytes in [limits]"
     )]
-    Folder {
-        /// Name of the folder, as given.
-        file: String,
-    },
-    /// The file is empty.
-    #[error("{file}: the file is empty; was the recorder stopped before it wrote anything?")]
-    Empty { file: String },
-    /// Stored in zstd, and larger than the limit after decompression.
-    #[error(
-        "{file}: decompressed it is larger than the limit of {limit} bytes; if that is right, raise unpacked_bytes in \
-         [limits]"
-    )]
-    TooLarge {
-        file: String,
-        /// Limit of the settings, bytes.
-        limit: u64,
-    },
-    /// Stored in zstd, and damaged from its start.
-    #[error("{file}: it is stored in zstd, and no byte of it can be decompressed: {why}")]
-    NotUnpacked {
-        file: String,
-        /// The reason as text.
-        why: String,
-    },
+    TooLarge(u64),
+    /// Stored in zstd, and damaged from its start: the reason as text.
+    #[error("it is stored in zstd, and no byte of it can be decompressed: {0}")]
+    NotUnpacked(String),
     /// Stored in zstd, and there is no folder with room to decompress it.
     #[error(
-        "{file}: cannot decompress it into {folder}: {source}; let TMPDIR name a folder with room, or decompress the log"
+        "cannot decompress it into {folder}: {source}; let TMPDIR name a folder with room, or decompress the log"
     )]
     NoRoom {
-        file: String,
         /// The folder for temporary files.
         folder: String,
         /// The operating system's error.
         source: io::Error,
     },
-    /// Not an MCAP log.
+    /// Not an MCAP log: its first bytes.
     #[error(
-        "{file}: not an MCAP log: it begins with {start:02x?} instead of 89 4d 43 41 50 30 0d 0a{}",
-        foreign::what_it_is(start)
+        "not an MCAP log: it begins with {start:02x?} instead of 89 4d 43 41 50 30 0d 0a{}",
+        foreign::what_it_is(.0),
+        start = .0
     )]
-    NotMcap {
-        file: String,
-        /// Its first bytes.
-        start: Vec<u8>,
-    },
+    NotMcap(Vec<u8>),
 }
 
 /// The reason why the logs of a session cannot be read.
@@ -154,7 +130,7 @@ pub enum FileError {
 pub enum LogError {
     /// A file cannot be read as a log.
     #[error(transparent)]
-    File(FileError),
+    File(#[from] FileError),
     /// A topic that the pipeline file names is missing.
     #[error("{file}: no topic {topic:?}; topics in it: {topics}{damage}")]
     UnknownTopic {

@@ -29,6 +29,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::input::{self, Bound};
+use crate::at::At;
 use cells::Cells;
 pub use error::{ColumnError, MeasuredTableError, MeasuredTableErrorKind};
 
@@ -221,7 +222,7 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
             FileKind::OtherBook(which) => Err(MeasuredTableErrorKind::OtherBook(which)),
         }
     };
-    read().map_err(|kind| kind.at(path))
+    read().map_err(|kind: MeasuredTableErrorKind| At::new(path.display(), kind))
 }
 
 /// The forms of files.

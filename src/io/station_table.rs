@@ -20,6 +20,7 @@ use std::path::Path;
 
 use super::input::Bound;
 use super::measured_table::{self, Cell, Form, MeasuredTable};
+use crate::at::At;
 use crate::ingest::StationsSettings;
 use crate::ingest::covariances::CovarianceCounts;
 use crate::join::tabled::Rows;
@@ -57,7 +58,7 @@ pub fn read(
     bound: Bound,
 ) -> Result<StationTable, StationTableError> {
     let table = open(path, settings, bound)?;
-    let at = |kind: StationTableErrorKind| kind.at(path);
+    let at = |kind| StationTableError::new(path.display(), kind);
     let columns = Columns::find(&table, settings).map_err(at)?;
     let own = own_rows(&table, settings, whose).map_err(at)?;
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -75,7 +76,8 @@ pub fn named(
     bound: Bound,
 ) -> Result<(BTreeSet<Whose>, Vec<u64>), StationTableError> {
     let table = open(path, settings, bound)?;
-    let columns = NameColumns::of(&table, settings).map_err(|kind| kind.at(path))?;
+    let columns =
+        NameColumns::of(&table, settings).map_err(|kind| At::new(path.display(), kind))?;
     let mut names = BTreeSet::new();
     let mut nameless: Vec<u64> = table.left_out().iter().map(|row| row.line).collect();
     for row in 0..table.row_count() {
@@ -99,7 +101,7 @@ pub fn own_text(
     bound: Bound,
 ) -> Result<String, StationTableError> {
     let table = open(path, settings, bound)?;
-    let own = own_rows(&table, settings, whose).map_err(|kind| kind.at(path))?;
+    let own = own_rows(&table, settings, whose).map_err(|kind| At::new(path.display(), kind))?;
     let mut text = table.columns().join("\u{1f}");
     for row in own {
         text.push('\u{1e}');
@@ -128,8 +130,7 @@ fn open(
         sheet: settings.sheet.clone(),
         header: settings.header,
     };
-    measured_table::read(path, bound, &form)
-        .map_err(|error| StationTableError::Table(Box::new(error)))
+    measured_table::read(path, bound, &form).map_err(|error| At::new(error.place, error.kind))
 }
 
 /// The columns that name robots and sessions.

@@ -10,6 +10,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use thiserror::Error;
 
+use crate::at::At;
 use crate::io::input::{self, Bound};
 use crate::io::robot::poses::{self, PosesError};
 use crate::io::robot::ready::{READY, ReadyRobot};
@@ -88,13 +89,8 @@ pub enum RobotCommandError {
     )]
     Nothing(PathBuf),
     /// A file with a fault.
-    #[error("{}{}: {kind}", path.display(), kind.on_line())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// The fault.
-        kind: RobotProblem,
-    },
+    #[error(transparent)]
+    File(#[from] At<RobotProblem>),
 }
 
 /// The fault in a file.
@@ -118,16 +114,11 @@ pub enum RobotProblem {
 }
 
 impl RobotProblem {
-    /// The line of a fault in the robot file, to stand behind its name.
-    fn on_line(&self) -> String {
-        match self {
-            Self::NoRobot(fault) => fault.on_line(),
-            _ => String::new(),
-        }
-    }
-
     fn at(self, path: &Path) -> RobotCommandError {
-        RobotCommandError::File { path: path.to_owned(), kind: self }
+        RobotCommandError::File(match self {
+            Self::NoRobot(fault) => fault.at(path),
+            other => At::new(path.display(), other),
+        })
     }
 }
 

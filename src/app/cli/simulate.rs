@@ -14,6 +14,7 @@ use nalgebra::{Point3, Unit, Vector3};
 use thiserror::Error;
 
 use super::robot::ArmFlags;
+use crate::at::At;
 use crate::ingest::{Recording, StandsOn, TargetReadings};
 use crate::io::log_writer::{LogWriteError, TrackerLog, write_controller_log};
 use crate::io::robot::{self, Selection};
@@ -113,13 +114,11 @@ struct ReflectorFlags {
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
     /// A file that cannot be read or written, with the problem.
-    #[error("{}{}: {kind}", path.display(), kind.on_line())]
-    File {
-        /// Path of the file or the folder.
-        path: PathBuf,
-        /// The fault in it.
-        kind: SimulateFileError,
-    },
+    #[error(transparent)]
+    File(#[from] At<SimulateFileError>),
+    /// The robot file is not one.
+    #[error(transparent)]
+    NoRobot(#[from] Box<At<NoRobotFile>>),
     /// The settings cannot be simulated.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
@@ -137,9 +136,6 @@ pub enum SimulateFileError {
     /// The robot file cannot be read.
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
-    /// The robot file is not one: place and cause.
-    #[error(transparent)]
-    NoRobot(NoRobotFile),
     /// A pose without joint angles.
     #[error(
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
@@ -157,21 +153,6 @@ pub enum SimulateFileError {
     /// The truth does not fit into JSON.
     #[error("{0}")]
     Json(#[from] serde_json::Error),
-}
-
-impl SimulateFileError {
-    /// The line of a fault in the robot file, to stand behind its name.
-    fn on_line(&self) -> String {
-        match self {
-            Self::NoRobot(fault) => fault.on_line(),
-            _ => String::new(),
-        }
-    }
-
-    /// The error for this fault in the file at `path`.
-    fn at(self, path: &Path) -> SimulateCommandError {
-        SimulateCommandError::File { path: path.to_owned(), kind: self }
-    }
 }
 
 /// What was made, for a person to read.
@@ -228,7 +209,7 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     }
     let simulated = simulate(&arm, &settings)?;
     fs::create_dir_all(&args.out)
-        .map_err(|source| SimulateFileError::Write(source).at(&args.out))?;
+        .map_err(|source| At::new(args.out.display(), SimulateFileError::Write(source)))?;
     args.write(&arm, &simulated)?;
     Ok(SimulatedSession { out: args.out.clone(), simulated, table: args.table })
 }
@@ -237,15 +218,15 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
 fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
     let joints = targets::commands(path)?.into_iter().map(|(target, joints)| {
         let joints = joints.map(|joints| joints.angles);
-        joints.ok_or_else(|| SimulateFileError::NoJoints { target }.at(path))
+        joints.ok_or_else(|| At::new(path.display(), SimulateFileError::NoJoints { target }).into())
     });
     joints.collect()
 }
 
 fn read_arm(path: &Path, selection: &Selection) -> Result<Arm, SimulateCommandError> {
-    let text = robot::text(path).map_err(|source| SimulateFileError::Read(source).at(path))?;
-    robot_file::arm(path, &text, selection)
-        .map_err(|source| SimulateFileError::NoRobot(source).at(path))
+    let text = robot::text(path)
+        .map_err(|source| At::new(path.display(), SimulateFileError::Read(source)))?;
+    Ok(robot_file::arm(path, &text, selection)?)
 }
 
 impl SimulateArgs {
@@ -435,6 +416,6 @@ fn written(
     attempt().map_err(|source| {
         // The first error is the one to report; a partial file left behind has a name that says so.
         let _ = fs::remove_file(&partial);
-        source.at(path)
+        At::new(path.display(), source).into()
     })
 }

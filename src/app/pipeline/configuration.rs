@@ -321,10 +321,7 @@ fn read_arm(
         let robot = robot_path.to_owned();
         ConfigurationErrorKind::Robot { robot, source }.at(path)
     })?;
-    robot_file::arm(robot_path, &text, selection).map_err(|source| ConfigurationError::RobotParse {
-        robot: robot_path.to_owned(),
-        source: Box::new(source),
-    })
+    Ok(robot_file::arm(robot_path, &text, selection)?)
 }
 
 /// The reading of the logs, or of the tables where the file names columns.

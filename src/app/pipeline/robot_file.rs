@@ -1,11 +1,13 @@
 //! A robot file as every command reads it: TOML or URDF, with all missing keys told at once, and a fault of the arm with its line.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use thiserror::Error;
 
 use super::keys::KeyReference;
 use super::keys::missing::{self, Incomplete};
+use crate::at::At;
 use crate::io::robot::{self, Read, RobotFault, Selection};
 use crate::kinematics::{Arm, ArmError, RobotFile};
 
@@ -28,11 +30,13 @@ pub enum NoRobotFile {
 }
 
 impl NoRobotFile {
-    /// The line of the fault, to stand behind the file's name; empty where the fault names it itself, or has none.
-    pub fn on_line(&self) -> String {
-        match self {
-            Self::Arm { line: Some(line), .. } => format!(", line {line}"),
-            _ => String::new(),
+    /// This fault of the file at `path`, with its line where it does not name it itself.
+    pub fn at<K: Display + From<Self>>(self, path: &Path) -> At<K> {
+        match &self {
+            Self::Arm { line: Some(line), .. } => {
+                At::new(format!("{}, line {line}", path.display()), self)
+            }
+            _ => At::new(path.display(), self),
         }
     }
 }
@@ -46,9 +50,9 @@ pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, NoRo
 }
 
 /// The arm in the text of the file at `path`.
-pub fn arm(path: &Path, text: &str, selection: &Selection) -> Result<Arm, NoRobotFile> {
-    let read = read(path, text, selection)?;
-    arm_of(&read.file, text)
+pub fn arm(path: &Path, text: &str, selection: &Selection) -> Result<Arm, Box<At<NoRobotFile>>> {
+    let arm = read(path, text, selection).and_then(|read| arm_of(&read.file, text));
+    arm.map_err(|fault| Box::new(fault.at(path)))
 }
 
 /// The arm of a robot file that was read from this text.

@@ -9,7 +9,7 @@ use std::io::{self, BufReader, Read, Seek, Write};
 use mcap::MAGIC;
 use zstd::stream::read::Decoder;
 
-use super::{FileError, Limits};
+use super::{FileError, FileFault, Limits};
 use crate::progress::Progress;
 
 /// Largest window that is decompressed, as a power of two: 128 MiB, the limit of the `zstd` command.
@@ -49,11 +49,10 @@ pub(super) fn unpack(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<(File, Packed), FileError> {
-    let at_fault = |source| FileError::Io { file: name.to_owned(), source };
-    let no_room = |source| FileError::NoRoom {
-        file: name.to_owned(),
-        folder: std::env::temp_dir().display().to_string(),
-        source,
+    let at_fault = |source: io::Error| FileError::new(name, source);
+    let no_room = |source| {
+        let folder = std::env::temp_dir().display().to_string();
+        FileError::new(name, FileFault::NoRoom { folder, source })
     };
     let bytes = file.metadata().map_err(at_fault)?.len();
     let mut from = decoder(file).map_err(at_fault)?;
@@ -79,11 +78,8 @@ pub(super) fn unpack(
     };
     progress.end();
     if length == 0 {
-        let file = name.to_owned();
-        return Err(match fault {
-            None => FileError::Empty { file },
-            Some(PackedFault { why, .. }) => FileError::NotUnpacked { file, why },
-        });
+        let unpacked = fault.map_or(FileFault::Empty, |fault| FileFault::NotUnpacked(fault.why));
+        return Err(FileError::new(name, unpacked));
     }
     Ok((to, Packed { bytes, fault }))
 }
@@ -111,15 +107,12 @@ fn fill(from: &mut impl Read, piece: &mut [u8]) -> (usize, Option<io::Error>) {
 /// Refuses a file that is no log before any of it is written, and a log above the limit.
 fn check(name: &str, piece: &[u8], before: u64, limits: Limits) -> Result<(), FileError> {
     if before == 0 && !piece.is_empty() && !piece.starts_with(MAGIC) {
-        return Err(FileError::NotMcap {
-            file: format!("{name}, decompressed"),
-            start: piece[..piece.len().min(8)].to_vec(),
-        });
+        let start = piece[..piece.len().min(8)].to_vec();
+        return Err(FileError::new(format!("{name}, decompressed"), FileFault::NotMcap(start)));
     }
     let limit = limits.unpacked_bytes;
     if before + piece.len() as u64 > limit {
-        let file = name.to_owned();
-        return Err(FileError::TooLarge { file, limit });
+        return Err(FileError::new(name, FileFault::TooLarge(limit)));
     }
     Ok(())
 }

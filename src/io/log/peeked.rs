@@ -2,13 +2,14 @@
 //! its session.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 
 use mcap::MAGIC;
 
 use super::record::{FRAME_HEADER, MetadataRecord, op};
 use super::source::Source;
-use super::{FileError, Limits};
+use super::{FileError, FileFault, Limits};
 use crate::progress::Quiet;
 
 /// The metadata record that names robot, model, session and plan.
@@ -25,10 +26,12 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
     let name = path.display().to_string();
     let (mut source, packed) = match Source::open(path, &name, limits, &Quiet) {
         // Nothing is written yet, or no whole block of zstd.
-        Err(FileError::Empty { .. } | FileError::NotUnpacked { .. }) => return Ok(true),
+        Err(FileError { kind: FileFault::Empty | FileFault::NotUnpacked(_), .. }) => {
+            return Ok(true);
+        }
         opened => opened?,
     };
-    let at_fault = |source| FileError::Io { file: name.clone(), source };
+    let at_fault = |source: io::Error| FileError::new(&name, source);
     let magic = MAGIC.len() as u64;
     let length = source.length();
     let start = source.peek(0, MAGIC.len()).map_err(at_fault)?;
@@ -46,7 +49,7 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
 /// When the file cannot be read.
 pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, String>, FileError> {
     let file = path.display().to_string();
-    let at_fault = |source| FileError::Io { file: file.clone(), source };
+    let at_fault = |source: io::Error| FileError::new(&file, source);
     let (mut source, _) = Source::open(path, &file, limits, &Quiet)?;
     let mut at = MAGIC.len() as u64;
     let mut body = Vec::new();

@@ -30,7 +30,7 @@ use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::summary::Definitions;
-use super::{FileError, Limits};
+use super::{FileError, FileFault, Limits};
 use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::progress::Progress;
 use blocks::{Run, settle};
@@ -129,13 +129,13 @@ where
 /// Checks the magic bytes of the file; returns where its first data section begins.
 fn read_start(source: &mut Source, read_summary: &mut ReadSummary) -> Result<u64, FileError> {
     let name = read_summary.file.clone();
-    let at_fault = |source| FileError::Io { file: name.clone(), source };
+    let at_fault = |source: std::io::Error| FileError::new(&name, source);
     if source.length() == 0 {
-        return Err(FileError::Empty { file: name });
+        return Err(FileError::new(&name, FileFault::Empty));
     }
     let start = source.peek(0, 8).map_err(at_fault)?.to_vec();
     if start != MAGIC {
-        return Err(FileError::NotMcap { file: name, start });
+        return Err(FileError::new(&name, FileFault::NotMcap(start)));
     }
     read_header(source, 0, read_summary).map_err(at_fault)
 }
@@ -466,8 +466,7 @@ where
     }
 
     fn io(&self, source: std::io::Error) -> E {
-        let file = self.read_summary.file.clone();
-        FileError::Io { file, source }.into()
+        FileError::new(&self.read_summary.file, source).into()
     }
 }
 

@@ -6,7 +6,7 @@ use std::io::{self, Seek, SeekFrom};
 use std::path::Path;
 
 use super::packed::{self, Packed};
-use super::{FileError, Limits};
+use super::{FileError, FileFault, Limits};
 use crate::progress::Progress;
 use crate::system;
 
@@ -41,16 +41,14 @@ impl Source {
         limits: Limits,
         progress: &dyn Progress,
     ) -> Result<(Self, Option<Packed>), FileError> {
-        let at_fault = |source| FileError::Io { file: name.to_owned(), source };
+        let at_fault = |source: io::Error| FileError::new(name, source);
         // Opening a pipe would wait for its writer, and a device may have no end.
         let kind = fs::metadata(path).map_err(at_fault)?.file_type();
         if kind.is_dir() {
-            let file = name.to_owned();
-            return Err(FileError::Folder { file });
+            return Err(FileError::new(name, FileFault::Folder));
         }
         if let Some(what) = other_than_a_file(kind) {
-            let file = name.to_owned();
-            return Err(FileError::NotAFile { file, what });
+            return Err(FileError::new(name, FileFault::NotAFile(what)));
         }
         let file = File::open(path).map_err(at_fault)?;
         let mut source = Self::new(file).map_err(at_fault)?;

@@ -17,7 +17,7 @@ use super::ordered::SessionStreams;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
-use super::{FileError, LogError, Unsuitable};
+use super::{LogError, Unsuitable};
 use crate::ingest::{LogReject, LossKind, Mapping, SpanClock, TimeSource};
 use crate::message::{FieldPath, MessageSchema};
 
@@ -298,11 +298,5 @@ impl Visitor for Streams<'_, '_> {
                 reason: self.describe(place, fault),
             });
         }
-    }
-}
-
-impl From<FileError> for LogError {
-    fn from(error: FileError) -> Self {
-        Self::File(error)
     }
 }

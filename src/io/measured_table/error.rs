@@ -1,19 +1,14 @@
 //! Why a file is no table, and why a name is no column.
 
 use std::io;
-use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
+use crate::at::At;
 
-/// Why a file cannot be read as a table.
-#[derive(Debug, Error)]
-#[error("{}: {kind}", file.display())]
-pub struct MeasuredTableError {
-    pub file: PathBuf,
-    pub kind: MeasuredTableErrorKind,
-}
+/// Why a file cannot be read as a table, and the file.
+pub type MeasuredTableError = At<MeasuredTableErrorKind>;
 
 /// The fault in a file.
 #[derive(Debug, Error)]
@@ -234,13 +229,6 @@ pub enum MeasuredTableErrorKind {
         "its cells take more memory than a table may: more than {MOST_CELLS} cells, or half a gigabyte of texts; split it by session"
     )]
     TooManyCells,
-}
-
-impl MeasuredTableErrorKind {
-    /// This problem of the file at `path`.
-    pub(super) fn at(self, path: &Path) -> MeasuredTableError {
-        MeasuredTableError { file: path.to_owned(), kind: self }
-    }
 }
 
 /// Why a name is no column of a table.

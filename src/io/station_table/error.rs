@@ -1,26 +1,20 @@
 //! Errors of a table of stations: which file, which key of `[stations]`, which column, and what there is instead.
 
-use std::path::{Path, PathBuf};
-
 use thiserror::Error;
 
+use crate::at::At;
 use crate::join::RowReject;
-use crate::measured_table::{ColumnError, MeasuredTableError};
+use crate::measured_table::{ColumnError, MeasuredTableErrorKind};
 
-/// Why a table gives no stations.
-#[derive(Debug, Error)]
-pub enum StationTableError {
-    /// The file cannot be read as a table.
-    #[error(transparent)]
-    Table(Box<MeasuredTableError>),
-    /// Its columns or rows are not those that the pipeline file names.
-    #[error("{}: {kind}", path.display())]
-    Stations { path: PathBuf, kind: Box<StationTableErrorKind> },
-}
+/// Why a table gives no stations, and its file.
+pub type StationTableError = At<StationTableErrorKind>;
 
-/// The fault in a table's columns or rows.
+/// The fault in a file, or in a table's columns or rows.
 #[derive(Debug, Error)]
 pub enum StationTableErrorKind {
+    /// The file cannot be read as a table.
+    #[error(transparent)]
+    Table(#[from] MeasuredTableErrorKind),
     /// A column that the table does not have, or has twice.
     #[error(
         "[stations] {key} = {value:?}: {source}; `posegrid inspect` shows the columns and suggests the section"
@@ -58,11 +52,6 @@ pub enum StationTableErrorKind {
 }
 
 impl StationTableErrorKind {
-    /// The error of the file at `path`.
-    pub(super) fn at(self, path: &Path) -> StationTableError {
-        StationTableError::Stations { path: path.to_owned(), kind: Box::new(self) }
-    }
-
     /// The error of a table without a usable row, by the first one that was left out.
     pub(super) fn nothing(rows: usize, first: Option<&RowReject>) -> Self {
         first.map_or(Self::NoRows, |first| Self::NothingKept {

@@ -7,6 +7,7 @@ use parquet::errors::ParquetError;
 use thiserror::Error;
 
 use super::used_with::option;
+use crate::at::At;
 use crate::cli::folder_given::FolderGiven;
 use crate::compensation::Exception;
 use crate::compensation::validity::Outside;
@@ -101,13 +102,8 @@ pub enum CompensateCommandError {
         source: Box<LakeError>,
     },
     /// The digest of the file of targets cannot be computed.
-    #[error("cannot read {}: {source}", path.display())]
-    Digest {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
+    #[error("cannot read {0}")]
+    Digest(At<io::Error>),
     /// A table that does not meet its tolerance, or was not shown to.
     #[error(
         "{}: this {what} {}, so nothing is corrected with it; why stands in table runs (reason) and on the page of run {run}: \
@@ -273,7 +269,7 @@ impl CompensateCommandError {
             | Self::Again(_)
             | Self::Unreadable { .. }
             | Self::Records(_)
-            | Self::Digest { .. }
+            | Self::Digest(_)
             | Self::OnlyFromKrl { .. }
             | Self::Status { .. }
             | Self::Exists(_) => 2,

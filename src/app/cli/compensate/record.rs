@@ -12,6 +12,7 @@ use chrono::DateTime;
 use super::error::CorrectedAlready;
 use super::source::Source;
 use super::{CompensateArgs, CompensateCommandError};
+use crate::at::At;
 use crate::compensation::{Corrected, Refused, Target};
 use crate::io::input::{self, Bound};
 use crate::io::lake::{Correction, Lake};
@@ -157,7 +158,7 @@ fn count(number: usize) -> i64 {
 }
 
 fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
-    let wrong = |source| CompensateCommandError::Digest { path: targets.to_owned(), source };
+    let wrong = |source| CompensateCommandError::Digest(At::new(targets.display(), source));
     let bound = Bound { bytes: Bound::TABLE.bytes, ..Bound::TARGETS };
     let file = input::open(targets, bound).map_err(wrong)?;
     Ok(manifest::digest(file).map_err(wrong)?.0)

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::at::At;
 use crate::geometry::PlacementError;
 use crate::io::input::toml_problem;
 use crate::io::lake::LakeError;
@@ -34,12 +35,8 @@ pub enum ConfigurationError {
         source: Box<Self>,
     },
     /// The robot file is no robot file, or its arm is invalid.
-    #[error("{}{}: {source}", robot.display(), source.on_line())]
-    RobotParse {
-        /// The robot file.
-        robot: PathBuf,
-        source: Box<NoRobotFile>,
-    },
+    #[error(transparent)]
+    RobotParse(#[from] Box<At<NoRobotFile>>),
     /// A session is missing or incomplete.
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
     Session {

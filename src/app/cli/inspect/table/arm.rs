@@ -5,6 +5,7 @@ use std::path::Path;
 
 use thiserror::Error;
 
+use crate::at::At;
 use crate::io::inspect::table::Arms;
 use crate::io::robot::ready::ReadyRobot;
 use crate::io::robot::{self, Selection};
@@ -14,21 +15,11 @@ use crate::pipeline::robot_file::{self, NoRobotFile};
 #[derive(Debug, Error)]
 pub enum NoArm {
     /// The file cannot be read.
-    #[error("--robot {path}: {source}; `posegrid robot --list` names the ready robots")]
-    Read {
-        /// The argument.
-        path: String,
-        /// The system's error.
-        source: io::Error,
-    },
+    #[error("--robot {0}; `posegrid robot --list` names the ready robots")]
+    Read(At<io::Error>),
     /// It is no robot file.
-    #[error("--robot {path}{}: {source}", source.on_line())]
-    File {
-        /// The argument.
-        path: String,
-        /// The fault.
-        source: Box<NoRobotFile>,
-    },
+    #[error("--robot {0}")]
+    File(#[from] Box<At<NoRobotFile>>),
 }
 
 /// The arm that was named, or the ready ones.
@@ -36,18 +27,13 @@ pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> 
     let Some(path) = robot else {
         return Ok(Arms::ready());
     };
-    let named = path.display().to_string();
     let ready = path.to_str().and_then(ReadyRobot::find);
     let (file, text) = match (robot::text(path), ready) {
-        (Ok(text), _) => (named.clone(), text),
+        (Ok(text), _) => (path.display().to_string(), text),
         (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
             (robot.file.to_owned(), robot.text.to_owned())
         }
-        (Err(source), _) => {
-            return Err(NoArm::Read { path: named, source });
-        }
+        (Err(source), _) => return Err(NoArm::Read(At::new(path.display(), source))),
     };
-    let arm = robot_file::arm(path, &text, selection);
-    let arm = arm.map_err(|source| NoArm::File { path: named, source: Box::new(source) })?;
-    Ok(Arms::named(file, arm))
+    Ok(Arms::named(file, robot_file::arm(path, &text, selection)?))
 }

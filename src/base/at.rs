@@ -1,0 +1,20 @@
+//! A fault, and where it is.
+
+use std::fmt::Display;
+
+use thiserror::Error;
+
+/// A fault that does not say where it is, and the place.
+#[derive(Debug, Error)]
+#[error("{place}: {kind}")]
+pub struct At<K: Display> {
+    /// Path or name of the file, with the line, column or part where one is known.
+    pub place: String,
+    pub kind: K,
+}
+
+impl<K: Display> At<K> {
+    pub fn new(place: impl Display, kind: impl Into<K>) -> Self {
+        Self { place: place.to_string(), kind: kind.into() }
+    }
+}
