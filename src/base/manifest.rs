@@ -118,6 +118,25 @@ pub fn canonical(settings: &impl Serialize) -> Result<String, ManifestError> {
 }
 
 impl Work {
+    /// The work of a stage whose result later runs start from.
+    pub fn of_stage(
+        robot: &str,
+        session: &str,
+        sessions: Vec<String>,
+        inputs: Vec<Input>,
+        settings: String,
+    ) -> Self {
+        Self {
+            robot: robot.to_owned(),
+            session: session.to_owned(),
+            pipeline: String::new(),
+            sessions,
+            test_sessions: Vec::new(),
+            inputs,
+            settings,
+        }
+    }
+
     /// BLAKE3 of its settings, hexadecimal.
     pub fn settings_digest(&self) -> String {
         blake3::hash(self.settings.as_bytes()).to_hex().to_string()

@@ -9,8 +9,7 @@
 //!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
 //! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
-//! ([`Lake::start_joined`]): runs start from it. An estimate exists by its row in `estimates` ([`Lake::start_estimate`]), its
-//! grids by theirs in `grids` ([`Lake::start_grids`]).
+//! ([`Lake::start_in`]): runs start from it. An estimate exists by its row in `estimates`, its grids by theirs in `grids`.
 //!
 //! The lake also holds the requests that changed the current run of a session ([`Lake::ask`]), and records of the files corrected with its
 //! tables ([`Correction`]); and beside the tables, as no part of them, what
@@ -148,25 +147,15 @@ impl Lake {
 
     /// Begins a run; `None` when the lake has it.
     pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
-        self.begin(RUNS, key)
+        self.start_in(RUNS, key)
     }
 
-    /// Begins the result of ingest and join of a session; `None` when the lake has it.
-    pub fn start_joined(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
-        self.begin(JOINED, key)
-    }
-
-    /// Begins an estimate; `None` when the lake has it.
-    pub fn start_estimate(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
-        self.begin(ESTIMATES, key)
-    }
-
-    /// Begins the grids of an estimate; `None` when the lake has them.
-    pub fn start_grids(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
-        self.begin(GRIDS, key)
-    }
-
-    fn begin(&self, rows: &'static str, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+    /// Begins what a row of the table `rows` makes exist ([`JOINED`], [`ESTIMATES`], [`GRIDS`]); `None` when the lake has it.
+    pub fn start_in(
+        &self,
+        rows: &'static str,
+        key: &RunKey,
+    ) -> Result<Option<OpenRun<'_>>, LakeError> {
         Ok((!self.has(rows, key)?).then(|| OpenRun::new(self, key, rows)))
     }
 

@@ -38,6 +38,7 @@ pub mod sampling_plan;
 pub mod scales;
 pub mod semivariograms;
 pub mod sources;
+pub mod stage_results;
 pub mod stations;
 pub mod validity;
 pub mod words;

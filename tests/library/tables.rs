@@ -10,7 +10,9 @@ use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch
 use parquet::arrow::ArrowWriter;
 use posegrid::geometry::PoseCovariance;
 use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
-use posegrid::io::lake::{ASKED, CORRECTIONS, Commit, Correction, Lake, OpenRun, rows_of};
+use posegrid::io::lake::{
+    ASKED, CORRECTIONS, Commit, Correction, ESTIMATES, GRIDS, JOINED, Lake, OpenRun, rows_of,
+};
 use posegrid::io::log::JointSink as _;
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::store::Listed;
@@ -115,7 +117,7 @@ fn published() -> impl Iterator<Item = &'static TableSchema> {
 
 /// Writes a sample of a session as joined.
 fn write_joined(lake: &Lake, key: &RunKey) {
-    let open = lake.start_joined(key).unwrap();
+    let open = lake.start_in(JOINED, key).unwrap();
     let mut open = open.expect("the lake is new");
     let readings = schema::find("readings").unwrap();
     open.publish(&sample(readings, key)).unwrap();
@@ -144,7 +146,7 @@ fn write_joined(lake: &Lake, key: &RunKey) {
 
 /// Writes a sample of an estimate.
 fn write_estimate(lake: &Lake, key: &RunKey) {
-    let open = lake.start_estimate(key).unwrap();
+    let open = lake.start_in(ESTIMATES, key).unwrap();
     let mut open = open.expect("the lake is new");
     let residuals = schema::find("estimate_residuals").unwrap();
     open.publish(&sample(residuals, key)).unwrap();
@@ -172,7 +174,7 @@ fn write_estimate(lake: &Lake, key: &RunKey) {
 
 /// Writes a sample of grids.
 fn write_grids(lake: &Lake, key: &RunKey) {
-    let open = lake.start_grids(key).unwrap();
+    let open = lake.start_in(GRIDS, key).unwrap();
     let mut open = open.expect("the lake is new");
     let errors = schema::find("grid_errors").unwrap();
     open.publish(&sample(errors, key)).unwrap();

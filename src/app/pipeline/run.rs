@@ -43,7 +43,6 @@ use crate::report::compared::Pairs;
 pub use error::RunError;
 use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
-pub(super) use joined::joined_work;
 use joined::{Joiner, Sessions};
 pub use known::Known;
 use publish::publish;

@@ -4,7 +4,7 @@ use std::fs::File;
 
 use rayon::ThreadPoolBuilder;
 
-use super::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RUNS};
+use super::{Lake, LakeError, RUNS};
 use crate::schema;
 use crate::store::{Listed, Place};
 use crate::table::{self, Opened};
@@ -20,22 +20,12 @@ pub type RunRow = (Place, Result<Opened, LakeError>);
 impl Lake {
     /// The rows of all runs, in the order of robot, session and run; one that cannot be read does not stop the others.
     pub fn runs(&self) -> Result<Vec<RunRow>, LakeError> {
-        self.rows(RUNS, RUNS, 2)
+        self.rows_of_all(RUNS)
     }
 
-    /// The rows of all sessions as joined, likewise.
-    pub fn joined_sessions(&self) -> Result<Vec<RunRow>, LakeError> {
-        self.rows(JOINED, JOINED, 2)
-    }
-
-    /// The rows of all estimates, likewise.
-    pub fn estimates(&self) -> Result<Vec<RunRow>, LakeError> {
-        self.rows(ESTIMATES, ESTIMATES, 2)
-    }
-
-    /// The rows of all grids, likewise.
-    pub fn grids(&self) -> Result<Vec<RunRow>, LakeError> {
-        self.rows(GRIDS, GRIDS, 2)
+    /// The rows of all results that this table makes exist, likewise.
+    pub fn rows_of_all(&self, table: &str) -> Result<Vec<RunRow>, LakeError> {
+        self.rows(table, table, 2)
     }
 
     /// The files of the rows of all runs, in the order of robot, session and run; nothing is read.

@@ -1,13 +1,11 @@
 //! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist; `estimate_residuals` has the
 //! errors of its stations.
 
-use thiserror::Error;
-
 use super::PublishError;
 use super::residuals::{self, EstimateResidualRow};
-use super::runs::row_digest;
+use super::stage_results::{self, NotRestored, signed};
 use crate::fit::stored::StoredModels;
-use crate::lake::{Lake, LakeError};
+use crate::lake::Lake;
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::report::ResidualSet;
 use crate::table::{Row as _, Table, row};
@@ -45,32 +43,11 @@ pub struct StoredTrainings {
     pub residuals: Option<Vec<ResidualSet>>,
 }
 
-/// The reason why an estimate cannot be read back.
-#[derive(Debug, Error)]
-pub enum NoEstimate {
-    /// Its table cannot be read.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
-    /// Its row is of a build with other fields.
-    #[error("its models cannot be read: {0}; were they written by another build of this version?")]
-    Json(#[from] serde_json::Error),
-    /// It does not have one row.
-    #[error("its table estimates has {0} rows; an estimate has one")]
-    Rows(usize),
-}
-
 /// The work of an estimate, of which its name follows: the robot file and the sessions as joined that train are its inputs.
 pub fn work(robot: &str, session: &str, inputs: Vec<Input>, settings: String) -> Work {
     let sessions = inputs.iter().filter(|input| input.name != ROBOT);
-    Work {
-        robot: robot.to_owned(),
-        session: session.to_owned(),
-        pipeline: String::new(),
-        sessions: sessions.map(|input| input.name.clone()).collect(),
-        test_sessions: Vec::new(),
-        inputs,
-        settings,
-    }
+    let sessions = sessions.map(|input| input.name.clone()).collect();
+    Work::of_stage(robot, session, sessions, inputs, settings)
 }
 
 /// The inputs of an estimate: a robot file by its digest, sessions by the names of their results.
@@ -105,22 +82,10 @@ pub fn table(
     work: &Work,
     written: &[Written],
 ) -> Result<Table, PublishError> {
-    let row = row(trained, work, written)?;
-    let table = |row: EstimateRow| Ok(EstimateRow::table(vec![row], &work.key())?.table);
-    let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(EstimateRow { row_digest: Some(row_digest(&unsigned?)), ..row })
-}
-
-/// The row without its digest.
-fn row(
-    trained: &StoredTrainings,
-    work: &Work,
-    written: &[Written],
-) -> Result<EstimateRow, PublishError> {
     let (robots, sessions): (Vec<&Input>, Vec<&Input>) =
         work.inputs.iter().partition(|input| input.name == ROBOT);
     let folds = trained.folds.iter().map(serde_json::to_string);
-    Ok(EstimateRow {
+    let row = EstimateRow {
         version: VERSION.to_owned(),
         platform: platform(),
         cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
@@ -136,7 +101,8 @@ fn row(
         table_rows: Some(written.iter().map(|file| file.rows).collect()),
         table_digests: Some(written.iter().map(|file| file.digest.clone()).collect()),
         row_digest: None,
-    })
+    };
+    Ok(signed(&work.key(), row, |row, row_digest| EstimateRow { row_digest, ..row })?)
 }
 
 /// Reads what an estimate trained back from a lake; `targets` are the names of targets, where there are several.
@@ -144,11 +110,8 @@ pub fn restored(
     lake: &Lake,
     key: &RunKey,
     targets: &[String],
-) -> Result<StoredTrainings, NoEstimate> {
-    let rows = EstimateRow::read(&lake.read(EstimateRow::TABLE, key)?);
-    let [row] = &rows[..] else {
-        return Err(NoEstimate::Rows(rows.len()));
-    };
+) -> Result<StoredTrainings, NotRestored> {
+    let row: EstimateRow = stage_results::row(lake, key)?;
     let folds = row.fold_models.iter().map(|own| serde_json::from_str(own));
     Ok(StoredTrainings {
         models: serde_json::from_str(&row.models)?,

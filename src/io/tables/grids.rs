@@ -4,13 +4,12 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use thiserror::Error;
 
 use super::PublishError;
-use super::runs::row_digest;
+use super::stage_results::{self, NotRestored, signed};
 use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
-use crate::lake::{Lake, LakeError};
+use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::table::{Row as _, Table, row};
 
@@ -48,39 +47,10 @@ row! {
     }
 }
 
-/// The reason why grids cannot be read back.
-#[derive(Debug, Error)]
-pub enum NoGrids {
-    /// A table of theirs cannot be read.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
-    /// Their row is of a build with other fields.
-    #[error("their steps cannot be read: {0}; were they written by another build of this version?")]
-    Json(#[from] serde_json::Error),
-    /// They do not have one row.
-    #[error("their table grids has {0} rows; grids have one")]
-    Rows(usize),
-    /// An answer is of none of the steps.
-    #[error(
-        "their table grid_errors has answers of a step of {step_mm} mm that their row does not have"
-    )]
-    OtherStep {
-        /// The step, mm.
-        step_mm: f64,
-    },
-}
-
 /// The work of grids, of which their name follows: the estimate is their input.
 pub fn work(robot: &str, session: &str, estimate: &str, settings: String) -> Work {
-    Work {
-        robot: robot.to_owned(),
-        session: session.to_owned(),
-        pipeline: String::new(),
-        sessions: Vec::new(),
-        test_sessions: Vec::new(),
-        inputs: vec![Input { name: ESTIMATE.to_owned(), bytes: 0, digest: estimate.to_owned() }],
-        settings,
-    }
+    let input = Input { name: ESTIMATE.to_owned(), bytes: 0, digest: estimate.to_owned() };
+    Work::of_stage(robot, session, Vec::new(), vec![input], settings)
 }
 
 /// The table `grid_errors`.
@@ -122,9 +92,7 @@ pub fn table(
         table_digests: written.iter().map(|file| file.digest.clone()).collect(),
         row_digest: None,
     };
-    let table = |row: GridsRow| Ok(GridsRow::table(vec![row], &work.key())?.table);
-    let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(GridsRow { row_digest: Some(row_digest(&unsigned?)), ..row })
+    Ok(signed(&work.key(), row, |row, row_digest| GridsRow { row_digest, ..row })?)
 }
 
 /// The words that identify a step, and its length by its bits.
@@ -136,11 +104,8 @@ fn name(step_mm: f64, source: Source, by: Interpolation, judgement: Judgement) -
 }
 
 /// Reads the steps of grids back from a lake.
-pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NoGrids> {
-    let rows = GridsRow::read(&lake.read(GridsRow::TABLE, key)?);
-    let [row] = &rows[..] else {
-        return Err(NoGrids::Rows(rows.len()));
-    };
+pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NotRestored> {
+    let row: GridsRow = stage_results::row(lake, key)?;
     let mut steps: Vec<StepAnswers> = serde_json::from_str(&row.steps)?;
     let names = steps.iter().enumerate().map(|(place, own)| {
         let name = name(own.step_mm, own.source, own.interpolation, own.judgement);
@@ -149,7 +114,7 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NoGrids> 
     let places: BTreeMap<Name, usize> = names.collect();
     for own in GridErrorRow::read(&lake.read(GridErrorRow::TABLE, key)?) {
         let name = name(own.step_mm, own.source, own.interpolation, own.judgement);
-        let place = places.get(&name).ok_or(NoGrids::OtherStep { step_mm: own.step_mm })?;
+        let place = places.get(&name).ok_or(NotRestored::OtherStep(own.step_mm))?;
         steps[*place].answers.given.push(Answer {
             station: own.station,
             sample: own.sample,

@@ -3,17 +3,16 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use super::PublishError;
 use super::outcome::{DrivenBy, JoinedSession};
-use super::readings::{self, NoStations, ReadingRow};
-use super::runs::row_digest;
+use super::readings::{self, ReadingRow};
+use super::stage_results::{self, NotRestored, signed};
 use crate::ingest::LogReject;
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
-use crate::lake::{Lake, LakeError};
+use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::table::{Row, Rows, Table, row};
 use crate::units::WallTime;
@@ -76,26 +75,9 @@ pub struct Restored {
     pub sampling_plan: Option<String>,
 }
 
-/// The reason why a session as joined cannot be read back.
-#[derive(Debug, Error)]
-pub enum NotRestored {
-    /// Its tables cannot be read.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
-    /// Its row is of a build with other fields.
-    #[error(
-        "its column joined cannot be read: {0}; was it written by another build of this version?"
-    )]
-    Json(#[from] serde_json::Error),
-    /// Its readings are no dwells.
-    #[error("its table readings is damaged: {0}")]
-    Stations(#[from] NoStations),
-    /// It does not have one row.
-    #[error("its table joined_sessions has {0} rows; a session has one")]
-    Rows(usize),
-    /// Lists of different lengths.
-    #[error("its lists of files read differ in length")]
-    Inputs,
+/// The work of ingest and join of one session, of which the name of its result follows.
+pub fn work(robot: &str, session: &str, inputs: Vec<Input>, settings: String) -> Work {
+    Work::of_stage(robot, session, vec![session.to_owned()], inputs, settings)
 }
 
 /// The table `readings` of a session.
@@ -109,20 +91,8 @@ pub fn table(
     work: &Work,
     written: &[Written],
 ) -> Result<Table, PublishError> {
-    let row = row(session, work, written)?;
-    let table = |row: JoinedSessionRow| Ok(JoinedSessionRow::table(vec![row], &work.key())?.table);
-    let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(JoinedSessionRow { row_digest: Some(row_digest(&unsigned?)), ..row })
-}
-
-/// The row without its digest.
-fn row(
-    session: &JoinedSession,
-    work: &Work,
-    written: &[Written],
-) -> Result<JoinedSessionRow, PublishError> {
     let inputs = || work.inputs.iter();
-    Ok(JoinedSessionRow {
+    let row = JoinedSessionRow {
         version: VERSION.to_owned(),
         platform: platform(),
         cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
@@ -139,20 +109,18 @@ fn row(
         table_rows: written.iter().map(|file| file.rows).collect(),
         table_digests: written.iter().map(|file| file.digest.clone()).collect(),
         row_digest: None,
-    })
+    };
+    Ok(signed(&work.key(), row, |row, row_digest| JoinedSessionRow { row_digest, ..row })?)
 }
 
 /// Reads a session as joined back from a lake, the same to the last bit.
 pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
-    let rows = JoinedSessionRow::read(&lake.read(JoinedSessionRow::TABLE, key)?);
-    let [row] = &rows[..] else {
-        return Err(NotRestored::Rows(rows.len()));
-    };
+    let row: JoinedSessionRow = stage_results::row(lake, key)?;
     let stations = ReadingRow::read(&lake.read(ReadingRow::TABLE, key)?);
     let stations = readings::stations(&stations)?;
     let own: AsJoined = serde_json::from_str(&row.joined)?;
     Ok(Restored {
-        inputs: inputs(row).ok_or(NotRestored::Inputs)?,
+        inputs: inputs(&row).ok_or(NotRestored::Inputs)?,
         joined: Joined {
             stations,
             clock: own.clock,

@@ -1,12 +1,13 @@
 //! `runs`: the inputs of a run, the counts of each stage, the files it wrote. Its row makes the run exist.
 
 use super::PublishError;
+use super::stage_results::signed;
 use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
 use crate::manifest::{
     Replaced, RunKey, StageCount, VERSION, Work, Written, cpu_features, platform,
 };
-use crate::table::{Row as _, Table, row};
+use crate::table::{Table, row};
 use crate::units::WallTime;
 
 row! {
@@ -94,10 +95,8 @@ pub fn table(
     ending: &Ending,
 ) -> Result<Table, PublishError> {
     counts.iter().try_for_each(StageCount::check)?;
-    let table = |row: RunRow| Ok(RunRow::table(vec![row], &work.key())?.table);
     let row = row(work, serde_json::to_string(counts)?, written, ending);
-    let unsigned: Result<Table, PublishError> = table(row.clone());
-    table(RunRow { row_digest: Some(row_digest(&unsigned?)), ..row })
+    Ok(signed(&work.key(), row, |row, row_digest| RunRow { row_digest, ..row })?)
 }
 
 /// The row without its digest.

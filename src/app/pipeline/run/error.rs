@@ -8,9 +8,7 @@ use crate::io::lake::LakeError;
 use crate::io::log::LogError;
 use crate::io::station_table::StationTableError;
 use crate::io::tables::PublishError;
-use crate::io::tables::estimates::NoEstimate;
-use crate::io::tables::grids::NoGrids;
-use crate::io::tables::joined_sessions::NotRestored;
+use crate::io::tables::stage_results::NotRestored;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
 use crate::pipeline::configuration::SessionFiles;
@@ -47,43 +45,28 @@ pub enum RunError {
     /// One session of the work cannot be used; a pool may do without it.
     #[error("{source}")]
     OfSession { session: String, source: Box<RunError> },
-    /// An estimate that the lake should have.
+    /// A result of a stage that the lake should have.
     #[error(
-        "session {session}: the lake has no estimate of it by these settings: run it without --from table, or with --until estimate first"
+        "session {session}: the lake has no {what} of it by these settings: run it without --from {from}, or with --until {until} first"
     )]
-    NoEstimate {
+    NoResult {
         /// The session, or `pooled`.
         session: String,
+        what: &'static str,
+        /// The stage that reads it.
+        from: &'static str,
+        /// The stage that makes it.
+        until: &'static str,
     },
-    /// An estimate that cannot be read back.
-    #[error(
-        "session {session}: the estimate {run} cannot be used: {source}; run it without --from table"
-    )]
-    EstimateUnread {
+    /// A result of a stage that cannot be read back.
+    #[error("session {session}: {what} cannot be used: {source}{advice}")]
+    Unread {
         /// The session, or `pooled`.
         session: String,
-        /// The estimate.
-        run: String,
-        source: Box<NoEstimate>,
-    },
-    /// Grids that the lake should have.
-    #[error(
-        "session {session}: the lake has no grids of it by these settings: run it without --from report, or with --until table first"
-    )]
-    NoGrids {
-        /// The session, or `pooled`.
-        session: String,
-    },
-    /// Grids that cannot be read back.
-    #[error(
-        "session {session}: the grids {run} cannot be used: {source}; run it without --from report"
-    )]
-    GridsUnread {
-        /// The session, or `pooled`.
-        session: String,
-        /// The grids.
-        run: String,
-        source: Box<NoGrids>,
+        /// The result with its name.
+        what: String,
+        source: Box<NotRestored>,
+        advice: &'static str,
     },
     /// The robot is named neither in the pipeline file nor in the logs.
     #[error(
@@ -137,16 +120,6 @@ pub enum RunError {
     /// The corrected targets that drove a session cannot be read.
     #[error("session {session}: corrected targets: {source}")]
     Driving { session: String, source: Box<TargetsError> },
-    /// A session as joined cannot be read back.
-    #[error(
-        "session {session}: its result of ingest and join in the lake, {run}, cannot be used: {source}"
-    )]
-    NotRestored {
-        session: String,
-        /// Name of the result.
-        run: String,
-        source: Box<NotRestored>,
-    },
     /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),

@@ -8,7 +8,7 @@ use super::joined::{Joiner, Sessions};
 use super::{EstimateDone, RunError};
 use crate::io::lake::ESTIMATES;
 use crate::io::tables::PublishError;
-use crate::io::tables::estimates::{self, NoEstimate};
+use crate::io::tables::estimates;
 use crate::manifest::{ROBOT, RunKey, Work};
 use crate::pipeline::stages::{self, Estimate, StageError};
 
@@ -67,12 +67,13 @@ impl Estimator<'_> {
         let configuration = self.joiner.configuration;
         let is_all_there_is = configuration.from_estimates;
         if !self.joiner.lake.has(ESTIMATES, key)? {
-            let session = key.session.clone();
-            return if is_all_there_is { Err(RunError::NoEstimate { session }) } else { Ok(None) };
+            let (session, what) = (key.session.clone(), "estimate");
+            let none = RunError::NoResult { session, what, from: "table", until: "estimate" };
+            return if is_all_there_is { Err(none) } else { Ok(None) };
         }
         match self.restored(sessions, key) {
             Ok(estimate) => Ok(Some(estimate)),
-            Err(RunError::EstimateUnread { .. } | RunError::Stage(StageError::Stored(_)))
+            Err(RunError::Unread { .. } | RunError::Stage(StageError::Stored(_)))
                 if !is_all_there_is =>
             {
                 tracing::warn!(
@@ -87,10 +88,11 @@ impl Estimator<'_> {
     }
 
     fn restored(&self, sessions: &Sessions, key: &RunKey) -> Result<Estimate, RunError> {
-        let unread = |source: NoEstimate| RunError::EstimateUnread {
+        let unread = |source| RunError::Unread {
             session: key.session.clone(),
-            run: key.run.clone(),
+            what: format!("the estimate {}", key.run),
             source: Box::new(source),
+            advice: "; run it without --from table",
         };
         let Joiner { configuration, lake, progress, .. } = self.joiner;
         let settings = &configuration.stages;
@@ -104,7 +106,7 @@ impl Estimator<'_> {
     /// Publishes what was trained, and the errors that it leaves, unless the lake has it.
     fn publish(&self, work: &Work, estimate: &Estimate) -> Result<(), PublishError> {
         let key = work.key();
-        let Some(mut open) = self.joiner.lake.start_estimate(&key)? else {
+        let Some(mut open) = self.joiner.lake.start_in(ESTIMATES, &key)? else {
             return Ok(());
         };
         let targets = &self.joiner.configuration.stages.fit.target_names;

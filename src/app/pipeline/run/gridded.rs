@@ -9,8 +9,9 @@ use super::RunError;
 use crate::grid::StepAnswers;
 use crate::io::lake::{GRIDS, Lake};
 use crate::io::tables::PublishError;
-use crate::io::tables::grids::{self, NoGrids};
+use crate::io::tables::grids;
 use crate::io::tables::outcome::Outcome;
+use crate::io::tables::stage_results::NotRestored;
 use crate::manifest::{RunKey, Work};
 use crate::pipeline::configuration::Configuration;
 use crate::pipeline::stages::{self, Estimate};
@@ -54,8 +55,9 @@ impl<'a> Gridder<'a> {
         let is_all_there_is = self.configuration.from_grids;
         let key = self.work.key();
         if !self.is_there()? {
-            let session = key.session;
-            return if is_all_there_is { Err(RunError::NoGrids { session }) } else { Ok(None) };
+            let (session, what) = (key.session, "grids");
+            let none = RunError::NoResult { session, what, from: "report", until: "table" };
+            return if is_all_there_is { Err(none) } else { Ok(None) };
         }
         match grids::restored(self.lake, &key) {
             Ok(steps) => Ok(Some(steps)),
@@ -70,7 +72,7 @@ impl<'a> Gridder<'a> {
     /// Publishes the steps and what they answer, unless the lake has them.
     fn publish(&self, steps: &[StepAnswers]) -> Result<(), PublishError> {
         let key = self.work.key();
-        let Some(mut open) = self.lake.start_grids(&key)? else {
+        let Some(mut open) = self.lake.start_in(GRIDS, &key)? else {
             return Ok(());
         };
         open.publish(&grids::errors(steps, &key)?)?;
@@ -80,6 +82,11 @@ impl<'a> Gridder<'a> {
     }
 }
 
-fn unread(key: RunKey, source: NoGrids) -> RunError {
-    RunError::GridsUnread { session: key.session, run: key.run, source: Box::new(source) }
+fn unread(key: RunKey, source: NotRestored) -> RunError {
+    RunError::Unread {
+        session: key.session,
+        what: format!("the grids {}", key.run),
+        source: Box::new(source),
+        advice: "; run it without --from report",
+    }
 }

@@ -11,8 +11,9 @@ use super::session::{of_joined, session};
 use super::{RunError, SessionDone};
 use crate::io::lake::{JOINED, Lake, OpenRun};
 use crate::io::tables::PublishError;
-use crate::io::tables::joined_sessions::{self, NotRestored};
+use crate::io::tables::joined_sessions;
 use crate::io::tables::outcome::JoinedSession;
+use crate::io::tables::stage_results::NotRestored;
 use crate::manifest::{Input, ROBOT, RunKey, Work};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, WorkPiece};
 use crate::progress::Progress;
@@ -97,7 +98,7 @@ impl<'a> Joiner<'a> {
     fn work_of(&self, files: &SessionFiles) -> Work {
         let is_own =
             |input: &&Input| input.name == ROBOT || is_of_session(&input.name, &files.name);
-        joined_work(
+        joined_sessions::work(
             &self.work.robot,
             &files.name,
             self.work.inputs.iter().filter(is_own).cloned().collect(),
@@ -129,7 +130,7 @@ impl<'a> Joiner<'a> {
     /// Publishes a session as joined, unless the lake has it.
     fn publish(&self, work: &Work, session: &JoinedSession) -> Result<(), PublishError> {
         let key = work.key();
-        let Some(mut open) = self.lake.start_joined(&key)? else {
+        let Some(mut open) = self.lake.start_in(JOINED, &key)? else {
             return Ok(());
         };
         open.publish(&joined_sessions::readings(session, &key)?.table)?;
@@ -139,28 +140,11 @@ impl<'a> Joiner<'a> {
     }
 }
 
-/// Ingest and join of one session as work of its own, of which the name of its result follows.
-pub(in crate::pipeline) fn joined_work(
-    robot: &str,
-    session: &str,
-    inputs: Vec<Input>,
-    settings: String,
-) -> Work {
-    Work {
-        robot: robot.to_owned(),
-        session: session.to_owned(),
-        pipeline: String::new(),
-        sessions: vec![session.to_owned()],
-        test_sessions: Vec::new(),
-        inputs,
-        settings,
-    }
-}
-
 fn unreadable(files: &SessionFiles, key: &RunKey, source: NotRestored) -> RunError {
-    RunError::NotRestored {
+    RunError::Unread {
         session: files.name.clone(),
-        run: key.run.clone(),
+        what: format!("its result of ingest and join in the lake, {},", key.run),
         source: Box::new(source),
+        advice: "",
     }
 }

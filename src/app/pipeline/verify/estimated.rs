@@ -30,7 +30,7 @@ pub fn estimates(
     shown: &BTreeSet<String>,
     progress: &dyn Progress,
 ) -> Result<Vec<StageVerified>, LakeError> {
-    each(lake.estimates()?, names, |place, key, table| {
+    each(lake.rows_of_all(ESTIMATES)?, names, |place, key, table| {
         let Some(row) = EstimateRow::read(table).pop() else {
             return Ok((Vec::new(), None));
         };

@@ -27,7 +27,7 @@ pub fn grids(
     shown: &BTreeSet<String>,
     progress: &dyn Progress,
 ) -> Result<Vec<StageVerified>, LakeError> {
-    each(lake.grids()?, names, |place, key, table| {
+    each(lake.rows_of_all(GRIDS)?, names, |place, key, table| {
         let Some(row) = GridsRow::read(table).pop() else {
             return Ok((Vec::new(), None));
         };

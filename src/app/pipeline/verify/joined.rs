@@ -7,11 +7,11 @@ use super::stage::{Anew, StageVerified, Stated, compared, each, of_file};
 use crate::io::lake::{JOINED, Lake, LakeError};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
-use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
+use crate::io::tables::joined_sessions::{self, JoinedSessionRow, inputs};
 use crate::io::tables::readings::ReadingRow;
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::{Configuration, Overrides, WorkPiece};
-use crate::pipeline::run::{join_session, joined_work};
+use crate::pipeline::run::join_session;
 use crate::progress::Progress;
 
 /// Verifies the sessions as joined of these names, of sessions or results; of all where there are none.
@@ -21,7 +21,7 @@ pub fn joined(
     names: &[String],
     progress: &dyn Progress,
 ) -> Result<Vec<StageVerified>, LakeError> {
-    each(lake.joined_sessions()?, names, |place, key, table| {
+    each(lake.rows_of_all(JOINED)?, names, |place, key, table| {
         let Some(row) = JoinedSessionRow::read(table).pop() else {
             return Ok((Vec::new(), None));
         };
@@ -34,7 +34,7 @@ pub fn joined(
             place,
             key,
             row: table,
-            work: joined_work(&key.robot, &key.session, inputs, row.settings.clone()),
+            work: joined_sessions::work(&key.robot, &key.session, inputs, row.settings.clone()),
             version: &row.version,
             settings_digest: &row.settings_digest,
             row_digest: row.row_digest.as_ref(),

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::found::Session;
 use super::{JoinedBefore, LeftOut, Recorded, Why};
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::{JOINED, Lake, LakeError};
 use crate::io::table::Row as _;
 use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION};
@@ -38,7 +38,7 @@ pub(super) fn sessions(
 ) -> Result<(Vec<Session>, Vec<LeftOut>), LakeError> {
     let mut by_name: BTreeMap<String, Vec<Before>> = BTreeMap::new();
     let mut left_out = Vec::new();
-    for (place, row) in lake.joined_sessions()? {
+    for (place, row) in lake.rows_of_all(JOINED)? {
         let named = place.named();
         let table = row.and_then(|row| Ok(row.believed(&named)?));
         let before = table.map_err(|error| error.to_string()).and_then(|table| {

@@ -51,10 +51,10 @@ impl Known {
             }
         }
         let joined = [JOINED, ReadingRow::TABLE];
-        known.add(lake, lake.joined_sessions()?, joined)?;
+        known.add(lake, lake.rows_of_all(JOINED)?, joined)?;
         let estimates = [ESTIMATES, EstimateResidualRow::TABLE];
-        known.add(lake, lake.estimates()?, estimates)?;
-        known.add(lake, lake.grids()?, [GRIDS, GridErrorRow::TABLE])?;
+        known.add(lake, lake.rows_of_all(ESTIMATES)?, estimates)?;
+        known.add(lake, lake.rows_of_all(GRIDS)?, [GRIDS, GridErrorRow::TABLE])?;
         for key in &selected.unread {
             known.unread.extend(of_row(key));
             known.unread_rows.insert(key.clone());

@@ -1,0 +1,48 @@
+//! What tables have in common whose one row makes a result exist: `runs`, `joined_sessions`, `estimates`, `grids`.
+
+use thiserror::Error;
+
+use super::readings::NoStations;
+use super::runs::row_digest;
+use crate::lake::{Lake, LakeError};
+use crate::manifest::RunKey;
+use crate::table::{Row, Table, TableError};
+
+/// The reason why the result of a stage cannot be read back.
+#[derive(Debug, Error)]
+pub enum NotRestored {
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// Its row is of a build with other fields.
+    #[error("its row cannot be read: {0}; was it written by another build of this version?")]
+    Json(#[from] serde_json::Error),
+    #[error("its table {table} has {rows} rows; a result has one")]
+    Rows { table: &'static str, rows: usize },
+    /// The readings of a session are no dwells.
+    #[error("its table readings is damaged: {0}")]
+    Stations(#[from] NoStations),
+    /// Lists of different lengths.
+    #[error("its lists of files read differ in length")]
+    Inputs,
+    /// An answer is of none of the steps: the step, mm.
+    #[error("its table grid_errors has answers of a step of {0} mm that its row does not have")]
+    OtherStep(f64),
+}
+
+/// The table of a row, with the digest that `signed` puts into it.
+pub(super) fn signed<R: Row + Clone>(
+    key: &RunKey,
+    row: R,
+    signed: impl Fn(R, Option<String>) -> R,
+) -> Result<Table, TableError> {
+    let unsigned = R::table(vec![row.clone()], key)?.table;
+    Ok(R::table(vec![signed(row, Some(row_digest(&unsigned)))], key)?.table)
+}
+
+/// The one row of a result in a lake.
+pub(super) fn row<R: Row>(lake: &Lake, key: &RunKey) -> Result<R, NotRestored> {
+    let rows = R::read(&lake.read(R::TABLE, key)?);
+    let several = |rows: Vec<R>| NotRestored::Rows { table: R::TABLE, rows: rows.len() };
+    let [row] = rows.try_into().map_err(several)?;
+    Ok(row)
+}
