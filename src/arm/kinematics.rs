@@ -19,7 +19,6 @@
 
 pub mod arm;
 mod arm_error;
-mod arm_text;
 mod axes;
 pub mod batch;
 pub mod chain;

@@ -6,12 +6,15 @@ use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
 
 use super::arm_error::ArmError;
-use super::arm_text::ArmText;
 use super::chain::Chain;
 use super::convention::Convention;
 use super::parameter::{LinkQuantity, Parameter};
 use super::twist::Twist;
 use crate::geometry::{Base, Flange, Transform};
+
+mod text;
+
+use text::ArmText;
 
 /// One joint: its name in the controller and its limits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -3,14 +3,9 @@
 use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
 
-use super::arm::{Arm, Joint};
-use super::arm_error::ArmError;
-use super::chain::{Chain, Element};
-use super::convention::Convention;
-use super::motion::Motion;
-use super::named;
-use super::parameter::Parameter;
+use super::{Arm, Joint};
 use crate::geometry::saved;
+use crate::kinematics::{ArmError, Chain, Convention, Element, Motion, Parameter, named};
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
