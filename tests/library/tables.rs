@@ -461,7 +461,7 @@ const MOUNTED: &str = "POSEGRID_TEST_MOUNTED_LAKE";
 fn run_in_mount(test: &str, prepare: &str) {
     let folder = tempfile::tempdir().unwrap();
     let script = format!(
-        "mount -t tmpfs -o size=64k tmpfs \"$1\" && {prepare} && exec \"$2\" --exact {test} --nocapture"
+        "mount -t tmpfs -o size=64k tmpfs \"$1\" && {prepare} && exec \"$2\" --exact tables::{test} --nocapture"
     );
     let output = Command::new("unshare")
         .args(["-rm", "sh", "-c", &script, "sh"])
