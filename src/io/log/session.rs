@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn a_file_on_both_sides_is_read_once() {
         let path = Path::new("Cargo.toml");
-        let other = Path::new("src/../Cargo.toml");
+        let other = Path::new("log/../Cargo.toml");
         let files = SessionLogs::of_two(path, other).files();
         assert_eq!(files.len(), 1);
         assert_eq!(files[0].role(), "log");
