@@ -52,7 +52,7 @@ pub const READER_GONE: u8 = 128 + 13;
 /// From a robot controller's log and a laser tracker's log to identified errors, error-similarity grids and a
 /// compensation table.
 #[derive(Debug, Parser)]
-#[command(version, propagate_version = true, after_help = EXIT_CODES)]
+#[command(name = "posegrid", version, propagate_version = true, after_help = EXIT_CODES)]
 struct Arguments {
     /// Format of the messages on stderr
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
