@@ -104,7 +104,7 @@ impl Simulated {
     }
 
     /// Readings of these reflectors ([`Self::readings_with`]) as of a tracker that measures one after another in each dwell, in the order
-    /// of [`Self::turns`]: of each the readings in its own part of the dwell, and none while the arm moves or the beam goes from one to
+    /// of `Self::turns`: of each the readings in its own part of the dwell, and none while the arm moves or the beam goes from one to
     /// the next.
     pub fn readings_in_turn(&self, beside: &[Vector3<f64>]) -> Vec<TargetReadings> {
         let clock = self.truth.clock_model();
