@@ -1,7 +1,7 @@
 //! Logs, messages, pipeline files and robot files, changed at random (`tests/common/fuzz.rs`).
 //!
 //! `POSEGRID_FUZZ_SECONDS=600 cargo test --release --test logs fuzz::` takes ten minutes for each target; targets and
-//! tables that somebody gives are fuzzed in `tests/compensate`.
+//! tables that somebody gives are fuzzed in `tests/run/compensate`.
 //!
 //! Long runs so far, all clean (on two busy cores; seconds, thousands of inputs): `log_file` 420, 691; `log_file_in_zstd`
 //! 420, 782; `schema_and_message` 300, 970; `pipeline_file` 450, 85; `robot_file` 450, 43.

@@ -28,7 +28,7 @@ import pyarrow.parquet
 # What a run is known by, and what follows from the build: not values of the work.
 OF_THE_BUILD = {
     "run", "version", "platform", "cpu_features", "settings", "settings_digest", "table_digests", "replaces",
-    "replaced_row_digest", "row_digest", "made_of", "session_runs", "estimate", "grids",
+    "replaced_row_digest", "row_digest", "made_of", "session_runs", "estimate", "grids", "table_id",
 }
 # Names of columns before -> after, as "table.column".
 RENAMED = {
@@ -81,8 +81,8 @@ def files(lake):
 
 
 def without_run(text):
-    """A page without what names its run: hexadecimal names and digests."""
-    return re.sub(r"\b[0-9a-f]{8,64}\b", "#", text)
+    """A page without what names its run and build: hexadecimal names, digests and the version."""
+    return re.sub(r"\b[0-9a-f]{8,64}\b|(?<=posegrid )\d+\.\d+\.\d+|(?<=>)\d+\.\d+\.\d+(?=</dd>)", "#", text)
 
 
 def column_after(table, name):

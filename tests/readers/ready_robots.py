@@ -7,7 +7,7 @@ For each file, at zero, at its home pose and at 200 random poses within its limi
 2. the flange by the joint origins and axes of a description (URDF: origin, roll-pitch-yaw, axis), the numbers below;
 3. where there is one, the flange by a second source: a table in modified DH of another hand.
 The largest differences in position and orientation are printed, and the limits are compared; so are the flanges of
-tests/kinematics/urdf_flanges.csv, which posegrid's own kinematics is tested with. The exit code is 1 where a position is off by more
+tests/library/kinematics/urdf_flanges.csv, which posegrid's own kinematics is tested with. The exit code is 1 where a position is off by more
 than 1e-5 mm or an orientation by more than 2e-6 rad, or by more than what is stated below of that source; where a limit is
 another; where a file has no entry below; or where README.md beside the files does not list it.
 --self-test also changes each number of each file by little, one at a time, and asks that every change is noticed.
@@ -832,7 +832,7 @@ def main():
             print(f"{path.name}: not in the table of {options.robots / 'README.md'}")
             wrong += 1
     if not options.table:
-        found, rows = wrong_rows(ROOT / "tests" / "kinematics" / "urdf_flanges.csv")
+        found, rows = wrong_rows(ROOT / "tests/library/kinematics/urdf_flanges.csv")
         print("\n".join([*found, f"urdf_flanges.csv: {rows} flanges"]))
         wrong += len(found)
     if options.self_test:

@@ -1,5 +1,5 @@
 //! stdout or stderr that refuses what is written: without messages work goes on, and results that reach nobody are told by the
-//! exit code. Each call of `write` in turn is refused in `tests/faults/unwritable.rs`.
+//! exit code. Each call of `write` in turn is refused in `tests/run/faults/unwritable.rs`.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};

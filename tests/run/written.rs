@@ -33,9 +33,9 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     (
         "corrected_targets.refused",
         &["refused_node", "branches", "no_convergence", "too_large"],
-        "tests/compensate/main.rs and src/compensation/tests.rs: tables made for it, with a hole, with a jump and with a smaller largest error",
+        "tests/run/compensate.rs and src/numerics/compensation/tests.rs: tables made for it, with a hole, with a jump and with a smaller largest error",
     ),
-    ("joint_errors.joint_unit", &["mm"], "tests/any_arm.rs: an arm on a track"),
+    ("joint_errors.joint_unit", &["mm"], "tests/run/any_arm.rs: an arm on a track"),
     (
         "rejects.kind",
         &["rows", "references"],
@@ -64,7 +64,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     (
         "drift.verdict",
         &["small"],
-        "tests/history: nothing moved significantly and by less than counts between these sessions",
+        "tests/run/history: nothing moved significantly and by less than counts between these sessions",
     ),
     (
         "runs.verdict_of",
@@ -191,7 +191,7 @@ const NULL_IN_EVERY_RUN: &[(&str, &str)] = &[
     ("stations.stated_", NO_COVARIANCE),
 ];
 const OF_TABLES: &str = "tests/run/tabled/references.rs: these cells have logs, and references are of tables of stations";
-const ALL_TURN: &str = "every joint of these arms turns; tests/any_arm.rs has one that slides";
+const ALL_TURN: &str = "every joint of these arms turns; tests/run/any_arm.rs has one that slides";
 const NO_LENGTHS: &str = "tests/run/lengths.rs: these cells have a tracker alone, and these are of instruments of one length";
 const NO_COVARIANCE: &str = "the simulated tracker states none; tests/covariances.rs has them from logs and tables to the fit";
 

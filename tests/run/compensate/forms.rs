@@ -158,7 +158,7 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
     );
     let csv = fs::read_to_string(cell.path("out.dat.corrections.csv")).unwrap();
     assert_eq!(field(&csv, "XP1", "correction_x_mm"), "-1.299401");
-    // The surveyed base counts: tests/compensate/main.rs has the sum.
+    // The surveyed base counts: tests/run/compensate.rs has the sum.
     assert_eq!(field(&csv, "XP1", "correction_sd_x_mm"), "0.029357");
     assert_eq!(field(&csv, "XP2", "refused"), "configuration");
     assert!(field(&csv, "XP3", "reason").contains("beyond the table's box"));
