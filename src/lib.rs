@@ -44,7 +44,7 @@
 //!
 //! | crate | modules | what it knows |
 //! |---|---|---|
-//! | `base` | [`units`], [`linalg`], [`figures`], [`progress`], [`manifest`] | units, stamps, matrices, figures of samples, provenance |
+//! | `base` | [`units`], [`linalg`], [`figures`], [`at`], [`progress`], [`manifest`] | units, stamps, matrices, figures of samples, provenance |
 //! | `arm` | [`geometry`], [`kinematics`] | frames and chains |
 //! | `numerics` | the stages above, [`simulate`], [`plan`], [`history`], [`method`] | a stage uses those before it in the order of the data |
 //! | `io` | [`io`] | logs, messages, station tables, targets, robot files, Parquet tables, schemas, the lake |

@@ -16,6 +16,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("linalg", ""),
     ("figures", ""),
     ("progress", ""),
+    ("at", ""),
     // The stages, in the order of the data.
     ("ingest", "geometry units"),
     ("join", "figures geometry ingest kinematics units"),
@@ -32,18 +33,18 @@ const MAY_USE: &[(&str, &str)] = &[
     ("manifest", ""),
     (
         "io",
-        "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
+        "at compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
     ),
     ("page", "figures fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
-        "compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
+        "at compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
          setup similarity simulate units",
     ),
     (
         "cli",
-        "compensation geometry grid history ingest io kinematics manifest pipeline plan progress simulate units",
+        "at compensation geometry grid history ingest io kinematics manifest pipeline plan progress simulate units",
     ),
 ];
 

@@ -1,6 +1,7 @@
 //! `runs`: the inputs of a run, the counts of each stage, the files it wrote. Its row makes the run exist.
 
 use super::PublishError;
+pub use super::stage_results::row_digest;
 use super::stage_results::signed;
 use super::words::{TableVerdict, VerdictOf};
 use crate::figures::Counted;
@@ -80,11 +81,6 @@ pub struct Ending {
     pub grids: Option<String>,
     /// The run that this one takes the place of.
     pub replaces: Option<Replaced>,
-}
-
-/// BLAKE3 of the content of a row of `runs`, hexadecimal: of all its columns except the one that holds this digest.
-pub fn row_digest(row: &Table) -> String {
-    row.digest_without(&["row_digest"])
 }
 
 /// The table of the run's row.

@@ -3,7 +3,6 @@
 use thiserror::Error;
 
 use super::readings::NoStations;
-use super::runs::row_digest;
 use crate::lake::{Lake, LakeError};
 use crate::manifest::RunKey;
 use crate::table::{Row, Table, TableError};
@@ -27,6 +26,11 @@ pub enum NotRestored {
     /// An answer is of none of the steps: the step, mm.
     #[error("its table grid_errors has answers of a step of {0} mm that its row does not have")]
     OtherStep(f64),
+}
+
+/// BLAKE3 of the content of such a row, hexadecimal: of all its columns except the one that holds this digest.
+pub fn row_digest(row: &Table) -> String {
+    row.digest_without(&["row_digest"])
 }
 
 /// The table of a row, with the digest that `signed` puts into it.

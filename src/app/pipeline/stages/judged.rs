@@ -117,13 +117,13 @@ pub(super) fn sessions_left_out(
         (0..training.len()).filter(|&place| is_of_now(observed, place, settings)).collect();
     progress.begin("sessions left out", of_now.len() as u64);
     let judge = |nth: usize| {
-        let (place, session) = (of_now[nth], &training[of_now[nth]]);
+        let place = of_now[nth];
         let train = observed.without_session(place);
         let models = fit::models::train(arm, &train, others, settings)?;
         let own = observed.own(place);
+        let stations = Stations { session: &training[place].name, observations: &own };
         progress.advance(1);
-        let judged = judged_apart(arm, &models, (session, &own), settings, locate)?;
-        Ok(judged)
+        Ok(judged_apart(arm, &models, stations, settings, locate)?)
     };
     let judged: Result<Vec<_>, FitError> = side_by_side(of_now.len(), observed.all.len(), judge);
     progress.end();
@@ -134,14 +134,13 @@ pub(super) fn sessions_left_out(
 fn judged_apart(
     arm: &Arm,
     models: &Models,
-    (session, observations): (&JoinedSession, &[Observation]),
+    stations: Stations<'_>,
     settings: &TrainingSettings<'_>,
     locate: Locate,
 ) -> Result<Vec<ResidualSet>, SeveralSources> {
     let locate = Locate { target: LocateTarget::Own, ..locate };
-    let stations = Stations { session: &session.name, observations };
     let locator = Locator::new(models, arm, locate, settings);
-    let located = locator.located(models, observations);
+    let located = locator.located(models, stations.observations);
     unseen::unseen_session(models, stations, &locator, &located)
 }
 
