@@ -109,8 +109,6 @@ pub struct Configuration {
     pub sampling_plan: Option<String>,
 }
 
-impl Configuration {}
-
 /// The reading of what sessions were recorded as.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reads {

@@ -148,15 +148,7 @@ mod tests {
     use super::*;
 
     fn work() -> Work {
-        Work {
-            robot: "ur10".to_owned(),
-            session: "grid".to_owned(),
-            pipeline: "nightly".to_owned(),
-            sessions: vec!["grid".to_owned()],
-            test_sessions: Vec::new(),
-            inputs: Vec::new(),
-            settings: "{}".to_owned(),
-        }
+        Work::of_stage("ur10", "grid", vec!["grid".to_owned()], Vec::new(), "{}".to_owned())
     }
 
     #[test]
