@@ -23,6 +23,7 @@
 //! | [`compensation`] | a table or the identified arm, target poses | commands, or reasons why there are none |
 //! | [`report`] | models and stations that judge them | residuals, accuracy figures, charts |
 //!
+//! [`judgement`] calls the stages from [`fit`] to [`report`], and has the models judged by stations that did not train them.
 //! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
 //!
@@ -46,7 +47,7 @@
 //! |---|---|---|
 //! | `base` | [`units`], [`linalg`], [`figures`], [`at`], [`progress`], [`manifest`] | units, stamps, matrices, figures of samples, provenance |
 //! | `arm` | [`geometry`], [`kinematics`] | frames and chains |
-//! | `numerics` | the stages above, [`simulate`], [`plan`], [`history`], [`method`] | a stage uses those before it in the order of the data |
+//! | `numerics` | the stages above, [`judgement`], [`simulate`], [`plan`], [`history`], [`method`] | a stage uses those before it in the order of the data |
 //! | `io` | [`io`] | logs, messages, station tables, targets, robot files, Parquet tables, schemas, the lake |
 //! | `app` | [`page`], [`pipeline`], [`cli`] | rows become pages, a pipeline file becomes runs, arguments become exit codes |
 //!
@@ -90,8 +91,8 @@ pub use posegrid_arm::{geometry, kinematics};
 pub use posegrid_base::{at, figures, linalg, manifest, progress, units};
 pub use posegrid_io as io;
 pub use posegrid_numerics::{
-    compensation, fit, grid, history, ingest, join, method, plan, report, setup, similarity,
-    simulate,
+    compensation, fit, grid, history, ingest, join, judgement, method, plan, report, setup,
+    similarity, simulate,
 };
 
 pub mod guide;

@@ -12,5 +12,6 @@ use posegrid_arm::{geometry, kinematics};
 use posegrid_base::{at, figures, manifest, progress, units};
 use posegrid_io as io;
 use posegrid_numerics::{
-    compensation, fit, grid, history, ingest, join, plan, report, setup, similarity, simulate,
+    compensation, fit, grid, history, ingest, join, judgement, plan, report, setup, similarity,
+    simulate,
 };

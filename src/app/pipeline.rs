@@ -15,7 +15,6 @@ mod promise;
 pub mod robot_entry;
 pub mod robot_file;
 pub mod run;
-pub mod stages;
 pub mod summary;
 pub mod tasks;
 pub mod verify;

@@ -26,5 +26,5 @@ pub mod whole_file;
 use posegrid_arm::{geometry, kinematics};
 use posegrid_base::{at, figures, manifest, progress, units};
 use posegrid_numerics::{
-    compensation, fit, grid, history, ingest, join, plan, report, setup, similarity,
+    compensation, fit, grid, history, ingest, join, judgement, plan, report, setup, similarity,
 };

@@ -7,6 +7,7 @@ pub mod grid;
 pub mod history;
 pub mod ingest;
 pub mod join;
+pub mod judgement;
 pub mod method;
 pub mod plan;
 pub mod report;
@@ -16,4 +17,4 @@ pub mod simulate;
 
 // Names of the crates below, as if they were modules here.
 use posegrid_arm::{geometry, kinematics};
-use posegrid_base::{figures, linalg, progress, units};
+use posegrid_base::{figures, linalg, manifest, progress, units};

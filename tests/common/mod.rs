@@ -21,11 +21,11 @@ use posegrid::ingest::{
 };
 use posegrid::io::log::{Limits, SessionLogs, SessionRead, read_session};
 use posegrid::io::log_writer::{write_controller_log, write_tracker_log};
-use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::{
     Command, JoinSettings, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Value, join,
 };
+use posegrid::judgement::JoinedSession;
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::progress::Quiet;
 use posegrid::units::Stamp;

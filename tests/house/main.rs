@@ -26,6 +26,10 @@ const MAY_USE: &[(&str, &str)] = &[
     ("grid", "figures fit join kinematics progress"),
     ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join kinematics units"),
+    (
+        "judgement",
+        "figures fit geometry grid ingest join kinematics manifest progress report setup similarity units",
+    ),
     ("simulate", "geometry ingest join kinematics units"),
     ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),

@@ -17,12 +17,12 @@ use posegrid::fit::{
     TrackerUncertainty,
 };
 use posegrid::grid::Tolerance;
-use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::join::{
     JoinReject, MeanOrientation, MeanPoint, Pairing, ReadingKind, Station, Unmeasured, Value,
 };
+use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::locate::Locate;
 use posegrid::similarity::SimilaritySettings;
@@ -267,7 +267,7 @@ fn settings(noise: Noise) -> StageSettings {
 }
 
 fn outcome<'a>(arm: &'a Arm, session: &JoinedSession, settings: &StageSettings) -> Outcome<'a> {
-    stages::run(arm, vec![session.clone()], vec![], settings, &Quiet).expect("a sound session")
+    judgement::run(arm, vec![session.clone()], vec![], settings, &Quiet).expect("a sound session")
 }
 
 fn identified(arm: &Arm, session: &JoinedSession, noise: &Noise) -> Calibration {

@@ -21,11 +21,11 @@ use posegrid::fit::{
 use posegrid::geometry::PoseCovariance;
 use posegrid::grid::Tolerance;
 use posegrid::ingest::{Recording, TargetReadings};
-use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::readings;
 use posegrid::join::{ReadingKind, Station};
+use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::locate::Locate;
 use posegrid::report::{Angles, Model, Split};
@@ -210,7 +210,7 @@ fn outcome<'a>(
     settings: &StageSettings,
 ) -> Outcome<'a> {
     let test = test.into_iter().cloned().collect();
-    stages::run(arm, vec![training.clone()], test, settings, &Quiet).expect("a sound session")
+    judgement::run(arm, vec![training.clone()], test, settings, &Quiet).expect("a sound session")
 }
 
 fn joined(arm: &Arm, recording: &Recording) -> JoinedSession {

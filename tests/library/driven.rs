@@ -17,10 +17,10 @@ use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorFrame, FitSettings, FrameUncertainty};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Tolerance};
-use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::Station;
+use posegrid::judgement::JoinedSession;
+use posegrid::judgement::{self, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::driven::{self, Application, DrivenStation};
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
@@ -99,7 +99,7 @@ impl Identified {
         let monday = joined(&arm, &session(&arm, number, number, STATIONS));
         let settings = stage_settings(harmonics);
         let found =
-            stages::run(&arm, vec![monday], vec![], &settings, &Quiet).expect("a sound session");
+            judgement::run(&arm, vec![monday], vec![], &settings, &Quiet).expect("a sound session");
         let judged = found.accuracy.iter().find(|figures| {
             let subject = &figures.subject;
             (subject.model, subject.angles, subject.split)

@@ -19,14 +19,14 @@ use posegrid::grid::Tolerance;
 use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
 use posegrid::io::log_writer::{TrackerLog, write_controller_log};
-use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::residuals;
 use posegrid::join::{
     JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Unmeasured, Value, join,
 };
+use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::{Arm, Parameter};
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::locate::Locate;
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
@@ -254,7 +254,7 @@ fn outcome<'a>(
     test: Vec<JoinedSession>,
     settings: &StageSettings,
 ) -> Outcome<'a> {
-    stages::run(arm, vec![training], test, settings, &Quiet).expect("a sound session")
+    judgement::run(arm, vec![training], test, settings, &Quiet).expect("a sound session")
 }
 
 fn of(figures: &[Accuracy], model: Model, angles: Angles, split: Split) -> &Accuracy {
@@ -453,7 +453,7 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     let mut settings = settings(&simulated, false);
     settings.full.enabled = false;
     let refused = |training: Vec<JoinedSession>, settings: &StageSettings| {
-        let run = stages::run(&arm, training, vec![], settings, &Quiet);
+        let run = judgement::run(&arm, training, vec![], settings, &Quiet);
         run.map(|_| ()).expect_err("swapped").to_string()
     };
     // Beside another session, and alone beside stated places.
@@ -467,7 +467,7 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     }
     let said = refused(vec![swapped], &settings);
     assert!(said.contains("[fit.targets]") && said.contains("mm as named"), "{said}");
-    let run = stages::run(&arm, vec![sound], vec![], &settings, &Quiet);
+    let run = judgement::run(&arm, vec![sound], vec![], &settings, &Quiet);
     assert!(run.is_ok(), "{:?}", run.map(|_| ()));
 }
 

@@ -11,11 +11,11 @@ use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
 use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{Tolerance, Verdict};
-use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::{PublishContext, RunRows};
+use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::compared::Pairs;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
@@ -71,7 +71,7 @@ fn settings() -> StageSettings {
 }
 
 fn outcome<'a>(arm: &'a Arm, session: JoinedSession, settings: &StageSettings) -> Outcome<'a> {
-    stages::run(arm, vec![session], vec![], settings, &Quiet).expect("a sound session")
+    judgement::run(arm, vec![session], vec![], settings, &Quiet).expect("a sound session")
 }
 
 /// The run's tables as they would be published.

@@ -10,10 +10,10 @@ use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
-use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::join::{JoinSettings, ReadingKind, join};
+use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::verdict::{Applied, Judging};
@@ -111,7 +111,7 @@ fn outcome<'a>(
 ) -> Option<Outcome<'a>> {
     let all =
         |names: &[&str]| names.iter().map(|name| joined(name, arm)).collect::<Option<Vec<_>>>();
-    Some(stages::run(arm, all(train)?, all(test)?, settings, &Quiet).expect("stages"))
+    Some(judgement::run(arm, all(train)?, all(test)?, settings, &Quiet).expect("stages"))
 }
 
 #[test]

@@ -9,10 +9,10 @@ use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{Tolerance, Verdict};
-use posegrid::io::tables::outcome::Outcome;
 use posegrid::join::ReadingKind;
+use posegrid::judgement::Outcome;
+use posegrid::judgement::{self, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
@@ -79,7 +79,8 @@ fn settings(simulated: &Simulated) -> StageSettings {
 
 fn outcome<'a>(arm: &'a Arm, simulated: &Simulated) -> Outcome<'a> {
     let monday = common::joined("monday", arm, &simulated.recording, tool());
-    stages::run(arm, vec![monday], vec![], &settings(simulated), &Quiet).expect("a sound session")
+    judgement::run(arm, vec![monday], vec![], &settings(simulated), &Quiet)
+        .expect("a sound session")
 }
 
 fn of(figures: &[Accuracy], model: Model, angles: Angles, split: Split) -> &Accuracy {

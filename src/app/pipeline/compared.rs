@@ -12,7 +12,7 @@ use nalgebra::{Point3, Vector3};
 use crate::fit::commanded::{CommandedPose, SettlingError};
 use crate::grid::judge::LeftAt;
 use crate::grid::{GridStation, Grids, Judged, Reach};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::judgement::{JoinedSession, Outcome};
 use crate::report::compared::{Compared, ErrorPair, Pairs, TableAndArm};
 use crate::report::verdict::figure_of;
 use crate::report::{Accuracy, Angles, Model, Residual, ResidualSet, Split, Subject};

@@ -7,8 +7,8 @@
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Row as _;
-use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::io::tables::sampling_plan::{VisitRow, promise};
+use crate::judgement::{JoinedSession, Outcome};
 use crate::manifest::RunKey;
 use crate::report::promise::{PlanPromise, PromiseKept, Verified};
 use crate::report::{Model, ResidualSet, Split};

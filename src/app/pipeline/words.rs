@@ -2,14 +2,13 @@
 
 pub(super) mod references;
 
-use super::stages::scales;
 use crate::figures::expanded;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::stated_size::FoundSize;
-use crate::io::tables::outcome::{JoinedSession, Outcome, ShownFlange, Source};
-use crate::io::tables::residuals::target_name;
 use crate::join::{Pairing, Station, TargetId};
+use crate::judgement::scales;
+use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
@@ -132,7 +131,7 @@ fn session_words(session: &JoinedSession) -> String {
 
 /// For each session with several targets what stands for the readings of its stations.
 fn several_targets(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
-    let main = target_name(TargetId::MAIN, &outcome.targets.names);
+    let main = TargetId::MAIN.name(&outcome.targets.names);
     let words = move |shown: &ShownFlange| {
         format!(
             "{}: errors are of target {main}: at {} stations with the orientation that three or more targets show, at {} by its own \

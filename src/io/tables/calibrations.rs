@@ -13,11 +13,11 @@ use crate::fit::{
     Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
 use crate::join::{Reading, ReadingKind, Station};
+use crate::judgement::Outcome;
 use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
 use crate::table::{row, words};
-use crate::tables::outcome::Outcome;
 
 row! {
     /// An identified model, its determinacy, and the conditions that it is valid for.

@@ -12,11 +12,11 @@ use crate::common::corrects;
 use crate::geometry::{self, upper};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
 use crate::join::Station;
+use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
 use crate::report::Angles;
 use crate::table::row;
-use crate::tables::outcome::Outcome;
 
 row! {
     /// A node of the chosen table, with the values of the whole table.

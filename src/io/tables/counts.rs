@@ -6,10 +6,10 @@ use super::stations::Unpaired;
 use super::validity;
 use crate::ingest::covariances::COUNTED;
 use crate::join::{Pairing, ReadingCounts};
+use crate::judgement::{JoinedSession, Outcome};
 use crate::manifest::StageCount;
 use crate::report::Model;
 use crate::table::Word as _;
-use crate::tables::outcome::{JoinedSession, Outcome};
 
 /// The counts of a run, over all its sessions.
 pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {

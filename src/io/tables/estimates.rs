@@ -4,7 +4,7 @@
 use super::PublishError;
 use super::residuals::{self, EstimateResidualRow};
 use super::stage_results::{self, NotRestored, signed};
-use crate::fit::stored::StoredModels;
+use crate::judgement::StoredTrainings;
 use crate::lake::Lake;
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::report::ResidualSet;
@@ -28,19 +28,6 @@ row! {
         table_digests: Option<Vec<String>>,
         row_digest: Option<String>,
     }
-}
-
-/// What was trained, for later runs to start from.
-#[derive(Debug, Clone)]
-pub struct StoredTrainings {
-    /// The models trained on all readings.
-    pub models: StoredModels,
-    /// The models of each fold; `None` of a fold that holds no station out.
-    pub folds: Vec<Option<StoredModels>>,
-    /// Each session of a pool, judged by the models of all others.
-    pub sessions_left_out: Vec<ResidualSet>,
-    /// The errors of its stations in no special order, where `estimate_residuals` has all of them.
-    pub residuals: Option<Vec<ResidualSet>>,
 }
 
 /// The work of an estimate, of which its name follows: the robot file and the sessions as joined that train are its inputs.

@@ -4,10 +4,10 @@ use super::PublishContext;
 use super::words::{self, TableVerdict};
 use crate::figures::{Figures, bound_rank, least_count};
 use crate::grid::{Covered, Interpolation, Judged, Judgement, Picked, Refusal, Source};
+use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::report::{Angles, Model, Split};
 use crate::table::row;
-use crate::tables::outcome::Outcome;
 
 row! {
     /// A judged step.

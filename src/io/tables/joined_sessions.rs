@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::PublishError;
-use super::outcome::{DrivenBy, JoinedSession};
 use super::readings::{self, ReadingRow};
 use super::stage_results::{self, NotRestored, signed};
 use crate::ingest::LogReject;
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
+use crate::judgement::{DrivenBy, JoinedSession};
 use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 use crate::table::{Row, Rows, Table, row};

@@ -7,8 +7,8 @@ use super::validity::learnt_from;
 use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::curves::JointError;
+use crate::judgement::Outcome;
 use crate::table::row;
-use crate::tables::outcome::Outcome;
 
 /// Distance beyond the measured angles at which the curve ends, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;

@@ -1,9 +1,8 @@
 //! `length_residuals`: measured minus predicted reading of every instrument of one length, by every model.
 
-use super::outcome::LengthResidual;
-use super::residuals::target_name;
 use super::sources::SourceReads;
 use super::words::Role;
+use crate::judgement::LengthResidual;
 use crate::report::Model;
 use crate::table::row;
 
@@ -43,7 +42,7 @@ fn row(own: &LengthResidual, targets: &[String]) -> LengthResidualRow {
         source_index: own.source.0,
         source: own.name.clone(),
         reads: own.kind.into(),
-        target: own.target.map(|target| target_name(target, targets)),
+        target: own.target.map(|target| target.name(targets)),
         pose: own.pose,
         measured_mm: own.measured_mm,
         predicted_mm: own.predicted_mm,

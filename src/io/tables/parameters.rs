@@ -8,10 +8,10 @@ use crate::fit::identifiability::{
     confounded, is_identifiable, most_correlated, with_correlations,
 };
 use crate::fit::{Calibration, Freedom, Identifiability, Unknown};
+use crate::judgement::Outcome;
 use crate::kinematics::{Arm, Axis, Element, GaugePart, LinkQuantity, Motion, Parameter};
 use crate::report::Model;
 use crate::table::{row, words};
-use crate::tables::outcome::Outcome;
 
 row! {
     /// A parameter that a model identified.

@@ -7,9 +7,9 @@ use crate::ingest::StandsOn;
 use crate::join::SourceId;
 use crate::join::references::{Event, Motion, Place};
 use crate::join::tabled::ReferenceCourse;
+use crate::judgement::{JoinedSession, Outcome};
 use crate::report::Model;
 use crate::table::{row, words};
-use crate::tables::outcome::{JoinedSession, Outcome};
 
 row! {
     /// One place of a reference.

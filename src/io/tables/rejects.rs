@@ -3,8 +3,8 @@
 use super::stations::Unpaired;
 use crate::ingest::{LogReject, SpanClock};
 use crate::join::{JoinReject, RowItem, RowReject, Station};
+use crate::judgement::JoinedSession;
 use crate::table::{Word, row, words};
-use crate::tables::outcome::JoinedSession;
 
 row! {
     /// Items left out for one reason at one place.

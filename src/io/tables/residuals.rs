@@ -120,17 +120,11 @@ fn residual(row: &ResidualRow, targets: &[String]) -> Option<Residual> {
     })
 }
 
-/// The target of a name that [`target_name`] gives.
+/// The target of a name that [`TargetId::name`] gives.
 fn target_named(name: &str, names: &[String]) -> Option<TargetId> {
     let named = names.iter().position(|own| own == name);
     let numbered = || name.parse::<usize>().ok()?.checked_sub(1);
     named.or_else(numbered).map(TargetId)
-}
-
-/// The name of a target, or its number from 1 where it has none.
-pub fn target_name(target: TargetId, names: &[String]) -> String {
-    let name = names.get(target.0).cloned();
-    name.unwrap_or_else(|| (target.0 + 1).to_string())
 }
 
 fn of_residual(subject: &Subject, residual: &Residual, targets: &[String]) -> ResidualRow {
@@ -143,7 +137,7 @@ fn of_residual(subject: &Subject, residual: &Residual, targets: &[String]) -> Re
         fold: residual.fold,
         of_session: subject.of_session.clone(),
         station: residual.station,
-        target: residual.target.map(|own| target_name(own, targets)),
+        target: residual.target.map(|own| own.name(targets)),
         pose: residual.pose,
         used_for_refit: residual.used_for_refit,
         at: residual.attained.into(),

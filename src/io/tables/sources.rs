@@ -1,9 +1,9 @@
 //! `sources`: the instruments of a run, the size of each one's noise, and its share of the information.
 
-use super::outcome::Source;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::{Gauge, sources};
 use crate::join::{ReadingKind, SourceId};
+use crate::judgement::Source;
 use crate::report::Model;
 use crate::table::{row, words};
 

@@ -7,9 +7,9 @@ use nalgebra::DVector;
 use super::words::{orientation_rows, xyzw};
 use crate::fit::commanded::SettlingError;
 use crate::join::{Pairing, Station, Unmeasured};
+use crate::judgement::JoinedSession;
 use crate::kinematics::Arm;
 use crate::table::{row, words};
-use crate::tables::outcome::JoinedSession;
 
 row! {
     /// A dwell of the arm.

@@ -9,9 +9,9 @@ use crate::fit::WEIGHTED_DOWN;
 use crate::fit::commanded::CommandedPose;
 use crate::grid::Reach;
 use crate::join::Station;
+use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::report::{ResidualSet, Split};
-use crate::tables::outcome::Outcome;
 
 /// The paired stations that a run learnt from.
 pub fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {

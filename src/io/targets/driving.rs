@@ -11,11 +11,11 @@ use serde::Deserialize;
 
 use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
 use crate::input::Bound;
+pub use crate::judgement::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
 use crate::schema::{self, KEY_COLUMNS};
 use crate::table::{self, Row as _, Word as _};
-pub use crate::tables::outcome::DrivingFile;
 
 /// Tables that correct targets.
 const TABLES: [&str; 2] = ["compensation", "calibrations"];

@@ -30,6 +30,11 @@ impl TargetId {
     pub const ONLY: Self = Self(0);
     /// The first target of a session with several: the one that errors of one tool point are stated by.
     pub const MAIN: Self = Self(0);
+
+    /// Its name among `names`, or its number from 1 where it has none.
+    pub fn name(self, names: &[String]) -> String {
+        names.get(self.0).cloned().unwrap_or_else(|| (self.0 + 1).to_string())
+    }
 }
 
 /// The reading of one source on one target during a dwell, in the source's frame.

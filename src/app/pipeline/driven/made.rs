@@ -15,7 +15,7 @@ use crate::io::table::{Row as _, Table};
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::compensation::NodeRow;
-use crate::io::tables::outcome::{Driven, JoinedSession, Outcome};
+use crate::judgement::{Driven, JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::report::promise::Promise;
 use crate::report::{Angles, Model, Moment, Point, Split};

@@ -11,10 +11,10 @@ use crate::io::tables::PublishError;
 use crate::io::tables::stage_results::NotRestored;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
+use crate::judgement::StageError;
 use crate::pipeline::configuration::SessionFiles;
 use crate::pipeline::damage::DamageError;
 use crate::pipeline::fetch::FetchError;
-use crate::pipeline::stages::StageError;
 use crate::setup::Finding;
 
 /// The reason why a piece of work has no result.

@@ -9,8 +9,8 @@ use super::{EstimateDone, RunError};
 use crate::io::lake::ESTIMATES;
 use crate::io::tables::PublishError;
 use crate::io::tables::estimates;
+use crate::judgement::{self, Estimate, StageError};
 use crate::manifest::{ROBOT, RunKey, Work};
-use crate::pipeline::stages::{self, Estimate, StageError};
 
 /// Where estimates are made.
 pub(super) struct Estimator<'a> {
@@ -29,7 +29,7 @@ impl Estimator<'_> {
         let Joiner { configuration, progress, .. } = self.joiner;
         let both = (sessions.training, sessions.test);
         let (arm, settings) = (&configuration.arm, &configuration.stages);
-        let estimate = stages::estimate(arm, both, None, settings, *progress)?;
+        let estimate = judgement::estimate(arm, both, None, settings, *progress)?;
         self.publish(&own, &estimate)?;
         Ok((estimate, key))
     }
@@ -100,7 +100,7 @@ impl Estimator<'_> {
         let stored = estimates::restored(lake, key, targets).map_err(unread)?;
         let both = (sessions.training.clone(), sessions.test.clone());
         let arm = &configuration.arm;
-        Ok(stages::estimate(arm, both, Some(stored), settings, *progress)?)
+        Ok(judgement::estimate(arm, both, Some(stored), settings, *progress)?)
     }
 
     /// Publishes what was trained, and the errors that it leaves, unless the lake has it.

@@ -10,11 +10,11 @@ use crate::grid::StepAnswers;
 use crate::io::lake::{GRIDS, Lake};
 use crate::io::tables::PublishError;
 use crate::io::tables::grids;
-use crate::io::tables::outcome::Outcome;
 use crate::io::tables::stage_results::NotRestored;
+use crate::judgement::Outcome;
+use crate::judgement::{self, Estimate};
 use crate::manifest::{RunKey, Work};
 use crate::pipeline::configuration::Configuration;
-use crate::pipeline::stages::{self, Estimate};
 use crate::progress::Progress;
 
 /// Where grids are made.
@@ -45,7 +45,7 @@ impl<'a> Gridder<'a> {
         progress: &dyn Progress,
     ) -> Result<Outcome<'a>, RunError> {
         let known = self.before()?;
-        let outcome = stages::results(&self.configuration.arm, estimate, known, progress)?;
+        let outcome = judgement::results(&self.configuration.arm, estimate, known, progress)?;
         self.publish(&outcome.grids.answers)?;
         Ok(outcome)
     }

@@ -3,8 +3,8 @@
 use crate::grid::Table;
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
-use crate::io::tables::outcome::Outcome;
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending, runs};
+use crate::judgement::Outcome;
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
 use crate::pipeline::history::kept::Kept;

@@ -2,10 +2,10 @@
 
 mod silent;
 
-use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::moved::Elsewhere;
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
+use crate::judgement::{JoinedSession, Outcome};
 use crate::units::{NS_PER_S, SLIDE_MM_PER_RAD};
 
 /// One line for each set of references: how many there are, how far they moved, and how well that is known.

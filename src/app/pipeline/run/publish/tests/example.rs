@@ -20,14 +20,14 @@ use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock, StandsOn};
 use crate::io::tables::PublishContext;
-use crate::io::tables::outcome::{
-    JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
-};
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
     ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
     Station,
+};
+use crate::judgement::{
+    JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
 };
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest::RunKey;

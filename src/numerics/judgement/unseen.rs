@@ -7,6 +7,7 @@
 
 use std::collections::BTreeSet;
 
+use super::JoinedSession;
 use super::StageSettings;
 use super::gridded::grid_stations;
 use super::judged::TestSession;
@@ -16,7 +17,6 @@ use crate::fit::same_arm::{self, LeftBy};
 use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::report::locate::{Locate, Located, Locator};

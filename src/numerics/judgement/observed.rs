@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
+use super::JoinedSession;
 use super::StageSettings;
 use crate::fit::visits::{self, Dwell};
 use crate::fit::{self, Observation, commanded};
-use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
 use crate::units::WallTime;
 

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use super::judged::TestSession;
 use super::observed::{Observed, observations_of};
 use super::wrong_targets::{Left, take_out};
+use super::{JoinedSession, LengthResidual, Source};
 use super::{StageError, StageSettings};
 use crate::fit::model::Query;
 use crate::fit::wrong_lengths::{self, WrongLength};
@@ -17,7 +18,6 @@ use crate::fit::{
     At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
 };
 use crate::grid::{Choice, Grids, Verdict};
-use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
 use crate::join::{SourceId, Unmeasured};
 use crate::kinematics::Arm;
 use crate::report::{Model, ResidualSet};

@@ -1,7 +1,7 @@
 //! Repairs of joints that the pipeline file states, held against the sessions' dates.
 
+use super::JoinedSession;
 use super::{StageError, StageSettings};
-use crate::io::tables::outcome::JoinedSession;
 use crate::units::WallTime;
 
 /// The settings with those repairs that a session which trains came after: one that is still to come changes nothing. An error where a

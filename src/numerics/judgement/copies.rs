@@ -5,8 +5,8 @@
 
 use std::collections::{BTreeSet, HashMap};
 
+use super::JoinedSession;
 use super::StageError;
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::{Reading, Station};
 
 /// Fewest equal stations that show a copy.

@@ -1,5 +1,5 @@
-//! The stages after the join, in order: fit, residuals, similarity, grid, accuracy. They are pure: inputs are arguments,
-//! results are return values.
+//! Judgement: joined sessions → [`Outcome`]. It calls the stages after the join in order: fit, residuals, similarity, grid,
+//! accuracy.
 
 mod between_sessions;
 mod cameras;
@@ -15,8 +15,9 @@ mod lengths;
 mod limits;
 mod mountings;
 mod observed;
+mod outcome;
 mod repairs;
-pub(super) mod scales;
+pub mod scales;
 mod stated;
 mod stated_sizes;
 mod turns;
@@ -33,7 +34,6 @@ use crate::fit::{
     ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
 };
 use crate::grid::{GridError, GridSettings, StepAnswers, Tolerance};
-use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -41,10 +41,14 @@ use crate::report::locate::Locate;
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
-pub use estimate::{Estimate, estimate};
+pub use estimate::{Estimate, StoredTrainings, estimate};
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
 use judged::{TestSession, raw_command, unseen_sessions};
+pub use outcome::{
+    Driven, DrivenBy, DrivingFile, JoinedSession, LengthResidual, Outcome, SeveralTargets,
+    ShownFlange, Source,
+};
 use unseen::Judges;
 
 /// The settings of the stages.

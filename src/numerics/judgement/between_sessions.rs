@@ -14,11 +14,11 @@
 use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::JoinedSession;
 use crate::fit::commanded::SettlingError;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
-use crate::io::tables::outcome::JoinedSession;
 
 /// Number of simulated other sessions for each station.
 const DAYS: usize = 8;

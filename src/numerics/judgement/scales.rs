@@ -1,11 +1,11 @@
 //! The scale of each training session, and its effect on verdicts where a scale is named.
 
+use super::JoinedSession;
 use super::StageSettings;
 use super::observed::Observed;
 use crate::fit::Models;
 use crate::fit::scale::{FittedScale, SessionScale};
 use crate::grid::{Grids, Verdict};
-use crate::io::tables::outcome::JoinedSession;
 use crate::report::Accuracy;
 
 /// The scales of all training sessions, in their order.
@@ -29,7 +29,7 @@ pub(super) fn scales(
 }
 
 /// The reason why no position is shown to be right: the sessions whose scale is named; `None` where none is.
-pub(in crate::pipeline) fn named(scales: &[SessionScale]) -> Option<String> {
+pub fn named(scales: &[SessionScale]) -> Option<String> {
     let named: Vec<String> = scales.iter().filter_map(SessionScale::named).collect();
     (!named.is_empty()).then(|| named.join("; "))
 }

@@ -1,11 +1,10 @@
 //! Readings under the name of another target: left out before anything is fitted, each with its reason.
 
+use super::JoinedSession;
 use super::observed::observations_of;
 use super::{StageError, StageSettings};
 use crate::fit::TargetId;
 use crate::fit::mislabelled::{self, Checked, Mislabelled, SwappedThroughout, Wrong};
-use crate::io::tables::outcome::JoinedSession;
-use crate::io::tables::residuals::target_name;
 use crate::join::{JoinReject, Pairing, Reading, Station, Unmeasured};
 use crate::kinematics::Arm;
 
@@ -38,7 +37,7 @@ fn leave_out_beside(
     let seen = observations_of(arm, sessions.iter().map(|own| &**own), settings);
     let Checked { stations, throughout } =
         mislabelled::check(arm, &seen, sessions.len(), &settings.fit);
-    let name = |target: TargetId| target_name(target, &settings.fit.target_names);
+    let name = |target: TargetId| target.name(&settings.fit.target_names);
     if let Some(SwappedThroughout { session, swap, against }) = throughout {
         return Err(StageError::SwappedTargets {
             session: sessions[session].name.clone(),

@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 
 use super::StageSettings;
 use super::turns::commanded_turns;
+use super::{Driven, DrivenBy, JoinedSession};
 use crate::fit::ErrorFrame;
 use crate::fit::commanded::CommandedPose;
-use crate::io::tables::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::join::Station;
 use crate::report::driven::{self, DrivenStation};
 

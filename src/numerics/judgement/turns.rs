@@ -1,9 +1,9 @@
 //! Attained and commanded orientations of the flange at stations, where both are known; and why they are not.
 
+use super::JoinedSession;
 use crate::fit::ErrorFrame;
 use crate::fit::commanded::{CommandedPose, Trust};
 use crate::grid::Verdict;
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::report::Model;
 use crate::report::tip::Turn;

@@ -2,12 +2,12 @@
 
 use nalgebra::{Point3, Vector3};
 
+use super::JoinedSession;
 use super::judged::TestSession;
 use super::{StageSettings, lengths, stated};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorFrame, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach, StepAnswers};
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::progress::Progress;
 

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use super::JoinedSession;
 use super::estimate::training_settings;
 use super::observed::Observed;
 use super::turns::commanded_turns;
@@ -15,7 +16,6 @@ use crate::fit::{
     self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, Purpose, TrainingSettings,
     holdout,
 };
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::{SeveralSources, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;

@@ -8,10 +8,10 @@ use nalgebra::{Point3, Vector3};
 use super::StageSettings;
 use super::judged::TestSession;
 use super::turns::{commanded_turns, why_no_turns};
+use super::{Driven, JoinedSession};
 use crate::figures::{self, PoseErrors};
 use crate::fit::{ErrorFrame, FramePair};
 use crate::grid::{GridStation, Grids};
-use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,

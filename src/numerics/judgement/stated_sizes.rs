@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
+use super::JoinedSession;
 use super::observed::observations_of;
 use super::{StageError, StageSettings};
 use crate::fit::observation::stated_of;
 use crate::fit::stated_size::{self, FoundSize};
 use crate::fit::{self, Freedom, Observation, SourceId, StatedSize, TargetId};
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::kinematics::Arm;
 

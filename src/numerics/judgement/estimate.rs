@@ -7,6 +7,7 @@ use super::cameras;
 use super::flanges::Flanges;
 use super::judged::{self, Judged, leaves_sessions_out, sessions_left_out};
 use super::observed::Observed;
+use super::{JoinedSession, LengthResidual, Source};
 use super::{
     StageError, StageSettings, copies, lengths, mountings, repairs, stated_sizes, wrong_targets,
 };
@@ -17,8 +18,6 @@ use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
 use crate::fit::{Model, Models, Purpose, TrainingSettings};
 use crate::geometry::{symmetric, upper};
-use crate::io::tables::estimates::StoredTrainings;
-use crate::io::tables::outcome::{JoinedSession, LengthResidual, Source};
 use crate::join::one_source;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -43,6 +42,19 @@ pub struct Estimate {
     pub(super) sources: Vec<Source>,
     /// Their lengths by each model.
     pub(super) length_residuals: Vec<LengthResidual>,
+}
+
+/// What was trained, for later runs to start from.
+#[derive(Debug, Clone)]
+pub struct StoredTrainings {
+    /// The models trained on all readings.
+    pub models: StoredModels,
+    /// The models of each fold; `None` of a fold that holds no station out.
+    pub folds: Vec<Option<StoredModels>>,
+    /// Each session of a pool, judged by the models of all others.
+    pub sessions_left_out: Vec<ResidualSet>,
+    /// The errors of its stations in no special order, where `estimate_residuals` has all of them.
+    pub residuals: Option<Vec<ResidualSet>>,
 }
 
 /// Models, and residuals of models that nothing else asks for.

@@ -1,12 +1,12 @@
 //! Sessions of a camera: flipped views of the target are left out, and the size of the camera's noise is estimated.
 
+use super::JoinedSession;
 use super::observed::observations_of;
 use super::wrong_targets::{Left, take_out};
 use super::{StageError, StageSettings};
 use crate::fit::camera_size::{self, CameraSize};
 use crate::fit::flips::{self, Flipped};
 use crate::fit::{self, Freedom, Observation, SourceId, Uncertainty};
-use crate::io::tables::outcome::JoinedSession;
 use crate::join::Unmeasured;
 use crate::kinematics::Arm;
 

@@ -7,11 +7,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::observed::{Observed, observations};
+use super::{JoinedSession, SeveralTargets, ShownFlange};
 use super::{StageError, StageSettings};
 use crate::fit::flange::{self, OneReading};
 use crate::fit::frames::MeasuredFlange;
 use crate::fit::{Frames, Models, Noise, Observation, TargetId};
-use crate::io::tables::outcome::{JoinedSession, SeveralTargets, ShownFlange};
 use crate::join::Station;
 use crate::kinematics::Arm;
 use crate::report::locate::LocateTarget;

@@ -13,10 +13,10 @@ use nalgebra::Point3;
 
 use super::StageSettings;
 use super::judged::TestSession;
+use super::{Driven, JoinedSession};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{Corrects, ErrorFrame, FramePair};
 use crate::geometry::Transform;
-use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::join::{Reading, Station};
 use crate::kinematics::Arm;
 use crate::report::iso_9283::{self, Iso9283, Orientation, Says, Visit, Visited};
