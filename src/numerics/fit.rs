@@ -95,7 +95,6 @@ const WIDENINGS: usize = 4;
 /// A station counts as weighted down below this robust weight.
 pub const WEIGHTED_DOWN: f64 = 0.5;
 
-/// The `[fit]` section of a pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSettings {
@@ -119,7 +118,6 @@ pub struct FitSettings {
     /// Known positions of targets on the flange by their names, where there are several.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub targets: BTreeMap<String, KnownTarget>,
-    /// Known distances between targets.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub target_distances: Vec<KnownDistance>,
     /// Names of the targets in the order of [`TargetId`]; empty for one target without a name. The input states them, not this
@@ -170,7 +168,6 @@ impl FitSettings {
         }
     }
 
-    /// The known place of each target, in their order.
     fn known_targets(&self) -> Vec<Option<KnownTarget>> {
         match &self.target_names[..] {
             [] => vec![self.target],
@@ -207,89 +204,45 @@ impl FitSettings {
     }
 }
 
-/// The reason why a fit has no result.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FitError {
-    /// Fewer stations than the unknowns need.
     #[error(
         "{stations} measured stations in session {session}, but base and target alone need at least {needed}: \
          measure more poses, or look at the rejects for what was left out"
     )]
-    TooFewStations {
-        /// The session's place in the fit.
-        session: usize,
-        /// Number of its stations.
-        stations: usize,
-        /// Number of stations needed.
-        needed: usize,
-    },
-    /// Fewer readings of one length than its anchor or plane needs.
+    TooFewStations { session: usize, stations: usize, needed: usize },
     #[error(
         "{readings} readings of instrument {instrument} of session {session} (the first of each is 0), which reads one length, but its place \
          and the target's need at least {needed}: measure more poses, or leave the instrument out"
     )]
-    TooFewLengths {
-        /// The session's place in the fit.
-        session: usize,
-        /// The source's place in the session.
-        instrument: usize,
-        /// Number of its readings.
-        readings: usize,
-        /// Number of readings needed.
-        needed: usize,
-    },
-    /// A target that no observation names, though one behind it is named.
+    TooFewLengths { session: usize, instrument: usize, readings: usize, needed: usize },
     #[error(
         "no reading of session {session} (the first is 0) is of target {target}, though others name later targets: number targets \
          without gaps"
     )]
-    UnseenTarget {
-        /// The session's place in the fit.
-        session: usize,
-        /// The target's place in the session.
-        target: usize,
-    },
-    /// A stated place or distance of a target without readings.
+    UnseenTarget { session: usize, target: usize },
     #[error(
         "[fit] states something of the target {name:?}, but the input has no target of that name (it has: {known}): correct the name in \
          [fit.targets] or target_distances"
     )]
-    UnknownTarget {
-        /// The stated name.
-        name: String,
-        /// The names of the input's targets, with commas.
-        known: String,
-    },
-    /// One stated place and several targets.
+    UnknownTarget { name: String, known: String },
     #[error(
         "[fit] target says where one target sits, but session {session} (the first is 0) has {targets}: leave it out, or say which it \
          is, as [fit.targets.NAME]"
     )]
-    KnownTargetOfSeveral {
-        /// The session's place in the fit.
-        session: usize,
-        targets: usize,
-    },
-    /// Several sources where a step is for one.
+    KnownTargetOfSeveral { session: usize, targets: usize },
     #[error(transparent)]
     SeveralSources(#[from] SeveralSources),
-    /// Stations on a point or a line do not determine a base frame.
     #[error(
         "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \
          the longest direction's normal): the base frame cannot be found, spread the poses"
     )]
-    Degenerate {
-        /// The session's place in the fit.
-        session: usize,
-        /// Spread across the second direction, mm.
-        spread_mm: f64,
-    },
+    Degenerate { session: usize, spread_mm: f64 },
 }
 
 /// An identified arm.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Calibration {
-    /// The parameters that were free.
     pub freedom: Freedom,
     /// The unknowns in the order of the offsets and the covariance.
     pub unknowns: Vec<Unknown>,
@@ -301,7 +254,6 @@ pub struct Calibration {
     pub geometry: Vec<f64>,
     /// The identified chain from base to flange: the arm's own with these offsets.
     pub chain: Chain,
-    /// The frames of each session.
     pub frames: Vec<Frames>,
     /// The structure at the nominal arm.
     pub nominal_structure: Structure,
@@ -309,7 +261,6 @@ pub struct Calibration {
     pub structure: Structure,
     /// Number of observations in the fit.
     pub poses: usize,
-    /// Number of stations that they are of.
     pub stations: usize,
     /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
@@ -359,7 +310,6 @@ impl Calibration {
         self.covariance[(place, place)].max(0.0).sqrt()
     }
 
-    /// Observability of the poses.
     pub fn observability(&self) -> Option<Observability> {
         self.structure.observability(self.poses)
     }
@@ -423,7 +373,6 @@ fn identify_sized(
     found
 }
 
-/// [`identify_from`] with a given prior.
 fn identify_with(
     arm: &Arm,
     observations: &[Observation],

@@ -46,35 +46,26 @@ pub const SET_UP_ANEW: f64 = 10.0;
 /// Everything that must be equal for the figures of two sessions to be comparable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Basis {
-    /// Name of the pipeline file.
     pub pipeline: String,
-    /// Version of the program.
     pub version: String,
     /// Digest of the robot file: the nominal arm.
     pub robot_file: String,
     /// Digest of all settings.
     pub settings: String,
-    /// The model that identified the arm: `full` or `geometric`.
     pub model: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AccuracyFigure {
-    /// The name of its chart.
     pub name: String,
-    /// The figure's value, mm.
     #[serde(with = "bits::number")]
     pub value: f64,
 }
 
-/// The results of one session that the history compares.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionFigures {
-    /// The basis on which it can be compared.
     pub basis: Basis,
-    /// The identified offsets.
     pub estimate: Estimate,
-    /// Its accuracy figures.
     pub accuracy: Vec<AccuracyFigure>,
     /// The size from which a change counts; `None` where its run states no tolerance: then every significant one does.
     pub noticed: Option<Noticed>,
@@ -91,7 +82,6 @@ pub struct Judged {
     pub against: usize,
     /// Parts that were set up anew.
     pub set_up_anew: Vec<Hypothesis>,
-    /// The test of each hypothesis.
     pub asked: Vec<Asked>,
     /// The parts that moved, by as much as counts.
     pub finding: Finding,

@@ -40,43 +40,32 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Controller, Stamp, Tracker};
 
-/// All samples of a session, in memory: the output of a simulation, from which logs are written.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
-    /// Joint angles over controller time.
     pub joints: JointSamples,
-    /// Commanded poses over controller time.
     pub commands: CommandSamples,
-    /// Readings of the measured target over tracker time.
     pub readings: TargetReadings,
-    /// Temperatures over tracker time.
     pub temperatures: TemperatureSamples,
 }
 
 /// Joint angles as the controller reported them; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointSamples {
-    /// Controller time, not decreasing.
     pub stamps: Vec<Stamp<Controller>>,
-    /// Reported joint angles, rad.
     pub angles: JointAngles,
 }
 
 /// Temperatures; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TemperatureSamples {
-    /// Tracker time, not decreasing.
     pub stamps: Vec<Stamp<Tracker>>,
-    /// Temperature of each sample, °C.
     pub celsius: Vec<f64>,
 }
 
 /// Readings of an instrument of one length; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LengthSamples {
-    /// Tracker time, not decreasing.
     pub stamps: Vec<Stamp<Tracker>>,
-    /// Length of each sample, mm.
     pub lengths_mm: Vec<f64>,
 }
 
@@ -95,12 +84,9 @@ pub enum LossKind {
     Nothing,
 }
 
-/// A part of a log that was left out, and why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogReject {
-    /// The file, as the pipeline names it.
     pub file: String,
-    /// The topic, where the loss is of a known channel.
     pub topic: Option<String>,
     /// First byte of what was left out, in the file as stored.
     pub byte_start: u64,
@@ -113,24 +99,19 @@ pub struct LogReject {
     /// Number of messages lost, where known.
     pub messages: Option<u64>,
     pub loss: LossKind,
-    /// The reason, as text for a reader.
     pub reason: String,
 }
 
-/// The clock of a time span.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SpanClock {
     /// The recorder's clock: log times.
     #[default]
     Log,
-    /// The time source that the pipeline file names for the controller.
     Controller,
-    /// The time source that the pipeline file names for the tracker.
     Tracker,
 }
 
 impl SpanClock {
-    /// The clock's name in the tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Log => "log",

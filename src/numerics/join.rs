@@ -87,7 +87,6 @@ pub struct Joined {
     pub clock: ClockEstimate,
     /// Tracker dwells and readings left out, with reasons.
     pub rejects: Vec<JoinReject>,
-    /// Rows and readings of a table of stations left out, with reasons; empty where logs were joined.
     pub row_rejects: Vec<RowReject>,
     /// The courses of references that were followed; empty where there were none.
     pub references: Vec<tabled::ReferenceCourse>,
@@ -95,7 +94,6 @@ pub struct Joined {
     pub read_references: Vec<tabled::ReadReference>,
     /// Stretches at which the instrument or the base stood elsewhere, and no reference tells it.
     pub elsewhere: Vec<Elsewhere>,
-    /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
     pub found: Found,
@@ -110,14 +108,10 @@ impl Joined {
     }
 }
 
-/// The thresholds used: those of the settings, otherwise those found from the logs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// Joint motion within the stationary window, rad.
     pub stationary_rad: f64,
-    /// Target motion within the stationary window, mm.
     pub stationary_mm: f64,
-    /// Settling time, s.
     pub settle_s: f64,
 }
 
@@ -126,19 +120,15 @@ pub struct Found {
 pub struct Station {
     /// Number within the session, from 0, in controller time.
     pub number: usize,
-    /// First stationary moment.
     pub start: Stamp<Controller>,
     /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// Mean joint angles, rad.
     pub joints: Vec<f64>,
-    /// Number of joint samples in the mean.
     pub joint_samples: usize,
     /// The command in force during the dwell; absent without commands or where none fits.
     pub command: Option<Command>,
     /// The readings of the instruments, in the order of sources and targets; empty for a dwell that is not paired.
     pub readings: Vec<Reading>,
-    /// The verdict.
     pub pairing: Pairing,
 }
 
@@ -164,7 +154,6 @@ impl Station {
 /// A commanded pose of the controller's own tool point, in the frame of commands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {
-    /// The position, mm.
     pub position: Point3<f64>,
     /// The orientation; absent where the message has none.
     pub orientation: Option<UnitQuaternion<f64>>,
@@ -173,11 +162,8 @@ pub struct Command {
 /// The verdict on a dwell of the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pairing {
-    /// It has readings of its own.
     Paired,
-    /// It has no usable readings, for this reason.
     Unmeasured(Unmeasured),
-    /// More than one tracker dwell could belong to it, and geometry did not decide.
     Ambiguous,
 }
 
@@ -200,24 +186,17 @@ pub enum Unmeasured {
     FlippedView,
 }
 
-/// The clocks and the method by which they were found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockEstimate {
-    /// The relation of the clocks.
     pub model: ClockModel,
-    /// Standard error of the offset at t₀, ns.
     pub offset_se_ns: f64,
-    /// Standard error of the drift.
     pub drift_se: f64,
     /// Number of dwell edges that the refinement matched.
     pub matched_edges: usize,
-    /// Root mean square of the edges' residuals, ns.
     pub edge_rms_ns: f64,
-    /// The way it was found, as text: the shifts tried and the evidence that decided.
     pub method: String,
 }
 
-/// Readings by verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReadingCounts {
     /// Readings that are part of a station's mean.
@@ -228,7 +207,6 @@ pub struct ReadingCounts {
     pub outlier: u64,
     /// Readings taken while the arm moved.
     pub moving: u64,
-    /// Stationary readings that belong to no station.
     pub unpaired: u64,
     /// Readings without a measurement: the zeros that some instruments write.
     pub missing: u64,
@@ -248,19 +226,14 @@ impl AddAssign for ReadingCounts {
 /// A tracker dwell or a run of readings that belongs to no station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JoinReject {
-    /// First reading.
     pub start: Stamp<Tracker>,
-    /// Last reading.
     pub end: Stamp<Tracker>,
-    /// Number of readings.
     pub readings: u64,
     /// Whether they are readings of a reference, not of a target.
     pub is_of_reference: bool,
-    /// The reason, as text.
     pub reason: String,
 }
 
-/// The readings of a reference in a log.
 #[derive(Debug)]
 pub struct ReferenceReadings {
     pub name: String,
@@ -272,7 +245,6 @@ pub struct ReferenceReadings {
 /// The content of a session's logs, in the logs' own clocks.
 #[derive(Debug)]
 pub struct JoinInput {
-    /// Stationary stretches of the joints, by [`JoinSettings::arm_rule`], over controller time.
     pub joints: Stationary,
     /// The commanded poses, in order of controller time; empty where they were not logged.
     pub commands: Box<dyn Poses<Controller>>,

@@ -51,18 +51,14 @@ const POOL: usize = 2000;
 /// Number of sizes tried between the largest design that does not hold and the smallest that does.
 const BISECTIONS: usize = 3;
 
-/// The results of a plan.
 #[derive(Debug, Clone)]
 pub struct SamplingPlan {
-    /// Steps of the uniform grid.
     pub steps: Vec<StepRow>,
     /// Index in `steps` of the largest step that holds; `None` where none does.
     pub step: Option<usize>,
-    /// Designs by number of poses.
     pub designs: Vec<DesignRow>,
     /// Number of random poses that were drawn, and the reasons why some were not taken.
     pub candidates: Drawn,
-    /// The visits to measure, in order.
     pub session: Session,
     /// The outcomes of the session on robots that took no part in choosing it.
     pub promise: Outcomes,
@@ -78,13 +74,9 @@ impl SamplingPlan {
 /// The inputs that all robots of a plan share.
 #[derive(Clone, Copy)]
 pub struct Trial<'t> {
-    /// The nominal arm.
     pub arm: &'t Arm,
-    /// Places poses for the arm.
     pub placer: &'t Placer<'t>,
-    /// The settings that the plan follows from.
     pub settings: &'t PlanSettings,
-    /// Receiver of the progress.
     pub progress: &'t dyn Progress,
 }
 
@@ -108,7 +100,6 @@ impl<'t> Trial<'t> {
     }
 }
 
-/// Makes a plan.
 pub fn plan(
     arm: &Arm,
     settings: &PlanSettings,

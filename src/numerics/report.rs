@@ -36,7 +36,6 @@ use tip::Turn;
 /// The way in which the stations that judge were kept from training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Split {
-    /// They were not kept from it: training figures.
     None,
     /// Whole blocks of the work space held out, every block once.
     Blocks,
@@ -49,7 +48,6 @@ pub enum Split {
 pub enum BaseRefit {
     /// From training.
     None,
-    /// From the session's first stations, judged on the rest.
     First,
     /// From stations of the session that were chosen by their poses, judged on the rest.
     Chosen,
@@ -69,20 +67,15 @@ impl BaseRefit {
 pub struct Subject {
     /// The way in which the stations were kept from training.
     pub split: Split,
-    /// Session of the stations.
     pub of_session: String,
-    /// The model that predicts.
     pub model: Model,
-    /// The joint angles that it predicts from.
     pub angles: Angles,
-    /// The source of the base.
     pub base_refit: BaseRefit,
 }
 
 /// Measured minus predicted target at one station, base frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
-    /// Number of the station in its session.
     pub station: usize,
     /// The target that was read; `None` where the session has one, and for errors of the tool point.
     pub target: Option<TargetId>,
@@ -94,7 +87,6 @@ pub struct Residual {
     pub used_for_refit: bool,
     /// Attained position of the target, mm, base frame.
     pub attained: Point3<f64>,
-    /// Measured minus predicted position, mm.
     pub residual: Vector3<f64>,
     /// Covariance of measured minus predicted, mm²; `None` where the model has none.
     pub covariance: Option<Matrix3<f64>>,
@@ -125,9 +117,7 @@ impl Residual {
 /// Residuals of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResidualSet {
-    /// The subject of the residuals.
     pub subject: Subject,
-    /// The residuals, in station order.
     pub residuals: Vec<Residual>,
 }
 
@@ -166,9 +156,7 @@ impl ResidualSet {
 /// Accuracy of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Accuracy {
-    /// The subject of the figures.
     pub subject: Subject,
-    /// The point that has the errors.
     pub point: Point,
     /// Before compensation (the error without it) or after (the error that a prediction would leave, or a table left).
     pub moment: Moment,

@@ -44,7 +44,6 @@ impl Default for SimilaritySettings {
 pub struct ErrorSample {
     /// Joint angles, rad.
     pub joints: Vec<f64>,
-    /// Position in the base frame, mm.
     pub position: Point3<f64>,
     /// Error in the base frame, mm.
     pub error: Vector3<f64>,
@@ -59,21 +58,17 @@ pub enum Space {
     Cartesian,
 }
 
-/// The quantity whose differences are squared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Error along x of the base frame.
     X,
-    /// Along y.
     Y,
-    /// Along z.
     Z,
     /// The whole vector: `½ |e_i − e_j|²`.
     Norm,
 }
 
 impl Quantity {
-    /// All quantities, in the order of [`empirical::Sums`].
     pub const ALL: [Self; 4] = [Self::X, Self::Y, Self::Z, Self::Norm];
 }
 
@@ -91,15 +86,12 @@ pub enum Alikeness {
 /// The semivariogram of one quantity in one space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Semivariogram {
-    /// The space in which separations are measured.
     pub space: Space,
-    /// The quantity compared.
     pub quantity: Quantity,
     /// Bins in order of separation; empty ones are left out.
     pub bins: Vec<Bin>,
     /// The fitted models, best first; empty with fewer than four bins.
     pub models: Vec<VariogramModel>,
-    /// Whether near errors are more alike than far ones.
     pub alikeness: Alikeness,
 }
 

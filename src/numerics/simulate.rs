@@ -59,95 +59,41 @@ const DIGITS: usize = 10;
 /// The most samples of one kind: three weeks at 20 Hz, which fit into memory.
 const MOST_SAMPLES: u32 = 40_000_000;
 
-/// A synthetic session.
 #[derive(Debug, Clone)]
 pub struct Simulated {
-    /// The samples of the two logs.
     pub recording: Recording,
-    /// The true values behind the samples.
     pub truth: Truth,
 }
 
 /// A setting of a simulation that is wrong, or poses that cannot be reached.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SimulateError {
-    /// A list of angles for another arm.
     #[error("{what}: {found} angles, but the arm has {joints} joints; give one for each joint")]
-    Length {
-        /// The list's name.
-        what: &'static str,
-        /// Joints of the arm.
-        joints: usize,
-        /// Angles given.
-        found: usize,
-    },
-    /// A setting outside its range.
+    Length { what: &'static str, joints: usize, found: usize },
     #[error("{name} = {found}: it has to be {wanted}")]
-    Setting {
-        /// The setting's name.
-        name: &'static str,
-        /// Its value.
-        found: f64,
-        /// The allowed values, as text.
-        wanted: &'static str,
-    },
-    /// A box with no node in it.
+    Setting { name: &'static str, found: f64, wanted: &'static str },
     #[error(
         "the box from {lower:?} to {upper:?} mm has no node at a step of {step} mm; \
          the lower corner comes first, and the step is positive"
     )]
-    EmptyBox {
-        /// Lower corner, mm.
-        lower: [f64; 3],
-        /// Upper corner, mm.
-        upper: [f64; 3],
-        /// Step, mm.
-        step: f64,
-    },
-    /// More poses than a session can have.
+    EmptyBox { lower: [f64; 3], upper: [f64; 3], step: f64 },
     #[error(
         "{asked} poses; a session has at most {most}: widen the step, shrink the box or lower the count"
     )]
-    TooManyPoses {
-        /// The number asked for.
-        asked: f64,
-        /// The largest number allowed.
-        most: usize,
-    },
-    /// More samples than a session can have.
+    TooManyPoses { asked: f64, most: usize },
     #[error(
         "{asked:.0} samples of {what}; a session has at most {most}: lower the rate, the dwell or the number of poses"
     )]
-    TooManySamples {
-        /// The kind of sample.
-        what: &'static str,
-        /// The number asked for.
-        asked: f64,
-        /// The largest number allowed.
-        most: u32,
-    },
-    /// A grid node out of reach.
+    TooManySamples { what: &'static str, asked: f64, most: u32 },
     #[error(
         "grid node {node:?} mm: {source}; move or shrink the box, turn the tool, or start from another home"
     )]
-    Node {
-        /// The node in the base frame, mm.
-        node: [f64; 3],
-        source: InverseError,
-    },
-    /// No random pose in reach.
+    Node { node: [f64; 3], source: InverseError },
     #[error(
         "random pose {number} was redrawn {redraws} times and never reached, last because: {source}; \
          move or shrink the box or the cone, or start from another home"
     )]
-    Unreachable {
-        /// The pose's number, from 0.
-        number: usize,
-        /// Number of draws.
-        redraws: usize,
-        /// The reason why the last draw was refused.
-        source: InverseError,
-    },
+    Unreachable { number: usize, redraws: usize, source: InverseError },
 }
 
 /// One synthetic session of `arm`, with its truth.
@@ -198,7 +144,6 @@ fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandS
     }
 }
 
-/// Times at a regular rate from 0 to `end_s`, s.
 fn samples(rate_hz: f64, end_s: f64) -> Vec<f64> {
     let mut times = Vec::new();
     let mut next = 0.0;

@@ -14,21 +14,17 @@ use super::observation::Observation;
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
-/// Steps of the scoring.
 const STEPS: usize = 60;
 /// Relative change of both variances at which it has converged.
 const CONVERGED: f64 = 1e-9;
 
-/// The size of a camera's noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraSize {
     /// Factor on the stated standard deviations, estimated.
     pub size: f64,
-    /// Its standard error.
     pub size_se: f64,
     /// Standard deviation of what is not the camera's, per coordinate of the position, mm.
     pub beside_mm: f64,
-    /// Number of readings that it is from.
     pub readings: usize,
 }
 
@@ -100,7 +96,6 @@ fn sums(rows: &[Row], at: &Vector2<f64>, counted: f64) -> Option<(Vector2<f64>, 
     Some((squares, information))
 }
 
-/// The variances that solve the scoring's equations, none of them negative.
 fn solved(information: &Matrix2<f64>, squares: &Vector2<f64>) -> Option<Vector2<f64>> {
     let both = information.try_inverse()? * squares;
     Some(if both[1] > 0.0 && both[0] > 0.0 {

@@ -29,7 +29,6 @@ pub struct CommandFrames {
 /// A commanded tool pose in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandedPose {
-    /// The position, mm.
     pub position: Point3<f64>,
     /// The orientation; absent where the log has none.
     pub orientation: Option<UnitQuaternion<f64>>,
@@ -42,7 +41,6 @@ pub struct Commanded {
     pub poses: Vec<Option<CommandedPose>>,
     /// The settling error of each station; `None` where no orientation is commanded.
     pub settling_errors: Vec<Option<SettlingError>>,
-    /// Whether the commanded orientations are those that were sent.
     pub trust: Trust,
     /// For each station, the index of the station that names its pose: visits of one pose have the same.
     pub visits: Vec<usize>,
@@ -69,7 +67,6 @@ impl SettlingError {
     }
 }
 
-/// Whether commanded orientations agree with the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trust {
     /// They agree: the median turn from the nominal arm, the constant turn removed, rad.
@@ -81,7 +78,6 @@ pub enum Trust {
 }
 
 impl Trust {
-    /// Whether the commanded orientations are those that were sent.
     pub const fn agrees(self) -> bool {
         matches!(self, Self::Agrees(_))
     }
@@ -95,7 +91,6 @@ const POSITION_MM: f64 = 0.01;
 const ORIENTATION_RAD: f64 = 30e-6;
 const SETTLING_ERROR_RAD: f64 = 250e-6;
 
-/// Reads the commands of `stations`.
 pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Commanded {
     let poses: Vec<Option<CommandedPose>> =
         stations.iter().map(|station| pose(station, frames)).collect();
@@ -138,7 +133,6 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
     }
 }
 
-/// Commands without orientations, which have no settling errors.
 fn without_orientations(
     stations: &[Station],
     poses: Vec<Option<CommandedPose>>,

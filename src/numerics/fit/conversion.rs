@@ -30,9 +30,7 @@ const ROUNDS: usize = 20;
 pub struct Errors {
     /// The parameters: those of the arm in its order, and of base and target.
     pub parameters: Vec<Parameter>,
-    /// Their offsets, mm or rad.
     pub offsets: DVector<f64>,
-    /// Covariance of the offsets.
     pub covariance: DMatrix<f64>,
 }
 

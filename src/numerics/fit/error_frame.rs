@@ -26,7 +26,6 @@ pub enum ErrorBase {
 pub struct SurveyedBase {
     /// Pose of the base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
-    /// Standard deviation of each coordinate of its origin, mm; absent where it is not stated.
     pub sd_mm: Option<f64>,
     /// Standard deviation of its rotation about each axis, rad; absent where it is not stated.
     pub sd_rad: Option<f64>,
@@ -48,11 +47,9 @@ impl SurveyedBase {
 /// tool, along and about each axis alone. Zero where the frame was fitted, and where it is not stated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FrameUncertainty {
-    /// Standard deviation of each coordinate of the base's origin, mm.
     pub origin_mm: f64,
     /// Standard deviation of the base's rotation about each axis through its origin, rad.
     pub rotation_rad: f64,
-    /// Standard deviation of each coordinate of the lever from the measured target to the tool, mm.
     pub lever_mm: f64,
 }
 
@@ -73,7 +70,6 @@ impl FrameUncertainty {
     }
 }
 
-/// The error reference frame of one session.
 #[derive(Debug, Clone)]
 pub struct ErrorFrame<'a> {
     arm: &'a Arm,
@@ -98,12 +94,10 @@ impl<'a> ErrorFrame<'a> {
         Self { arm, frames, flange_from_tool: flange_from_tool.unwrap_or(at_target), oriented }
     }
 
-    /// The nominal arm.
     pub const fn arm(&self) -> &'a Arm {
         self.arm
     }
 
-    /// The base, surveyed or fitted, and the measured target on the flange that errors are stated by.
     pub const fn frames(&self) -> &FramePair {
         &self.frames
     }
@@ -113,7 +107,6 @@ impl<'a> ErrorFrame<'a> {
         &self.flange_from_tool
     }
 
-    /// The vector from the measured target to the tool point, along the flange's axes, mm.
     pub fn lever(&self) -> Vector3<f64> {
         self.flange_from_tool.translation.vector
             - self.frames.flange_from_target.isometry().translation.vector
@@ -132,7 +125,6 @@ impl<'a> ErrorFrame<'a> {
         Some(base.inverse_transform_point(&position))
     }
 
-    /// The nominal arm's target position at reported joint angles (rad), in the base frame, mm.
     pub fn nominal_target(&self, joints: &[f64]) -> Point3<f64> {
         self.arm.flange(joints).isometry()
             * Point3::from(self.frames.flange_from_target.isometry().translation.vector)

@@ -26,7 +26,6 @@ const EXPLAINS: f64 = 1.0 / 3.0;
 /// A reading of the second solution of a planar target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flipped {
-    /// Place of the observation among those checked.
     pub place: usize,
     /// Angle between the measured and the fitted orientation, degrees.
     pub away_deg: f64,
@@ -39,7 +38,6 @@ pub struct Flipped {
 }
 
 impl Flipped {
-    /// The reason for which the reading is left out.
     pub fn reason(&self, station: usize) -> String {
         format!(
             "flipped view of a planar target: the orientation of station {station} is {:.1}° ({:.0} standard deviations) from the fit, and \

@@ -11,14 +11,10 @@ use crate::join::SeveralSources;
 
 pub use crate::join::{SourceId, TargetId};
 
-/// One source and one target of a session: the two ends of a measurement chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Channel {
-    /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// The session's source.
     pub source: SourceId,
-    /// The session's target.
     pub target: TargetId,
 }
 
@@ -34,9 +30,7 @@ pub struct Frames {
 /// The two frames of one channel, with its source and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FramePair {
-    /// The source whose frame it is.
     pub source: SourceId,
-    /// The target whose place it is.
     pub target: TargetId,
     /// Pose of the base in the source's frame, mm.
     pub tracker_from_base: Transform<Tracker, Base>,
@@ -45,7 +39,6 @@ pub struct FramePair {
 }
 
 impl FramePair {
-    /// The frames of a session with one source and one target.
     pub const fn only(
         tracker_from_base: Transform<Tracker, Base>,
         flange_from_target: Transform<Flange, Target>,
@@ -111,46 +104,30 @@ impl Frames {
         self
     }
 
-    /// What each source reads.
     pub fn sees(&self) -> &[Sees] {
         &self.sees
     }
 
-    /// The instrument of a source that reads one length; `None` of another source.
     pub fn gauge(&self, source: SourceId) -> Option<&Gauge> {
         self.sees.get(source.0)?.gauge()
     }
 
-    /// Poses of the base in the frame of each source, mm.
     pub fn sources(&self) -> &[Transform<Tracker, Base>] {
         &self.sources
     }
 
-    /// Poses of each target on the flange, mm; rotated only where orientations are measured.
     pub fn targets(&self) -> &[Transform<Flange, Target>] {
         &self.targets
     }
 
-    /// Pose of the base in the frame of `source`, mm.
-    ///
-    /// # Panics
-    /// When the session has no such source.
     pub fn tracker_from_base(&self, source: SourceId) -> &Transform<Tracker, Base> {
         &self.sources[source.0]
     }
 
-    /// Pose of `target` on the flange, mm.
-    ///
-    /// # Panics
-    /// When the session has no such target.
     pub fn flange_from_target(&self, target: TargetId) -> &Transform<Flange, Target> {
         &self.targets[target.0]
     }
 
-    /// The frames of the channel from `source` to `target`.
-    ///
-    /// # Panics
-    /// When the session has no such source or target.
     pub fn pair(&self, source: SourceId, target: TargetId) -> FramePair {
         FramePair {
             source,
@@ -185,12 +162,10 @@ impl Frames {
         places.map(|target| Point3::from(target.isometry().translation.vector)).collect()
     }
 
-    /// Whether the session has several targets.
     pub fn has_several_targets(&self) -> bool {
         self.targets.len() > 1
     }
 
-    /// Every source with every target, sources first.
     pub(super) fn channels(&self, session: usize) -> impl Iterator<Item = Channel> + use<> {
         let (sources, targets) = (self.sources.len(), self.targets.len());
         (0..sources).flat_map(move |source| {
@@ -225,16 +200,11 @@ impl<T> PerChannel<T> {
         Self { sessions: sessions.collect(), each: channels.map(of).collect() }
     }
 
-    /// The value of a channel.
-    ///
-    /// # Panics
-    /// When there is no such session, source or target.
     pub fn of(&self, channel: Channel) -> &T {
         let (first, targets) = self.sessions[channel.session];
         &self.each[first + channel.source.0 * targets + channel.target.0]
     }
 
-    /// All values, in the order of channels.
     pub(super) fn each(&self) -> &[T] {
         &self.each
     }

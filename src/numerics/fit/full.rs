@@ -79,14 +79,12 @@ pub enum Purpose {
 /// The full error model of an arm, trained.
 #[derive(Debug)]
 pub struct FullModel {
-    /// The identification problem without observations: chains and unknowns to predict with.
     problem: Problem<'static>,
     up: Option<Vector3<f64>>,
     layout: Layout,
     offsets: DVector<f64>,
     /// The offsets at which the training's last round evaluated its rows: those of the bases have moved since.
     rows_at: DVector<f64>,
-    /// Frames of each session at the offsets: the bases are those fitted.
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
@@ -105,21 +103,16 @@ pub struct FullModel {
     ready: Ready,
     /// The noise beyond the model.
     pub repeatability: Repeatability,
-    /// Weight of each observation: its station's.
     pub weights: Vec<f64>,
     /// Residual of each observation that it was trained on, as predicted without its station, mm and rad; none of a model that was read
     /// back or only judges.
     pub left_out: Vec<DVector<f64>>,
-    /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
 }
 
-/// Values for predictions that are computed once from the model.
 #[derive(Debug)]
 struct Ready {
-    /// The measurement chain of each channel.
     chains: PerChannel<HeldChain>,
-    /// The joint curves.
     curves: Tabulated,
 }
 
@@ -138,7 +131,6 @@ impl Ready {
 /// The prediction at a pose: the point in the tracker frame of the query's session, and its rows.
 #[derive(Debug, Clone)]
 pub struct Predicted {
-    /// The predicted point, mm.
     pub position: Point3<f64>,
     /// The rotation from the flange's axes to the tracker's.
     pub flange: UnitQuaternion<f64>,
@@ -165,7 +157,6 @@ impl FullModel {
         Self::train_for(arm, observations, start, prior, (settings, Purpose::Published), up)
     }
 
-    /// [`Self::train`] for a stated purpose.
     pub fn train_for(
         arm: &Arm,
         observations: &[Observation],
@@ -243,7 +234,6 @@ impl FullModel {
         }
     }
 
-    /// The prediction of a point at a pose, with its rows.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
         let rows = self.pose(query, &view).rows(&self.layout, &Shown::Point);
@@ -329,7 +319,6 @@ impl FullModel {
         }
     }
 
-    /// The distribution of true minus given joint angles of a query; `None` where the settling error is known.
     fn against(&self, query: &Query<'_>) -> Option<&Against> {
         let approach = self.approach.as_ref()?;
         match query.known {
@@ -370,39 +359,32 @@ impl FullModel {
         firsts.par_iter().flat_map_iter(some).collect()
     }
 
-    /// The unknowns of geometry and frames, in column order.
     pub fn unknowns(&self) -> &[Unknown] {
         self.problem.unknowns()
     }
 
-    /// Posterior mean of the unknowns' offsets.
     pub fn offsets(&self) -> DVector<f64> {
         &self.offsets + self.mean.rows(0, self.offsets.len())
     }
 
-    /// Posterior mean of a block's columns; `None` where the model has no such block.
     pub fn coefficients(&self, block: Block) -> Option<DVector<f64>> {
         self.layout
             .columns(block)
             .map(|columns| self.mean.rows(columns.start, columns.len()).into_owned())
     }
 
-    /// The columns, block by block.
     pub const fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Log evidence of the model, nats.
     pub const fn log_evidence(&self) -> f64 {
         self.posterior.log_evidence
     }
 
-    /// The frames that offsets are relative to.
     pub fn starts(&self) -> &[Frames] {
         self.problem.starts()
     }
 
-    /// The frames of each session at the posterior mean.
     pub fn fitted_frames(&self) -> Vec<Frames> {
         self.problem.frames(&self.offsets())
     }
@@ -483,7 +465,6 @@ impl FullModel {
         (deviation(&sizes.position), sizes.joints.iter().map(deviation).collect())
     }
 
-    /// Variance per axis of the base's drift at an unknown time, mm²: for commands used in another session.
     pub const fn any_time_variance(&self) -> f64 {
         self.drift_variance + self.warm_up_variance
     }
@@ -518,7 +499,6 @@ impl FullModel {
         self.scale_evidence.as_ref()
     }
 
-    /// Variance per axis of a session's own drift, mm²: for unseen sessions.
     pub const fn drift_variance(&self) -> f64 {
         self.drift_variance
     }

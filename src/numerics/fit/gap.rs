@@ -4,7 +4,6 @@ use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// The reason why a node or a cell has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Refusal {
@@ -20,26 +19,16 @@ pub enum Refusal {
     Branches,
 }
 
-/// The reason why a model has no prediction.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Gap {
-    /// A tool pose alone, for a model of the arm.
     #[error("states no joint angles, and an arm's error depends on them")]
     NoJoints,
-    /// Joint angles alone, for a table of tool poses.
     #[error("states joint angles alone, and a compensation table has positions only")]
     NoPosition,
-    /// A tool turned further from a table's orientation than the table is valid for.
     #[error(
         "is turned {angle_deg:.3}° from the table's tool orientation, which is valid up to {limit_deg:.3}°"
     )]
-    Orientation {
-        /// Angle between the orientation asked for and the table's, degrees.
-        angle_deg: f64,
-        /// The largest for which the table is valid, degrees.
-        limit_deg: f64,
-    },
-    /// A position that is not in a table's box.
+    Orientation { angle_deg: f64, limit_deg: f64 },
     #[error("lies {} the table's box", beyond(beyond_mm))]
     Outside {
         /// From the nearest point of the box to the position, in the frame of commands, mm.
@@ -47,15 +36,7 @@ pub enum Gap {
     },
     /// A cell of which one node has no value.
     #[error("lies in a cell whose node {node} at ({:.3}, {:.3}, {:.3}) mm has no value: {}", at.x, at.y, at.z, words(*why))]
-    Node {
-        /// The node's number in the table.
-        node: usize,
-        /// The node's position in the frame of commands, mm.
-        at: Point3<f64>,
-        /// The reason why it has no value.
-        why: Refusal,
-    },
-    /// A cell whose nodes are on different branches of the joint angles, so that interpolation is not possible.
+    Node { node: usize, at: Point3<f64>, why: Refusal },
     #[error("lies in a cell with no values between its nodes: {}", words(Refusal::Branches))]
     Branches,
 }

@@ -16,7 +16,6 @@ const AT_ANCHOR_MM: f64 = 1e-6;
 /// What a source reads of the targets in its frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Sees {
-    /// Positions or poses, in the source's own frame.
     Places,
     /// One length; the source's frame is the base's.
     Length(Gauge),
@@ -28,11 +27,9 @@ pub enum Sees {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Gauge {
     Distance(Anchor),
-    /// A height above a plane.
     Height(Plane),
 }
 
-/// The anchor of an instrument that reads distances.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Anchor {
     /// Its place in the base's frame, mm.
@@ -48,7 +45,6 @@ pub struct Plane {
     pub normal: UnitVector3<f64>,
     /// Its distance from the base's origin along the normal, mm.
     pub height_mm: f64,
-    /// The normal's change per radian of each tilt.
     across: [Vector3<f64>; 2],
 }
 

@@ -19,7 +19,6 @@ pub(super) const CONFOUNDED_ERRORS: f64 = 7.0;
 /// Whether the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identifiability {
-    /// The poses determine it.
     Identifiable,
     /// No pose moves with it.
     MovesNothing,

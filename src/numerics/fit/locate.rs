@@ -24,7 +24,6 @@ const AT_ONCE: usize = 16;
 const ROUNDS: usize = 20;
 /// An exchange has to lower the mean variance by this share.
 const WORTH: f64 = 1e-9;
-/// The first unknowns, of which nothing is known before: the base's place and turn.
 const BASE: usize = 6;
 
 /// Poses of a session, as far as base and target concern them; everything in the base frame.
@@ -43,7 +42,6 @@ pub struct Poses {
 /// The dependence of a session's frames on the stations that they are found from.
 #[derive(Debug, Clone)]
 pub struct Estimator {
-    /// The stations, by their places.
     pub used: Vec<usize>,
     /// The frames per unit of the stations' residuals.
     pub from: DMatrix<f64>,
@@ -61,12 +59,10 @@ pub struct Chosen {
 }
 
 impl Poses {
-    /// Number of poses.
     pub fn len(&self) -> usize {
         self.alone.len()
     }
 
-    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.alone.is_empty()
     }
@@ -180,7 +176,6 @@ struct Region {
 }
 
 impl Region {
-    /// `None` where the poses do not span space.
     fn new(poses: &Poses, region: &[usize]) -> Option<Self> {
         let (columns, half) = (rows_of(&poses.columns, region), columns_of(&poses.half, region));
         let count = region.len().max(1) as f64;

@@ -9,19 +9,12 @@ use crate::join::ReadingKind;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case", tag = "kind")]
 pub enum Loss {
-    /// Every station has the same weight.
     #[default]
     Squares,
     /// Huber's: full weight up to `tuning`, then falling as 1/s.
-    Huber {
-        /// The tuning constant, in units of the robust scale.
-        tuning: f64,
-    },
+    Huber { tuning: f64 },
     /// Cauchy's: `1/(1 + (s/tuning)²)`.
-    Cauchy {
-        /// The tuning constant, in units of the robust scale.
-        tuning: f64,
-    },
+    Cauchy { tuning: f64 },
 }
 
 impl Loss {
@@ -51,7 +44,6 @@ impl Loss {
 /// Number of values in a reading, by which its whitened norm is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Numbers {
-    /// A length.
     One,
     /// A position; a pose counts as its position does, so that a tuning constant has one meaning for both.
     Three,

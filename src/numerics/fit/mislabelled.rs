@@ -36,70 +36,50 @@ const EXPLAINS: f64 = 1.0 / 3.0;
 /// Targets whose places are all permuted; of more, two are exchanged at a time.
 const MOST_PERMUTED: usize = 6;
 
-/// Readings of a station that are not of the target they name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mislabelled {
-    /// Index of the session.
     pub session: usize,
-    /// Number of the station.
     pub station: usize,
-    /// The fault of its readings.
     pub wrong: Wrong,
 }
 
-/// The fault of a station's readings.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Wrong {
     /// They are of other targets than they name: all of them.
     Swapped(Swap),
     /// One is far from where any target can be.
     Far {
-        /// The target that it names.
         target: TargetId,
-        /// Its distance from that target's prediction, mm.
         away_mm: f64,
         /// The nearest target, and its distance, mm.
         nearest: (TargetId, f64),
     },
     /// Their distances agree under no assignment, and no single one is to blame.
-    Disagree {
-        /// The misfit under the stated names, mm.
-        given_mm: f64,
-    },
+    Disagree { given_mm: f64 },
 }
 
-/// Names that stand for other targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swap {
     /// The target that is named, and the one that was read, where the two differ.
     pub read: Vec<(TargetId, TargetId)>,
-    /// Misfit as named, mm.
     pub given_mm: f64,
-    /// Misfit as read, mm.
     pub swapped_mm: f64,
     /// Misfit of the next best assignment but the given one, mm; `None` where there is no other.
     pub runner_up_mm: Option<f64>,
 }
 
-/// A session in which targets are swapped throughout.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SwappedThroughout {
-    /// Index of the session.
     pub session: usize,
-    /// The names, and the misfit of the places.
     pub swap: Swap,
     /// What the places were held against.
     pub against: Against,
 }
 
-/// What fitted places are held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Against {
-    /// Stated places.
     Places,
-    /// Known distances.
     Distances,
-    /// The places of the first session.
     FirstSession,
 }
 
@@ -114,7 +94,6 @@ impl fmt::Display for Against {
 }
 
 impl Swap {
-    /// The swap in words, by the targets' names.
     pub fn words(&self, name: impl Fn(TargetId) -> String) -> String {
         let read = self.read.iter();
         let read: Vec<String> = read
@@ -131,12 +110,10 @@ impl Swap {
     }
 }
 
-/// What was found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Checked {
     /// Stations with wrong readings, in the order of sessions and stations.
     pub stations: Vec<Mislabelled>,
-    /// The first session in which targets are swapped throughout.
     pub throughout: Option<SwappedThroughout>,
 }
 

@@ -19,7 +19,6 @@ use super::observation::Observation;
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::Arm;
 
-/// A model of an arm's errors.
 pub trait PoseModel: Any + Debug + Send + Sync {
     /// The frames of each session that it was identified on, in their order; empty for a model without a tracker frame.
     fn frames(&self) -> &[Frames];
@@ -79,17 +78,14 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         0.0
     }
 
-    /// Names in tables of the parts that the model always has.
     fn parts(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// The parts that the model keeps or drops by their evidence.
     fn optional_parts(&self) -> &[PartEvidence] {
         &[]
     }
 
-    /// Number of identified parameters.
     fn parameter_count(&self) -> usize {
         0
     }
@@ -108,13 +104,10 @@ pub trait PoseModel: Any + Debug + Send + Sync {
 /// The place where a model is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub enum At<'q> {
-    /// At joint angles; the prediction is in the tracker frame of the query's session.
     Joints(Query<'q>),
     /// At a commanded tool pose; the prediction is in the frame of commands.
     Tool {
-        /// The position, mm.
         position: Point3<f64>,
-        /// The orientation; absent where it is not stated.
         orientation: Option<UnitQuaternion<f64>>,
     },
 }
@@ -143,32 +136,24 @@ pub struct Query<'q> {
     pub temperature_c: Option<f64>,
 }
 
-/// The origin of the axis variables of a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known<'q> {
-    /// Reported angles, with an unknown command.
     Reported,
-    /// Reported angles with their settling error.
     Both(&'q SettlingError),
-    /// Commanded angles, the only ones in off-line programming.
     Commanded,
 }
 
 /// The joint angles at which a model is compared with stations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Angles {
-    /// The angles that the controller reported.
     Reported,
     /// Between reported and commanded angles, by the model's command–feedback weight.
     Weighted,
-    /// The commanded angles, the only ones in off-line programming.
     Commanded,
 }
 
-/// A model's prediction of one point.
 #[derive(Debug, Clone)]
 pub struct Prediction {
-    /// The attained position, mm.
     pub position: Point3<f64>,
     /// The rotation from the flange's axes to the tracker's, by the frames and the chain; for a tool pose, its own orientation.
     pub flange: UnitQuaternion<f64>,
@@ -187,12 +172,10 @@ pub struct Open {
     pub alone: Matrix3<f64>,
 }
 
-/// The uncertainty of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spread {
     /// Equal along each axis: a variance, mm².
     Isotropic(f64),
-    /// A covariance, mm².
     Of(Matrix3<f64>),
 }
 

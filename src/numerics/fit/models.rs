@@ -11,24 +11,17 @@ use crate::kinematics::Arm;
 
 #[derive(Debug, Clone, Copy)]
 pub struct TrainingSettings<'s> {
-    /// Settings of the geometric fit.
     pub fit: &'s FitSettings,
-    /// Settings of the full error model.
     pub full: &'s FullSettings,
-    /// Direction of up in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
-    /// What the full error model is trained for.
     pub purpose: Purpose,
 }
 
 /// The models of one training.
 #[derive(Debug)]
 pub struct Models {
-    /// The nominal arm, base and target fitted: the error reference frame.
     pub base_target: Calibration,
-    /// The identified geometry.
     pub geometric: Calibration,
-    /// The full error model, unless it is switched off or could not be factored.
     pub full: Option<FullModel>,
 }
 
@@ -71,7 +64,6 @@ impl Models {
         self.base_target.frames.len().saturating_sub(1)
     }
 
-    /// This model, or the best one where the training does not have it.
     pub fn or_best(&self, model: Model) -> &dyn PoseModel {
         self.get(model).unwrap_or_else(|| self.best().1)
     }

@@ -60,10 +60,8 @@ impl TrackerUncertainty {
 /// The uncertainty of an instrument, by its kind: `uncertainty` or `camera` of `[tracker]`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 pub enum Uncertainty {
-    /// A laser tracker, or another instrument whose uncertainty is along and across its beam.
     #[serde(rename = "uncertainty")]
     Tracker(TrackerUncertainty),
-    /// A camera that measures a flat target.
     #[serde(rename = "camera")]
     Camera(CameraUncertainty),
 }
@@ -75,7 +73,6 @@ impl From<TrackerUncertainty> for Uncertainty {
 }
 
 impl Uncertainty {
-    /// Covariance of one position, mm², in the instrument's frame.
     pub fn covariance(&self, position: &Point3<f64>) -> Matrix3<f64> {
         match self {
             Self::Tracker(tracker) => tracker.covariance(position),
@@ -91,7 +88,6 @@ impl Uncertainty {
         }
     }
 
-    /// The camera; `None` of another instrument.
     pub const fn camera(&self) -> Option<&CameraUncertainty> {
         match self {
             Self::Tracker(_) => None,
@@ -103,13 +99,9 @@ impl Uncertainty {
 /// The data of one reading of a paired station that a fit needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// The session's source that measured.
     pub source: SourceId,
-    /// The session's target that was measured.
     pub target: TargetId,
-    /// The station's number in its session.
     pub station: usize,
     /// The number of the station that names its pose: visits of one pose have the same.
     pub pose: usize,
@@ -159,12 +151,10 @@ impl Observation {
         }
     }
 
-    /// Its source and target.
     pub const fn channel(&self) -> Channel {
         Channel { session: self.session, source: self.source, target: self.target }
     }
 
-    /// The measured position; `None` where none was measured.
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         self.measured.point()
     }
@@ -205,7 +195,6 @@ pub struct StatedSize {
 }
 
 impl StatedSize {
-    /// As stated.
     pub const ONE: Self = Self { position: 1.0, orientation: 1.0 };
 
     /// A stated covariance with these factors.
@@ -228,10 +217,6 @@ impl Noise {
         Self { sources: vec![source], repeatability_mm, stated: Vec::new() }
     }
 
-    /// The instrument `source`.
-    ///
-    /// # Panics
-    /// When there is no such source.
     pub fn source(&self, source: SourceId) -> &Source {
         &self.sources[source.0]
     }

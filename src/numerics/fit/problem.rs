@@ -49,11 +49,8 @@ pub struct Problem<'a> {
 #[derive(Debug)]
 struct Measuring {
     chain: Chain,
-    /// Index of each free parameter of the chain in the vector of unknowns.
     columns: Vec<Option<usize>>,
-    /// The observations as columns.
     stations: Stations,
-    /// The source that reads a length.
     gauge: Option<Reads>,
 }
 
@@ -140,17 +137,14 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The unknowns in the order of the vector.
     pub fn unknowns(&self) -> &[Unknown] {
         &self.unknowns
     }
 
-    /// The frames that the offsets start from, session by session.
     pub fn starts(&self) -> &[Frames] {
         &self.starts
     }
 
-    /// Prior means of the offsets.
     pub(super) const fn prior_mean(&self) -> &DVector<f64> {
         &self.expected
     }
@@ -204,7 +198,6 @@ impl<'a> Problem<'a> {
         matrix
     }
 
-    /// Number of all rows of residuals.
     pub(super) fn row_count(&self) -> usize {
         self.observations.iter().map(|o| o.measured.kind().rows()).sum()
     }
@@ -427,7 +420,6 @@ impl Reads {
 type Predicting = (BatchColumns, Option<Gauge>);
 
 impl Measuring {
-    /// The instrument at `offsets`; `None` of a source that reads no length.
     fn gauge(&self, offsets: &DVector<f64>) -> Option<Gauge> {
         let reads = self.gauge.as_ref()?;
         let place = |part| reads.start.parts().iter().position(|own| *own == part);

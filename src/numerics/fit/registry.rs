@@ -20,17 +20,14 @@ use serde::{Deserialize, Serialize};
 /// Makes [`Model`] from one line per model: the variant, and the file with its properties.
 macro_rules! registry {
     ($($(#[$doc:meta])* $model:ident: $file:ident,)+) => {
-        /// The models that are compared.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
         pub enum Model {
             $($(#[$doc])* $model,)+
         }
 
         impl Model {
-            /// All models, in the order of display.
             pub const ALL: &[Self] = &[$(Self::$model),+];
 
-            /// The model's properties.
             pub const fn about(self) -> &'static About {
                 match self {
                     $(Self::$model => &$file::ABOUT,)+
@@ -41,28 +38,19 @@ macro_rules! registry {
 }
 
 registry! {
-    /// The raw command, where command and measured target are one point and the base is surveyed or stated to be fitted.
     RawCommand: raw_command,
-    /// The nominal arm, base and target fitted.
     BaseTarget: base_target,
-    /// The identified geometry.
     Geometric: geometric,
-    /// The full error model.
     Full: full,
-    /// The chosen compensation table.
     Table: table,
 }
 
-/// The properties of a model.
 #[derive(Debug)]
 pub struct About {
-    /// The model's name in tables.
     pub word: &'static str,
-    /// The model's name on pages and in summaries.
     pub name: &'static str,
     /// Index of its colour and marks among those of charts.
     pub look: usize,
-    /// The errors that it corrects.
     pub corrects: Corrects,
     /// The joint angles at which it is compared with stations: similarity uses the first, a verdict the last available; empty
     /// for a model without predictions at joint angles.
@@ -75,7 +63,6 @@ pub struct About {
     pub load: Option<Load>,
 }
 
-/// The part of an arm's errors that a model corrects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Corrects {
     /// Nothing: its residuals are attained minus commanded positions.
@@ -88,15 +75,12 @@ pub enum Corrects {
     Commands,
 }
 
-/// A model among those of a training.
 pub type OfTraining = fn(&Models) -> Option<&dyn PoseModel>;
 
 /// Reads a saved model from its text and its misfit per axis (mm), which is stored separately where it has one.
 pub type Load = fn(&str, Option<f64>) -> Result<Loaded, SavedError>;
 
-/// A model that was read back.
 pub struct Loaded {
-    /// The arm and the sessions that it is of.
     pub head: SavedHead,
     pub model: Box<dyn PoseModel>,
 }

@@ -38,15 +38,11 @@ pub const CHANGES: f64 = 2.0;
 pub struct SharedFit {
     /// The session's place in the pool, from 0.
     pub session: usize,
-    /// Median residual of the shared arm, mm.
     pub shared_mm: f64,
-    /// Median residual of the nominal arm, mm.
     pub nominal_mm: f64,
-    /// Largest residual that noise and changes of one arm allow, mm.
     pub allowed_mm: f64,
 }
 
-/// A pool with a session of another arm.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
     "session {session} does not fit the arm that it is pooled with: the shared arm leaves {shared_mm:.3} mm at its stations \
@@ -55,13 +51,9 @@ pub struct SharedFit {
      a joint of this one was repaired"
 )]
 pub struct NotOneArm {
-    /// The session that fits worst, by name.
     pub session: String,
-    /// Median residual of the shared arm, mm.
     pub shared_mm: f64,
-    /// Median residual of the nominal arm, mm.
     pub nominal_mm: f64,
-    /// Largest residual that noise and changes of one arm allow, mm.
     pub allowed_mm: f64,
 }
 
@@ -173,14 +165,11 @@ pub fn unseen(
 /// Median residuals at the stations of a session, base refitted on all of them, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftBy {
-    /// Median residual of the identified arm, mm.
     pub identified: f64,
-    /// Median residual of the nominal arm, mm.
     pub nominal: f64,
 }
 
 impl LeftBy {
-    /// Whether the identified arm's residual is below [`LIMIT`] of the nominal arm's.
     pub fn improves(&self) -> bool {
         self.identified <= LIMIT * self.nominal
     }

@@ -17,53 +17,29 @@ use crate::kinematics::{Arm, Chain, Parameter, named};
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 3;
 
-/// A saved model that cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SavedError {
-    /// Not JSON of the expected shape.
     #[error("the saved model cannot be read: {0}; was it written by another program?")]
     Json(String),
-    /// Written by a later program.
     #[error(
         "the saved model has version {found}, this program reads {VERSION}: use a matching version of posegrid"
     )]
-    Version {
-        /// The version found.
-        found: u32,
-    },
-    /// Two parts that do not fit each other.
+    Version { found: u32 },
     #[error("the saved model is damaged: {found} {what}, but the rest of it needs {expected}")]
-    Length {
-        /// The kind of entry whose number is wrong.
-        what: &'static str,
-        /// The number that the other parts need.
-        expected: usize,
-        /// The number found.
-        found: usize,
-    },
+    Length { what: &'static str, expected: usize, found: usize },
     /// A quaternion that is not a rotation.
     #[error("the saved model is damaged: {what}: {source}")]
-    Placement {
-        /// The name of the placement.
-        what: &'static str,
-        /// The fault of its numbers.
-        source: PlacementError,
-    },
+    Placement { what: &'static str, source: PlacementError },
     /// A parameter that the rest of the model has not there.
     #[error("the saved model is damaged: its arm has no unknown {0} there")]
     Unknown(Parameter),
-    /// A matrix that is no factor of a covariance.
     #[error("the saved model is damaged: the factor of its covariance {problem}")]
-    Factor {
-        /// The factor's fault.
-        problem: &'static str,
-    },
+    Factor { problem: &'static str },
     /// A geometry without a covariance and without a misfit.
     #[error(
         "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"
     )]
     NoMisfit,
-    /// Several sources where a step is for one.
     #[error("the saved model has {0}")]
     SeveralSources(#[from] SeveralSources),
 }
@@ -71,9 +47,7 @@ pub enum SavedError {
 /// The first fields of every saved model: its arm and sessions.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct SavedHead {
-    /// The nominal arm.
     pub arm: Arm,
-    /// The frames of each session.
     pub sessions: Vec<SavedSession>,
 }
 
@@ -84,28 +58,21 @@ impl SavedHead {
     }
 }
 
-/// The frames of one session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedSession {
-    /// The session's name.
     pub session: String,
-    /// Pose of the base in the frame of each source.
     pub tracker_from_base: SavedPlacements,
-    /// Pose of each target on the flange.
     pub flange_from_target: SavedPlacements,
     /// What each source reads; absent where each reads places.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sees: Vec<SavedSees>,
 }
 
-/// What a source reads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum SavedSees {
-    /// Positions or poses in its frame.
     Places,
-    /// Nothing in this session.
     Nothing,
     /// Distances from an anchor.
     Distance {
@@ -114,7 +81,6 @@ pub enum SavedSees {
         /// The reading at no distance, mm.
         offset_mm: f64,
     },
-    /// Heights above a plane.
     Height {
         /// The plane's normal in the base's frame, of length 1.
         normal: [f64; 3],
@@ -161,7 +127,6 @@ impl SavedSees {
     }
 }
 
-/// One placement, or several in a list.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SavedPlacements {
@@ -188,19 +153,15 @@ const fn is_first(place: &usize) -> bool {
     *place == 0
 }
 
-/// A base + target or a geometric calibration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedCalibration {
-    /// Version of the JSON format.
     pub version: u32,
-    /// The nominal arm.
     pub arm: Arm,
     /// Offsets of the arm's free parameters, in its order; zeros where geometry was fixed.
     pub geometry: Vec<f64>,
     /// The frames of each session, with the offsets applied.
     pub sessions: Vec<SavedSession>,
-    /// The unknowns, in the order of the covariance.
     pub unknowns: Vec<SavedUnknown>,
     /// Prior standard deviation of each unknown, where it has one.
     pub prior_sd: Vec<Option<f64>>,
@@ -261,7 +222,6 @@ impl SavedPlacements {
 }
 
 impl SavedUnknown {
-    /// The saved form of one unknown.
     pub fn of(unknown: &Unknown) -> Self {
         Self {
             session: unknown.session(),
@@ -291,7 +251,6 @@ impl SavedCalibration {
         }
     }
 
-    /// Reads the JSON text.
     pub fn read(text: &str) -> Result<Self, SavedError> {
         let saved: Self = read(text)?;
         same_length("prior deviations", saved.unknowns.len(), saved.prior_sd.len())?;
@@ -334,7 +293,6 @@ impl SavedCalibration {
         }
     }
 
-    /// The identified chain from base to flange.
     pub fn chain(&self) -> Chain {
         self.arm.chain().with_offsets(&self.geometry)
     }

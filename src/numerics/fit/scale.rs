@@ -48,7 +48,6 @@ pub struct FreeScale {
     /// The scale's standard deviation, ppm; nearly all of it comes from the lengths, whose found errors are used where they
     /// exceed the tolerance.
     pub sd_ppm: f64,
-    /// Root mean square of the length errors that remain beside the scale, mm.
     pub length_rms_mm: f64,
 }
 
@@ -70,12 +69,10 @@ impl FreeScale {
     }
 }
 
-/// The scale of one session in a full error model, with the instrument's prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedScale {
     /// Scale relative to the arm that all sessions share, ppm; positive when the session measures longer.
     pub ppm: f64,
-    /// The scale's standard deviation, ppm.
     pub sd_ppm: f64,
     /// Whether the evidence kept scales in the model; without them both are 0.
     pub kept: bool,
@@ -93,21 +90,15 @@ impl FittedScale {
     }
 }
 
-/// The verdict on whether a session's scale is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleVerdict {
-    /// The scale is wrong, and named with its size.
     Named,
-    /// There is no evidence that it is wrong.
     NotNamed,
-    /// It could not be determined.
     NotShown,
 }
 
-/// The results on one session's scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionScale {
-    /// The session's name.
     pub session: String,
     /// Number of its measured stations.
     pub stations: usize,
@@ -123,7 +114,6 @@ pub struct SessionScale {
 }
 
 impl SessionScale {
-    /// Whether the scale is named.
     pub fn verdict(&self) -> ScaleVerdict {
         match (self.is_named(), self.free) {
             (true, _) => ScaleVerdict::Named,

@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use super::loss::{Loss, Numbers};
 use super::problem::{Normal, Problem};
 
-/// The state in which the solver ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convergence {
     /// The last step was negligible.
@@ -24,12 +23,10 @@ pub enum Convergence {
     Stalled,
 }
 
-/// A solved problem.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Solution {
     /// Offsets in the order of the problem's unknowns.
     pub offsets: DVector<f64>,
-    /// The state in which the solver ended.
     pub convergence: Convergence,
     /// Levenberg–Marquardt steps in all rounds.
     pub iterations: usize,
@@ -39,11 +36,9 @@ pub struct Solution {
     pub variance_factor: f64,
     /// Robust weight of each observation.
     pub weights: Vec<f64>,
-    /// `Jᵀ W J` at the solution.
     pub information: DMatrix<f64>,
 }
 
-/// Limit of iterations.
 const STEPS: usize = 200;
 /// A step below this many standard errors, of any combination of unknowns, is negligible.
 const STEP_TOLERANCE: f64 = 1e-6;
@@ -53,7 +48,6 @@ const NEAR: f64 = 0.1;
 const ROUNDING: f64 = 1e-12;
 const LEAST_DAMPING: f64 = 1e-12;
 const LARGEST_DAMPING: f64 = 1e9;
-/// The squared share of an unknown's column that is independent of the others; above it the normal equations are accurate.
 const DETERMINED: f64 = 1e-9;
 
 /// Solves `problem` from its start; `rank` is the number of independent unknowns.
@@ -94,7 +88,6 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     }
 }
 
-/// Offsets, and the whitened residual norm of each observation there.
 struct Point {
     offsets: DVector<f64>,
     norms: Vec<f64>,

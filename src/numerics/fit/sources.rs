@@ -25,11 +25,9 @@ const LEAST_REDUNDANCY: f64 = 1.0;
 /// A mean square of whitened residuals below this is of exact readings: no noise has a size there.
 const EXACT: f64 = 1e-9;
 
-/// The part that one source had in a fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SourceSize {
     pub source: SourceId,
-    /// The kind of its readings.
     pub kind: ReadingKind,
     /// Number of its readings.
     pub readings: usize,

@@ -141,7 +141,6 @@ fn aligned(
     Ok(frames.seeing(&sees))
 }
 
-/// The start of a source.
 struct Start {
     sees: Sees,
     /// The base in its frame.
@@ -150,7 +149,6 @@ struct Start {
     target: Option<(TargetId, Vector3<f64>)>,
 }
 
-/// A source's start by what it reads.
 fn start(
     arm: &Arm,
     own: &[&Observation],

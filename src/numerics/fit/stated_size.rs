@@ -33,10 +33,8 @@ const DETERMINED: f64 = 0.25;
 /// Fewest readings that have a size.
 const LEAST_READINGS: usize = 10;
 
-/// The size of what the readings of one source in one session state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FoundSize {
-    /// Index of the session in the fit, from 0.
     pub session: usize,
     pub source: SourceId,
     /// Factors on the stated standard deviations.
@@ -65,9 +63,7 @@ struct Row {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Factors {
-    /// One of all.
     Common,
-    /// One of positions, one of orientations.
     Apart,
 }
 
@@ -210,7 +206,6 @@ fn with_factors(stated: &DMatrix<f64>, size: StatedSize) -> DMatrix<f64> {
 }
 
 impl At {
-    /// Factors of positions and of orientations.
     fn factors(&self) -> [f64; 2] {
         match self.factors {
             Factors::Common => [self.logarithms[0].exp(); 2],
@@ -218,21 +213,18 @@ impl At {
         }
     }
 
-    /// A reading's covariance.
     fn covariance(&self, row: &Row) -> DMatrix<f64> {
         let mut covariance = self.sized(row) + &row.beside;
         (0..3).for_each(|axis| covariance[(axis, axis)] += self.arm_mm2);
         covariance
     }
 
-    /// `D C D`.
     fn sized(&self, row: &Row) -> DMatrix<f64> {
         let [position, orientation] = self.factors();
         let size = StatedSize { position, orientation };
         with_factors(&row.stated, size)
     }
 
-    /// The derivatives of a reading's covariance.
     fn derivatives(&self, row: &Row) -> Vec<DMatrix<f64>> {
         let (sized, size) = (self.sized(row), row.stated.nrows());
         // The logarithm of a factor is in each entry as often as the entry is of its rows and columns.

@@ -33,10 +33,8 @@ const ROUNDS: usize = 4;
 /// Residuals below this are rounding, mm.
 const LEAST_MM: f64 = 1e-6;
 
-/// A reading of one length that is a wrong number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WrongLength {
-    /// Place of the observation among those checked.
     pub place: usize,
     /// Measured minus predicted length, mm.
     pub away_mm: f64,

@@ -18,32 +18,24 @@ use super::inverse_above;
 /// Information below which a direction is not determined: a standard deviation of one unit.
 const DETERMINED: f64 = 1.0;
 
-/// The comparison of a later estimate with an earlier one.
 #[derive(Debug, Clone)]
 pub struct Comparison {
     columns: Vec<Column>,
-    /// The score u.
     score: DVector<f64>,
-    /// The information V.
     information: DMatrix<f64>,
 }
 
-/// The test and the size of a change of some columns.
 #[derive(Debug, Clone)]
 pub struct Explained {
-    /// Chi-square and its degrees of freedom.
     pub test: ChiSquare,
-    /// The shift, in the columns' units.
     pub shift: DVector<f64>,
     pub covariance: DMatrix<f64>,
 }
 
-/// A chi-square statistic.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ChiSquare {
     #[serde(with = "bits::number")]
     pub statistic: f64,
-    /// Degrees of freedom.
     pub freedom: usize,
 }
 
@@ -51,7 +43,6 @@ pub struct ChiSquare {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
     pub column: Column,
-    /// The shift, mm or rad.
     #[serde(with = "bits::number")]
     pub value: f64,
     /// The shift's standard deviation, mm or rad.
@@ -80,7 +71,6 @@ impl ChiSquare {
 }
 
 impl Comparison {
-    /// Compares `later` with `earlier`.
     pub fn new(earlier: &Estimate, later: &Estimate) -> Self {
         let both = earlier.plus(later);
         let (base, target) = both.frames();

@@ -28,7 +28,6 @@ const STATES: usize = 81;
 /// Scores are limited to this, to either side.
 const LARGEST_SCORE: f64 = 30.0;
 
-/// The state of a chart before its next value.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
     count: usize,
@@ -44,12 +43,9 @@ pub struct Chart {
 /// One value on its chart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Charted {
-    /// The name of the figure.
     pub name: String,
-    /// The figure's value, mm or rad.
     #[serde(with = "bits::number")]
     pub value: f64,
-    /// The value's standard deviation; absent when it is not known.
     #[serde(with = "bits::optional")]
     pub sd: Option<f64>,
     /// The value's score; absent before the third value, or when all earlier values are equal.

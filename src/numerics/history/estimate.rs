@@ -28,7 +28,6 @@ pub use column::Column;
 /// Information below which a forgotten part counts as empty.
 const NOTHING: f64 = 1e-9;
 
-/// The information of stations about the columns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     columns: Vec<Column>,
@@ -47,17 +46,14 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The columns, in the order of the rows of Λ and η.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Whether it still has information on the base.
     pub(super) const fn has_base(&self) -> bool {
         self.base.is_some()
     }
 
-    /// Whether it still has information on the target.
     pub(super) const fn has_target(&self) -> bool {
         self.target.is_some()
     }

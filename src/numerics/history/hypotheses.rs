@@ -23,15 +23,10 @@ use test_of_all::TestOfAll;
 /// A part that may have moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Hypothesis {
-    /// The base, or the tracker.
     Base,
-    /// The target at the flange, or the tool that carries it.
     Target,
-    /// A joint's offset.
     JointOffset(usize),
-    /// A joint's offset and error curve.
     JointCurve(usize),
-    /// A link's lengths and angles.
     Link(usize),
     Anything,
 }
@@ -51,7 +46,6 @@ pub enum HypothesisVerdict {
     NotShown,
 }
 
-/// The test of one hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     pub hypothesis: Hypothesis,
@@ -61,13 +55,11 @@ pub struct Asked {
     pub remainder: ChiSquare,
 }
 
-/// The parts that moved.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Finding {
     /// No change beyond the covariances.
     #[default]
     Nothing,
-    /// Some parts moved.
     Moved {
         /// Parts that moved, each of them.
         surely: Vec<Hypothesis>,
@@ -110,7 +102,6 @@ impl Hypothesis {
         }
     }
 
-    /// The name in tables.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Base => "base",

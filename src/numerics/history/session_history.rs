@@ -22,7 +22,6 @@ pub struct SessionHistory {
     pooled: usize,
     /// The pool before a change that is not confirmed yet, and its number of sessions.
     before: Option<(Estimate, usize)>,
-    /// The first session of the segment.
     first: Option<Estimate>,
     /// The last session in which base or target was set up anew.
     set_up: BTreeMap<Hypothesis, Estimate>,

@@ -21,16 +21,13 @@ use crate::report::ResidualSet;
 use crate::report::driven::{Application, BaseMotion, base_motion, kept};
 use crate::report::promise::{Promise, PromiseKept};
 
-/// The state of a table: whether it still holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TableState {
     /// Enough stations were measured after, and they do not contradict the promise; it covers any part that moved.
     Holds(Drifted),
     /// Its promise is contradicted: something has drifted or was changed.
     Expired(Drifted),
-    /// The session was run under conditions that the table is not valid for: temperature, tool, payload and so on.
     Outside {
-        /// The conditions outside.
         terms: Vec<Outside>,
         /// Whether its promise is contradicted; `None` where it could not be compared with the session.
         broken: Option<bool>,
@@ -42,30 +39,20 @@ pub enum TableState {
 /// The part that drifted, by the session's evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drifted {
-    /// The base, or the tracker, while the session was measured.
     Base(BaseMotion),
-    /// Parts of the arm or its target that moved between the two sessions.
     Parts(Box<Judged>),
-    /// No change beyond the covariances.
     Nothing,
-    /// It cannot be determined, for this reason.
     Untold(String),
 }
 
-/// The reason why a session shows nothing about a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NotShown {
-    /// The lake does not have the table's run.
     NoRun,
-    /// The table's run cannot be read, for this reason.
     Unreadable(String),
-    /// The table's run predicted no bound.
     NoPromise,
     /// The stations do not span space.
     NoBase,
-    /// The corrections were not applied as meant.
     Misapplied,
-    /// Too few poses judge the promise.
     TooFew {
         /// Number of poses that judge.
         judged: usize,
@@ -77,7 +64,6 @@ pub enum NotShown {
 /// The evidence of a session about the table that drove it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown<'s> {
-    /// The way the corrections were applied.
     pub application: &'s Application,
     /// The promise of the table's run, or the reason why there is none to compare.
     pub promise: Result<&'s Promise, NotShown>,

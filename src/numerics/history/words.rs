@@ -44,7 +44,6 @@ impl Judged {
     }
 }
 
-/// The shift of a joint's zero, as text.
 fn offset(shift: &Shift) -> String {
     let (value, sd) = (shift.value, expanded(shift.sd));
     if matches!(shift.column, Column::Slide(_)) {
@@ -53,7 +52,6 @@ fn offset(shift: &Shift) -> String {
     format!("moved by {:.0} ± {:.0} µrad", 1e6 * value, 1e6 * sd)
 }
 
-/// The change of a joint's curve, as text: of one that slides with the position where it is largest.
 fn curve(shifts: &[&Shift]) -> String {
     let at = |shift: &&Shift| match shift.column {
         Column::SlideCurve { at_mm, .. } => Some((at_mm, shift.value, expanded(shift.sd))),
@@ -67,7 +65,6 @@ fn curve(shifts: &[&Shift]) -> String {
     )
 }
 
-/// The size of a frame's translation and rotation, as text.
 fn motion(shifts: &[&Shift]) -> String {
     let (mut moved, mut turned) = (0.0_f64, 0.0_f64);
     for shift in shifts {

@@ -12,32 +12,26 @@ pub struct JointAngles {
 }
 
 impl JointAngles {
-    /// An empty table for rows of `joints` angles.
     pub const fn of(joints: usize) -> Self {
         Self { joints, values: Vec::new() }
     }
 
-    /// Angles per row.
     pub const fn joints(&self) -> usize {
         self.joints
     }
 
-    /// Number of rows.
     pub fn len(&self) -> usize {
         self.values.len().checked_div(self.joints).unwrap_or(0)
     }
 
-    /// Whether there are no rows.
     pub const fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
-    /// The rows in order, a slice each.
     pub fn rows(&self) -> ChunksExact<'_, f64> {
         self.values.chunks_exact(self.joints.max(1))
     }
 
-    /// The angles of the sample `row`, which must be below [`Self::len`].
     pub fn row(&self, row: usize) -> &[f64] {
         &self.values[self.places(row..row + 1)]
     }
@@ -48,7 +42,6 @@ impl JointAngles {
         &mut self.values[places]
     }
 
-    /// All angles, row after row.
     pub fn all(&self) -> &[f64] {
         &self.values
     }
@@ -63,7 +56,6 @@ impl JointAngles {
         self.rows().map(|row| row[joint]).collect()
     }
 
-    /// Appends a row, which has an angle for each joint.
     #[inline]
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         self.values.extend(row);
@@ -85,7 +77,6 @@ impl JointAngles {
         Ok(())
     }
 
-    /// Appends whole rows, row after row.
     pub fn append(&mut self, rows: &[f64]) {
         self.values.extend_from_slice(rows);
     }
@@ -115,12 +106,10 @@ impl JointAngles {
         }
     }
 
-    /// Keeps the first `rows` rows only.
     pub fn truncate(&mut self, rows: usize) {
         self.values.truncate(rows * self.joints);
     }
 
-    /// Removes the first `rows` rows.
     pub(super) fn evict(&mut self, rows: usize) {
         self.values.drain(..rows * self.joints);
     }

@@ -18,7 +18,6 @@ pub enum LoggedCovariance {
     Pose([f64; 36]),
 }
 
-/// The reason why a stated covariance is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Unusable {
     /// Zeros alone.
@@ -64,7 +63,6 @@ impl LoggedCovariance {
         self.position().iter().all(|entry| entry.is_finite())
     }
 
-    /// Whether all entries are zero.
     pub(super) fn is_zero(&self) -> bool {
         let entries = match self {
             Self::Position(entries) => &entries[..],
@@ -165,7 +163,6 @@ impl Outcomes {
 }
 
 impl CovarianceCounts {
-    /// Nothing was read.
     pub const NONE: Self = Self { position: Outcomes::NONE, orientation: Outcomes::NONE };
 
     /// The counts by their names ([`COUNTED`]); none of a kind that was not read.

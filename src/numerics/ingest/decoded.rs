@@ -7,7 +7,6 @@ use super::{JointAngles, LoggedCovariance};
 pub struct DecodedJoints {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// Joint angles of each row.
     pub angles: JointAngles,
 }
 
@@ -29,6 +28,5 @@ pub struct DecodedPoses {
 pub struct DecodedTemperatures {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// Temperature of each row, °C.
     pub celsius: Vec<f64>,
 }

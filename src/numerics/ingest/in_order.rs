@@ -34,7 +34,6 @@ pub trait Buffer {
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
     /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
-    /// Time of each sample, ns.
     fn stamps(&self) -> &[i64];
     /// Puts the samples in this order.
     fn reorder(&mut self, order: &[usize]);
@@ -174,7 +173,6 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
-    /// The files by their earliest stamp, those without rows first.
     fn files_by_time(&self) -> Vec<&FileRows> {
         let mut files: Vec<&FileRows> = self.files.iter().collect();
         files.sort_by_key(|file| file.span.map(|span| (span.earliest, span.latest)));

@@ -12,9 +12,7 @@ use crate::units::{Controller, Stamp, Tracker};
 /// Poses or points over the time of a clock; columns of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSamples<C> {
-    /// Time of each sample, not decreasing.
     pub stamps: Vec<Stamp<C>>,
-    /// Position x y z of each sample, mm.
     pub positions: Vec<[f64; 3]>,
     /// Unit quaternions x y z w; absent where the messages have no orientations.
     pub orientations: Option<Vec<[f64; 4]>>,
@@ -28,7 +26,6 @@ pub type CommandSamples = PoseSamples<Controller>;
 /// Readings of the measured target, in the tracker frame.
 pub type TargetReadings = PoseSamples<Tracker>;
 
-/// No samples.
 impl<C> Default for PoseSamples<C> {
     fn default() -> Self {
         Self { stamps: Vec::new(), positions: Vec::new(), orientations: None, covariances: None }
@@ -57,11 +54,9 @@ impl From<io::Error> for PosesError {
 
 /// Poses in order of time, read a few at a time: a log of a night need not fit into memory.
 pub trait Poses<C>: Debug + Send + Sync {
-    /// Number of poses.
     fn count(&self) -> usize;
     /// The poses of some rows. An error when a row does not exist or the storage can no longer be read.
     fn read(&self, rows: Range<usize>) -> Result<PoseSamples<C>, PosesError>;
-    /// The stamp of the pose of `row`.
     fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError>;
     /// The number of first poses for whose stamps `before` is true.
     fn count_while(&self, before: &dyn Fn(Stamp<C>) -> bool) -> Result<usize, PosesError> {
@@ -78,7 +73,6 @@ pub trait Poses<C>: Debug + Send + Sync {
     }
 }
 
-/// Poses that are all in memory.
 impl<C: Debug + Send + Sync> Poses<C> for PoseSamples<C> {
     fn count(&self) -> usize {
         self.stamps.len()

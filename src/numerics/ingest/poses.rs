@@ -6,7 +6,6 @@ use super::LoggedCovariance;
 use super::rows::RowFault;
 use crate::geometry::PoseCovariance;
 
-/// The count of quaternions that were not of unit length.
 pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
 
 /// The fault of a row that has a position and, where present, a quaternion x y z w and a covariance; `None` without one.
@@ -29,7 +28,6 @@ pub(super) fn fault(
     (reads_something && zero).then_some(RowFault::ZeroQuaternion)
 }
 
-/// Multiplies every number of a column.
 pub(super) fn scale<const N: usize>(column: &mut [[f64; N]], factor: f64) {
     for x in column.as_flattened_mut() {
         *x *= factor;

@@ -5,19 +5,14 @@ use std::fmt;
 
 use super::{JointAngles, LogReject, LossKind, SpanClock};
 
-/// The reason why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum RowFault {
-    /// A joint angle is NaN or infinite.
     Angle,
-    /// A coordinate is NaN or infinite.
     Position,
-    /// A quaternion component is NaN or infinite.
     Orientation,
     ZeroQuaternion,
     /// A position alone, where a camera on the flange measures poses.
     NoOrientation,
-    /// A temperature is NaN or infinite.
     Temperature,
 }
 
@@ -58,7 +53,6 @@ impl fmt::Display for RowFault {
 /// The place in a log from which the rows of a block come.
 #[derive(Debug, Clone, Copy)]
 pub struct Place<'a> {
-    /// The file, as the pipeline names it.
     pub file: &'a str,
     pub topic: &'a str,
     /// First byte of the block in the file as stored, and one past its last byte.

@@ -32,34 +32,18 @@ pub struct StreamSummary {
     pub(super) in_order: bool,
 }
 
-/// The reason why a stream cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum IngestError {
-    /// A stream has no usable message.
     #[error(
         "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
          see `posegrid inspect`"
     )]
-    NoSamples {
-        file: String,
-        topic: String,
-        /// Number of decoded rows.
-        decoded: u64,
-        /// The reason of the first reject with a colon before it; empty where nothing was rejected.
-        first_reason: String,
-    },
-    /// Header stamps that the publisher did not set.
+    NoSamples { file: String, topic: String, decoded: u64, first_reason: String },
     #[error(
         "{file}: all {messages} messages of topic {topic:?} have the header stamp 0: the publisher does not set it; \
          try time = \"publish\" or time = \"log\""
     )]
-    StampsUnset {
-        file: String,
-        topic: String,
-        /// Number of messages.
-        messages: u64,
-    },
-    /// A topic with messages of several kinds.
+    StampsUnset { file: String, topic: String, messages: u64 },
     #[error(
         "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic, or set \
          ignore_orientation = true for [tracker]"

@@ -10,7 +10,6 @@ use crate::units::{ClockModel, WallTime};
 /// The beginning of a session, and the clock that tells it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Began {
-    /// The moment.
     pub at: WallTime,
     /// Whether the tracker's clock tells it, because the controller's cannot.
     pub by_tracker: bool,
@@ -27,7 +26,6 @@ pub fn began(clock: &ClockModel) -> Option<Began> {
 }
 
 impl Began {
-    /// The day: `2026-11-22`.
     pub fn day(&self) -> String {
         self.at.to_string().chars().take("2026-11-22".len()).collect()
     }

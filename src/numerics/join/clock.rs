@@ -16,7 +16,6 @@ const MIN_EDGES: usize = 8;
 const ROUNDS: usize = 20;
 /// Tukey's constant: 95 % efficient on Gaussian residuals.
 const TUKEY: f64 = 4.685;
-/// Factor from a median absolute deviation to a standard deviation.
 pub const SIGMA_PER_MAD: f64 = 1.4826;
 /// Priors in weights of a mark: none on the offset; a drift of 100 ppm counts like a millisecond; without sides, or with
 /// one only, `late` is zero. A session of minutes is hardly affected; a few marks at one moment would fail without them.
@@ -27,21 +26,16 @@ const LEAST_SCALE_S: f64 = 1e-4;
 /// Offset and drift with their uncertainty, in seconds since the first stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined {
-    /// Offset and drift.
     pub relation: Relation,
-    /// Standard error of the offset at the controller's first stamp, s.
     pub offset_se_s: f64,
-    /// Standard error of the drift.
     pub drift_se: f64,
     /// Number of edges (or middles) with a weight.
     pub matched: usize,
-    /// Root mean square of their residuals, s.
     pub rms_s: f64,
     /// Whether edges were used; otherwise middles.
     pub by_edges: bool,
 }
 
-/// One comparison of the clocks.
 #[derive(Debug, Clone, Copy)]
 struct Mark {
     at_s: f64,

@@ -23,11 +23,8 @@ const FARTHEST_MM: f64 = 1e9;
 /// The data of a dwell with which its command is searched for.
 #[derive(Debug, Clone, Copy)]
 pub struct Occasion {
-    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// The nominal flange in the base frame, mm.
     pub flange: Isometry3<f64>,
 }
 

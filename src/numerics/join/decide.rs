@@ -27,16 +27,12 @@ const RIVAL_RESIDUAL: f64 = 2.0;
 /// The relation that geometry chose.
 #[derive(Debug, Clone)]
 pub struct Decision {
-    /// The clock relation, still rough.
     pub relation: Relation,
     pub support: Vec<Pair>,
-    /// Base and target, rough.
     pub placement: Placement,
     /// Median distance of the supporting pairs from the nominal arm, mm.
     pub median_mm: f64,
-    /// Number of relations tried.
     pub tried: usize,
-    /// Number of pairs that support the second best relation.
     pub rival_support: usize,
 }
 

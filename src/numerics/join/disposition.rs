@@ -6,24 +6,17 @@ use std::ops::Range;
 use super::{JoinError, JoinReject, ReadingCounts};
 use crate::units::{Stamp, Tracker};
 
-/// The class of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disposition {
-    /// It is part of a station's mean.
     Kept,
-    /// It is before the end of the settling time.
     Settling,
-    /// It is an outlier of its dwell.
     Outlier,
-    /// It was taken while the target moved.
     Moving,
     /// It is stationary, but belongs to no station.
     Unpaired(Why),
-    /// It is no measurement: zeros, or not a number.
     Missing,
 }
 
-/// The reason why a stationary reading belongs to no station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Why {
     /// The arm moved, or the controller's log does not reach there.
@@ -75,12 +68,10 @@ pub struct Dispositions {
 }
 
 impl Dispositions {
-    /// All of `readings` readings as moving.
     pub fn new(readings: usize) -> Self {
         Self { runs: BTreeMap::from([(0, Disposition::Moving)]), end: readings }
     }
 
-    /// Sets the disposition of some rows.
     pub fn set(&mut self, rows: Range<usize>, disposition: Disposition) {
         if rows.is_empty() {
             return;
@@ -110,7 +101,6 @@ impl Dispositions {
         self.set(run.0, run.1);
     }
 
-    /// Runs of rows with the same disposition, in order.
     fn runs(&self) -> Vec<(Range<usize>, Disposition)> {
         let ends = self.runs.keys().skip(1).copied().chain([self.end]);
         let mut runs: Vec<(Range<usize>, Disposition)> = Vec::new();

@@ -64,28 +64,20 @@ impl Span {
 /// A stretch in which every joint is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDwell {
-    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// Number of joint samples.
     pub samples: usize,
     /// Start and end in seconds since the controller's first stamp.
     pub span: Span,
-    /// Mean joint angles, rad.
     pub joints: Vec<f64>,
-    /// The nominal flange at those angles, in the base frame, mm.
     pub flange: Isometry3<f64>,
 }
 
 /// A stretch in which the target is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetDwell {
-    /// Rows of the readings.
     pub stretch: Stretch,
-    /// Stamp of the first reading.
     pub start: Stamp<Tracker>,
-    /// Stamp of the last reading.
     pub end: Stamp<Tracker>,
     /// Start and end in seconds since the tracker's first stamp.
     pub span: Span,
@@ -95,7 +87,6 @@ pub struct TargetDwell {
     pub scatter_mm: [f64; 3],
 }
 
-/// The arm's dwells from the stationary stretches of its joint angles.
 pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
     let dwell = |stretch: &StationaryStretch| ArmDwell {
         start: Stamp::from_ns(stretch.start_ns),
@@ -108,7 +99,6 @@ pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
     stationary.stretches.iter().map(dwell).collect()
 }
 
-/// The target's dwells.
 pub(super) fn target_dwells(readings: &Readings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
     let stationary = readings.stationary();
     let dwell = |stretch: &StationaryStretch| {

@@ -26,20 +26,15 @@ use crate::figures::median;
 use crate::ingest::{LengthRead, LengthSource, Poses, is_length};
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
-/// Number of readings read together.
 const PIECE: usize = 4096;
 
 /// The readings of an instrument of one length in a log.
 #[derive(Debug)]
 pub struct LengthReadings {
     pub name: String,
-    /// Kind of its readings.
     pub reads: LengthRead,
-    /// Standard deviation of a reading, mm.
     pub sd_mm: f64,
-    /// The least reading that there can be, mm, zeros left out; `None` of heights.
     pub least_mm: Option<f64>,
-    /// The target that it reads.
     pub target: TargetId,
     /// The readings, in order of tracker time: each length is the x of a position, mm.
     pub readings: Box<dyn Poses<Tracker>>,

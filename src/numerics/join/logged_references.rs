@@ -33,7 +33,6 @@ const NEAR_NS: i64 = 1_000_000_000;
 const FEW: usize = 5;
 /// Readings that agree within this never scatter, mm: instruments write whole micrometres.
 const RESOLUTION_MM: f64 = 2e-3;
-/// Number of readings read together.
 const PIECE: usize = 4096;
 
 /// When a reading was taken: during the dwell of a station, or in a half minute after one (before the first: counted back from it).
@@ -50,9 +49,7 @@ struct Run {
     when: When,
     start: Stamp<Tracker>,
     end: Stamp<Tracker>,
-    /// Number of readings that count in the mean.
     used: u64,
-    /// The mean, mm.
     position: Point3<f64>,
     /// Standard deviation of a reading by the median absolute deviation, mm: the largest of the axes.
     scatter_mm: f64,
@@ -244,7 +241,6 @@ impl Gathering {
         self.positions.push(position);
     }
 
-    /// Ends the look whose readings are being gathered.
     fn close(&mut self) {
         let (Some(when), [start, ..], [.., end]) = (self.now, &self.stamps[..], &self.stamps[..])
         else {

@@ -26,7 +26,6 @@ const EXPLAINED: f64 = 0.8;
 /// A stretch of stations whose readings show that the instrument or the base stood elsewhere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Elsewhere {
-    /// Its first and last station.
     pub stations: [usize; 2],
     /// Number of readings that agree there.
     pub readings: usize,

@@ -16,15 +16,12 @@ pub struct Observation {
     pub first_measured: Stamp<Tracker>,
     /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
-    /// Joint motion within the stationary window, rad.
     pub stationary_rad: f64,
-    /// Target motion within the stationary window, mm.
     pub stationary_mm: f64,
     pub arm: Vec<ArmDwell>,
     pub target: Vec<TargetDwell>,
 }
 
-/// The dwells of both logs, from the joints' stationary stretches and the readings.
 pub(super) fn observe(
     readings: &Readings<'_>,
     arm_stationary: &Stationary,
@@ -46,7 +43,6 @@ pub(super) fn observe(
 }
 
 impl Observation {
-    /// The dwells of both logs.
     pub fn dwells(&self) -> Dwells<'_> {
         Dwells { arm: &self.arm, target: &self.target }
     }

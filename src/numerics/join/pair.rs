@@ -58,12 +58,9 @@ pub fn gate_mm(median_mm: f64, settings: &JoinSettings) -> f64 {
     settings.geometry_gate_mm.max(GATE_REACH * median_mm)
 }
 
-/// The inputs of a verdict.
 pub struct Evidence<'a> {
-    /// The tracker's readings.
     pub readings: &'a Readings<'a>,
     pub temperatures: &'a TemperatureSamples,
-    /// The target's dwells.
     pub target: &'a [TargetDwell],
     pub clock: ClockModel,
     /// Base and target, rough.

@@ -33,7 +33,6 @@ const PAIR_S: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relation {
     pub offset_s: f64,
-    /// The drift, dimensionless.
     pub drift: f64,
 }
 
@@ -49,12 +48,9 @@ impl Relation {
     }
 }
 
-/// A dwell of the arm and a dwell of the target, by their numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pair {
-    /// Number of the arm's dwell.
     pub arm: usize,
-    /// Number of the target's dwell.
     pub target: usize,
 }
 

@@ -36,7 +36,6 @@ pub struct ReadingAtFlange {
     pub attained: Vector3<f64>,
 }
 
-/// Approximate placement of base and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// The base in the tracker frame, mm.

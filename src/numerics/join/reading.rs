@@ -40,54 +40,37 @@ impl TargetId {
 /// The reading of one source on one target during a dwell, in the source's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
-    /// The instrument.
     pub source: SourceId,
-    /// The target measured.
     pub target: TargetId,
     /// The mean of the samples kept.
     pub value: Value,
-    /// Number of samples kept in the mean.
     pub kept: usize,
     /// Number of samples in the dwell, settling and outliers included.
     pub taken: usize,
-    /// First kept sample.
     pub first: Stamp<Tracker>,
-    /// Last kept sample.
     pub last: Stamp<Tracker>,
     /// Temperature nearest in time, °C.
     pub temperature_c: Option<f64>,
 }
 
-/// The value of a reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
-    /// A position.
     Point(MeanPoint),
-    /// A position and an orientation, of a 6-DoF target.
     Pose(MeanPoint, MeanOrientation),
-    /// The distance of the target from the source's anchor, with the source's offset.
     Distance(MeanLength),
-    /// The height of the target above the source's plane.
     Height(MeanLength),
 }
 
-/// The kind of value that a source reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ReadingKind {
-    /// A position: three numbers.
     Point,
-    /// A position and an orientation: six numbers.
     Pose,
-    /// A distance from an anchor: one number.
     Distance,
-    /// A height above a plane: one number.
     Height,
 }
 
-/// The mean of a dwell's positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanPoint {
-    /// Mean position, mm.
     pub position: Point3<f64>,
     /// Standard deviation of a single sample per axis, mm (n − 1).
     pub scatter_mm: [f64; 3],
@@ -97,16 +80,12 @@ pub struct MeanPoint {
     pub motion_covariance: Option<[f64; 6]>,
 }
 
-/// The mean of a dwell's lengths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanLength {
-    /// Mean length, mm.
     pub mm: f64,
-    /// Stated standard uncertainty of the mean, mm.
     pub sd_mm: f64,
 }
 
-/// The mean of a dwell's orientations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanOrientation {
     /// Mean orientation on SO(3).
@@ -163,7 +142,6 @@ impl Value {
         Some(Self::Pose(point, turn))
     }
 
-    /// The kind of the value.
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Point(_) => ReadingKind::Point,
@@ -173,7 +151,6 @@ impl Value {
         }
     }
 
-    /// The position; `None` where none was read.
     pub const fn point(&self) -> Option<&MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
@@ -181,7 +158,6 @@ impl Value {
         }
     }
 
-    /// The position, for changes; `None` where none was read.
     pub const fn point_mut(&mut self) -> Option<&mut MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
@@ -189,7 +165,6 @@ impl Value {
         }
     }
 
-    /// The orientation; `None` where none was read.
     pub const fn turn(&self) -> Option<&MeanOrientation> {
         match self {
             Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
@@ -197,7 +172,6 @@ impl Value {
         }
     }
 
-    /// The length; `None` where a place was read.
     pub const fn length(&self) -> Option<&MeanLength> {
         match self {
             Self::Point(_) | Self::Pose(..) => None,
@@ -228,20 +202,17 @@ impl ReadingKind {
         }
     }
 
-    /// Whether a reading is one length.
     pub const fn is_length(self) -> bool {
         matches!(self, Self::Distance | Self::Height)
     }
 }
 
-/// Several sources where the work is for one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
     "{sources} measuring instruments in one session: errors, tables and figures are stated by one instrument's readings; keep the \
      readings of one"
 )]
 pub struct SeveralSources {
-    /// Number of sources in the session.
     pub sources: usize,
 }
 

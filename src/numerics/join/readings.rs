@@ -10,7 +10,6 @@ use super::{JoinError, JoinSettings};
 use crate::ingest::{Poses, TargetReadings};
 use crate::units::{Stamp, Tracker};
 
-/// Number of readings read together.
 const PIECE: usize = 4096;
 /// Beyond the reach of any tracker, mm; larger numbers or NaN would only overflow the fits.
 const FARTHEST_MM: f64 = 1e9;
@@ -29,12 +28,9 @@ pub struct Readings<'a> {
     missing: Missing,
 }
 
-/// Rows of the readings and their columns.
 #[derive(Debug)]
 pub struct Seen {
-    /// The rows' numbers.
     pub rows: Range<usize>,
-    /// Their columns.
     pub readings: TargetReadings,
 }
 
@@ -90,12 +86,10 @@ impl<'a> Readings<'a> {
         Ok(())
     }
 
-    /// Number of readings.
     pub fn count(&self) -> usize {
         self.poses.count()
     }
 
-    /// The target's stationary stretches, in rows of the readings.
     pub const fn stationary(&self) -> &Stationary {
         &self.stationary
     }
@@ -105,18 +99,15 @@ impl<'a> Readings<'a> {
         self.missing.runs.iter().map(|run| run.start..run.end)
     }
 
-    /// Some of the readings.
     pub fn read(&self, rows: Range<usize>) -> Result<Seen, JoinError> {
         let readings = self.poses.read(rows.clone())?;
         Ok(Seen { rows, readings })
     }
 
-    /// The readings of a stretch.
     pub fn of(&self, stretch: Stretch) -> Result<Seen, JoinError> {
         self.read(stretch.first..stretch.last + 1)
     }
 
-    /// The stamp of a reading.
     pub fn stamp(&self, row: usize) -> Result<Stamp<Tracker>, JoinError> {
         Ok(self.poses.stamp(row)?)
     }
@@ -151,7 +142,6 @@ impl Seen {
         rows.filter(|&row| is_measurement(&self.position(row)))
     }
 
-    /// Whether a row is a measurement.
     pub(super) fn is_measured(&self, row: usize) -> bool {
         is_measurement(&self.position(row))
     }

@@ -43,7 +43,6 @@ pub struct Look {
 /// The motion of references in the instrument's frame since the session's first look.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
-    /// From where something stood at first to where it stands now.
     pub moved: Isometry3<f64>,
     /// The middle of the references, where the shift of `covariance` is, at first, mm.
     pub middle: Point3<f64>,
@@ -58,9 +57,7 @@ pub struct Motion {
 pub enum Event {
     /// All of them jumped together between two looks: the instrument was bumped, or the base.
     Bump {
-        /// The last look before it at which references were measured.
         after: usize,
-        /// The first look behind it at which references were measured.
         before: usize,
         /// Shift of the references' middle, mm.
         shift_mm: f64,
@@ -84,7 +81,6 @@ pub enum Event {
     },
     /// One reference was moved among the others; from this look on it counts as a new one.
     Moved {
-        /// The first look in its new place.
         look: usize,
         reference: ReferenceId,
         /// Distance between its places, mm.
@@ -96,15 +92,11 @@ pub enum Event {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     pub reference: ReferenceId,
-    /// Its first look in this place.
     pub from: usize,
-    /// The place, mm.
     pub position: Point3<f64>,
     /// Standard deviation per axis of the place among the others, mm.
     pub sd_mm: f64,
-    /// Number of readings used.
     pub readings: usize,
-    /// Root mean square distance of those readings from it, mm.
     pub scatter_mm: f64,
 }
 
@@ -123,16 +115,12 @@ pub struct Sizes {
     pub shock_rad: f64,
 }
 
-/// The course of a set of references.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Followed {
     /// The motion at each look.
     pub motions: Vec<Motion>,
-    /// The places, in order of references and looks.
     pub places: Vec<Place>,
-    /// Everything that is neither noise nor drift, in order of looks.
     pub events: Vec<Event>,
-    /// Sizes of noise and motion.
     pub sizes: Sizes,
     /// Whether the references tell rotations.
     pub tells_turns: bool,
@@ -212,7 +200,6 @@ struct Work<'a> {
     steps: Vec<walk::Step>,
 }
 
-/// An event that has been found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Found {
     /// The walk jumps before the look.

@@ -56,7 +56,6 @@ const FLOOR_RAD: f64 = 1e-7;
 const FLOOR_MM: f64 = 1e-3;
 
 impl JoinSettings {
-    /// Checks the range of every number.
     pub fn check(&self) -> Result<(), JoinError> {
         if let Some(settle_s) = self.settle_s {
             positive_or_zero("settle_s", settle_s)?;
@@ -82,7 +81,6 @@ impl JoinSettings {
         Ok(())
     }
 
-    /// The rule by which joints are stationary.
     pub fn arm_rule(&self) -> StationaryRule {
         StationaryRule {
             window_s: self.window_s,

@@ -44,29 +44,22 @@ pub struct StationaryRule {
     pub floor: f64,
 }
 
-/// A run of stationary samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stretch {
-    /// Index of the first sample.
     pub first: usize,
-    /// Index of the last sample.
     pub last: usize,
 }
 
 /// A stretch with the stamps and means of its samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StationaryStretch {
-    /// The samples.
     pub stretch: Stretch,
-    /// The first one's stamp, ns.
     pub start_ns: i64,
-    /// The last one's stamp, ns.
     pub end_ns: i64,
     /// The stamp of the sample before it, ns; `None` at the start of the log.
     pub before_ns: Option<i64>,
     /// The stamp of the sample after it, ns; `None` at the end of the log.
     pub after_ns: Option<i64>,
-    /// Mean of each column.
     pub means: Vec<f64>,
 }
 
@@ -75,13 +68,10 @@ pub struct StationaryStretch {
 pub struct Stationary {
     /// The stretches in time order; they do not overlap.
     pub stretches: Vec<StationaryStretch>,
-    /// The threshold used, in the columns' unit.
     pub threshold: f64,
     /// The usual interval between samples, ns.
     pub interval_ns: i64,
-    /// Number of samples.
     pub samples: usize,
-    /// Number of columns.
     pub columns: usize,
     /// The first and the last sample's stamp, ns; 0 without samples.
     pub span_ns: (i64, i64),

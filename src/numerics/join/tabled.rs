@@ -32,62 +32,43 @@ pub use carried::{LookAt, ReadReference, ReferenceCourse};
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// Its line in the file, from 1.
     pub line: u64,
-    /// Angles of the reported joints, rad; mm of a joint that slides.
     pub joints: Vec<f64>,
-    /// The commanded pose; absent where the table has none.
     pub command: Option<Command>,
-    /// When it was measured, ns; absent where the table does not state it.
     pub time_ns: Option<i64>,
     pub temperature_c: Option<f64>,
-    /// The readings, in the order of targets.
     pub readings: Vec<RowReading>,
-    /// The references that were read at the station.
     pub references: Vec<RowReference>,
 }
 
-/// A row with readings of references alone, between stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ApartRow {
-    /// Its line in the file, from 1.
     pub line: u64,
-    /// When it was measured, ns; absent where the table does not state it.
     pub time_ns: Option<i64>,
     pub references: Vec<RowReference>,
 }
 
-/// The reading of a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowReference {
     pub reference: ReferenceId,
-    /// Its line in the file, from 1.
     pub line: u64,
-    /// Its position in the instrument's frame, mm.
     pub position: Point3<f64>,
 }
 
-/// The reading of one target in a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowReading {
-    /// The instrument.
     pub source: SourceId,
     pub target: TargetId,
     /// Its line in the file, from 1; of a long table its own.
     pub line: u64,
-    /// The mean of its samples, in the instrument's frame.
     pub value: Value,
-    /// Number of samples in the mean.
     pub samples: usize,
 }
 
-/// A row or reading of a table that was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RowReject {
     pub kind: RowItem,
-    /// Name of the table's file.
     pub file: String,
-    /// Its line in the file, from 1.
     pub line: u64,
     /// The column at fault; `None` where it is none of them.
     pub column: Option<String>,
@@ -96,13 +77,10 @@ pub struct RowReject {
     pub reason: String,
 }
 
-/// The kind of an item of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RowItem {
     Row,
-    /// A reading of one target.
     Reading,
-    /// A reading of a reference.
     Reference,
 }
 
@@ -110,13 +88,11 @@ pub enum RowItem {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Rows {
     pub file: String,
-    /// Rows with joint angles, in the table's order.
     pub rows: Vec<Row>,
     /// Rows with readings of references alone, in the table's order.
     pub apart: Vec<ApartRow>,
     /// Name of each reference, and what it stands on.
     pub references: Vec<(String, StandsOn)>,
-    /// Rows and readings that the reader left out; the station is not known yet.
     pub rejects: Vec<RowReject>,
 }
 

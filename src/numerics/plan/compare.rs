@@ -29,7 +29,6 @@ const REGION_POSES: usize = 300;
 /// Number of errors drawn from each pose's covariance for the expectation of a design.
 const DRAWS: usize = 32;
 
-/// The ways in which poses are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// A uniform grid at the table's orientation.
@@ -44,21 +43,16 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them.
     pub const ALL: [Self; 4] =
         [Self::UniformGrid, Self::Random, Self::GreedyVariance, Self::DOptimal];
 }
 
-/// The results of one design at one number of poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DesignRow {
-    /// The way in which poses are chosen.
     pub kind: Kind,
-    /// Poses measured.
     pub poses: usize,
     /// Errors that the model expects to remain, mm; `None` for designs that were not chosen by it.
     pub expected: Option<Expected>,
-    /// The outcomes on the robots.
     pub outcomes: Outcomes,
 }
 

@@ -45,13 +45,11 @@ pub struct Design<'c> {
     factor: Vec<Vec<f64>>,
     /// Covariance of each pose of the region.
     region: Vec<Matrix3<f64>>,
-    /// The candidates chosen, in order.
     chosen: Vec<usize>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
-    /// Index of the candidate.
     pub candidate: usize,
     /// Mean over the region of the trace of the remaining covariance, mm².
     pub left_mm2: f64,
@@ -75,12 +73,10 @@ impl<'c> Design<'c> {
         }
     }
 
-    /// The candidates chosen, in order.
     pub fn chosen(&self) -> &[usize] {
         &self.chosen
     }
 
-    /// Remaining covariance at each pose of the region, mm².
     pub fn region(&self) -> &[Matrix3<f64>] {
         &self.region
     }

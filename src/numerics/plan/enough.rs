@@ -24,7 +24,6 @@ const ARMS: usize = 300;
 /// The most informative poses to measure next.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Next {
-    /// Indices of candidates, in the order of choice.
     pub poses: Vec<usize>,
     /// Whether they are expected to be enough.
     pub are_enough: bool,

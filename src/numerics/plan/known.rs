@@ -48,7 +48,6 @@ impl KnownArm {
         })
     }
 
-    /// The model of the session before any measurement.
     pub const fn model(&self) -> &FullModel {
         &self.model
     }

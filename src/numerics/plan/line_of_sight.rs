@@ -19,12 +19,10 @@ mod segment;
 
 use segment::Segment;
 
-/// The constraints on a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraints {
     /// The arm configuration, where only one is allowed; needs a six-axis arm.
     pub configuration: Option<Configuration>,
-    /// Smallest [`SingularityFactors::smallest`] allowed; 0 allows all. Needs a six-axis arm.
     pub least_singularity_factor: f64,
     /// Smallest distance of a joint to its limits, rad.
     pub limit_margin_rad: f64,
@@ -41,15 +39,11 @@ pub struct Constraints {
 /// A box along the base frame's axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeepOut {
-    /// Name of the box.
     pub name: String,
-    /// Its lowest corner, mm.
     pub least_mm: [f64; 3],
-    /// Its highest corner, mm.
     pub most_mm: [f64; 3],
 }
 
-/// The conditions under which a tracker sees the target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineOfSight {
     /// Position of the tracker in the base frame, mm.
@@ -78,92 +72,50 @@ pub enum Part {
 /// The reason why a pose is not measured.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Unsuitable {
-    /// A joint would be beyond a limit, or too near.
     #[error(
         "joint {joint:?} is at {angle_deg:.3}{unit}, allowed are {lower_deg:.3}{unit} to {upper_deg:.3}{unit}"
     )]
     BeyondLimit {
         joint: String,
-        /// Angle of the joint, degrees; mm of one that slides, as all that follows.
         angle_deg: f64,
-        /// Lowest angle allowed, margin included, degrees.
         lower_deg: f64,
-        /// Highest angle allowed, margin included, degrees.
         upper_deg: f64,
-        /// The unit behind these numbers: "°", or " mm".
         unit: &'static str,
     },
-    /// The arm has no configurations, but the constraints need one.
     #[error(
         "arm configuration and distance to singularities are known for arms of six axes with upper arm and forearm, this one \
          has {axes}: leave both out"
     )]
-    NoConfiguration {
-        /// Number of axes of the arm.
-        axes: usize,
-    },
-    /// The arm configuration is not the one allowed.
+    NoConfiguration { axes: usize },
     #[error("the arm is in configuration {found}, wanted is {wanted}")]
-    OtherConfiguration {
-        /// Configuration of the pose.
-        found: Configuration,
-        /// Configuration that is allowed.
-        wanted: Configuration,
-    },
-    /// The pose is too near a singularity.
+    OtherConfiguration { found: Configuration, wanted: Configuration },
     #[error("the pose is {factor:.4} from a singularity, allowed is {least:.4} or more")]
-    NearSingularity {
-        /// Smallest singularity factor of the pose.
-        factor: f64,
-        /// Smallest factor allowed.
-        least: f64,
-    },
-    /// A part of the arm enters a box.
+    NearSingularity { factor: f64, least: f64 },
     #[error("{part} comes nearer than {margin_mm} mm to keep-out box {keep_out:?}")]
     InKeepOut {
-        /// Name of the box.
         keep_out: String,
         /// The part that does; of several the one nearest to the base.
         part: Part,
-        /// The distance to be kept, mm.
         margin_mm: f64,
     },
-    /// The target is too near to the tracker or too far from it.
     #[error(
         "the target is {range_mm:.0} mm from the tracker, allowed are {least_mm:.0} to {most_mm:.0} mm"
     )]
-    OutOfRange {
-        /// Distance between tracker and target, mm.
-        range_mm: f64,
-        /// Least allowed, mm.
-        least_mm: f64,
-        /// Most allowed, mm.
-        most_mm: f64,
-    },
-    /// The target faces away from the tracker.
+    OutOfRange { range_mm: f64, least_mm: f64, most_mm: f64 },
     #[error(
         "the beam meets the target {angle_deg:.1}° off its axis, accepted are {acceptance_deg:.1}°"
     )]
-    TurnedAway {
-        /// Angle between the target's axis and the direction to the tracker, degrees.
-        angle_deg: f64,
-        /// Largest angle that the target accepts, degrees.
-        acceptance_deg: f64,
-    },
-    /// A part of the arm is in the beam.
+    TurnedAway { angle_deg: f64, acceptance_deg: f64 },
     #[error("{part} is in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed")]
     BeamBlocked {
         /// The part that does; of several the one nearest to the base.
         part: Part,
-        /// Distance between the beam and the part's middle line, mm.
         distance_mm: f64,
-        /// The link's radius, mm.
         clearance_mm: f64,
     },
 }
 
 impl Unsuitable {
-    /// Name of the reason, for counts.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::BeyondLimit { .. } => "beyond_limit",

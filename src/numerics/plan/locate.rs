@@ -27,10 +27,8 @@ use crate::simulate::{Commanded, Ingredient, Stream};
 /// Number of poses that represent the box.
 const BOX_POSES: usize = 300;
 
-/// An arm that is identified already.
 #[derive(Debug, Clone, Copy)]
 pub struct Identified<'i> {
-    /// Its full error model.
     pub model: &'i FullModel,
     /// The session of the model whose target the new session's is compared with.
     pub session: usize,
@@ -38,7 +36,6 @@ pub struct Identified<'i> {
     pub target_sd_mm: Option<f64>,
 }
 
-/// The poses that find base and target, and what follows.
 #[derive(Debug, Clone)]
 pub struct LocatePlan {
     /// The poses to measure, in an order of short travel from home.

@@ -20,16 +20,13 @@ use shorten::Path;
 /// One visit of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Visit {
-    /// A pose for the first time.
     Pose(usize),
     /// The same pose again after some others, for the repeatability.
     Repeat {
-        /// Index of the pose.
         of: usize,
     },
     /// One of the first poses again, for the drift of the base.
     DriftCheck {
-        /// Index of the pose.
         of: usize,
     },
 }

@@ -9,9 +9,7 @@ use crate::grid::{Refusal, Tolerance, Verdict};
 /// The outcome of one robot on its fresh poses.
 #[derive(Debug, Clone)]
 pub enum RobotOutcome {
-    /// It was judged.
     Judged(Left),
-    /// Its session could not be fitted.
     NoFit(FitError),
 }
 
@@ -24,9 +22,7 @@ pub struct Left {
     pub bound: Option<f64>,
     /// Whether the bound is within the tolerance.
     pub verdict: Verdict,
-    /// Number of poses that could not be judged because of their cell, by reason.
     pub refused: BTreeMap<Refusal, usize>,
-    /// Number of poses outside the grid.
     pub outside: usize,
 }
 
@@ -54,14 +50,10 @@ impl RobotOutcome {
     }
 }
 
-/// Figures over robots.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcomes {
-    /// Number of robots drawn.
     pub robots: usize,
-    /// Number of robots whose session could not be fitted.
     pub no_fit: usize,
-    /// Number of robots with a bound.
     pub judged: usize,
     /// Number of robots whose bound is within the tolerance.
     pub meet: usize,
@@ -85,13 +77,9 @@ pub struct Outcomes {
 /// Figures of one robot, or their means over robots, mm.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RobotFigures {
-    /// Mean error.
     pub mean: f64,
-    /// 95th percentile.
     pub p95: f64,
-    /// 99th percentile.
     pub p99: f64,
-    /// Largest.
     pub max: f64,
 }
 

@@ -75,12 +75,10 @@ impl<'a> Placer<'a> {
         });
     }
 
-    /// The reach of the arm.
     pub const fn reach(&self) -> &Reach<'a> {
         &self.reach
     }
 
-    /// Joint angles of a pose of the target, from the nearest known pose.
     pub fn joints(&self, pose: &Isometry3<f64>) -> Result<Vec<f64>, Refusal> {
         let position = Point3::from(pose.translation.vector);
         let away = |seed: &GridStation| (seed.position - position).norm();
@@ -89,7 +87,6 @@ impl<'a> Placer<'a> {
         self.reach.joints(&position, &pose.rotation, &nearest.joints)
     }
 
-    /// A pose of the target as a command.
     pub fn commanded(&self, pose: Isometry3<f64>) -> Result<Commanded, Refusal> {
         let joints = self.joints(&pose)?;
         Ok(Commanded { base_from_target: pose, joints })
@@ -192,13 +189,10 @@ fn free_slides(arm: &Arm) -> Vec<usize> {
 /// Random poses that were drawn, and the reasons why some were not taken.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Drawn {
-    /// Number of poses drawn.
     pub poses: usize,
-    /// Number of poses not taken, by reason.
     pub refused: BTreeMap<&'static str, usize>,
 }
 
-/// A pose at a position.
 pub(super) fn posed(position: &Point3<f64>, orientation: &UnitQuaternion<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(position.coords), *orientation)
 }

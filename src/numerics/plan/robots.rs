@@ -13,7 +13,6 @@ use crate::join::{Pairing, Station};
 use crate::kinematics::Arm;
 use crate::simulate::{ArmErrors, Commanded, Ingredient, SimulateSettings, Stream, Visit, visits};
 
-/// One robot of many.
 #[derive(Debug, Clone)]
 pub struct Robot<'a> {
     arm: &'a Arm,
@@ -26,9 +25,7 @@ pub struct Robot<'a> {
 /// A robot's own session, measured and fitted.
 #[derive(Debug)]
 pub struct Fitted<'a> {
-    /// The models trained on it.
     pub models: Models,
-    /// The error reference frame its errors are stated in.
     pub error_frame: ErrorFrame<'a>,
 }
 

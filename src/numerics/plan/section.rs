@@ -11,7 +11,6 @@ use crate::simulate::settings::{
     Cell, GeometryErrors, Gravity, JointErrors, SimulateSettings, TrackerErrors,
 };
 
-/// `[plan]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlanSection {
@@ -20,16 +19,12 @@ pub struct PlanSection {
     pub home_deg: Vec<f64>,
     /// Intended place of the tracker: the arm's base in its frame, to the decimetre.
     pub tracker_from_base: Placement,
-    /// Key of all random numbers.
     #[serde(default = "seed")]
     pub seed: u64,
-    /// Number of robots that steps are judged on.
     #[serde(default = "robots")]
     pub robots: usize,
-    /// Number of robots that designs are judged on, with the full error model.
     #[serde(default = "whole_model_robots")]
     pub whole_model_robots: usize,
-    /// Number of fresh poses that judge each robot.
     #[serde(default = "test_poses")]
     pub test_poses: usize,
     /// Share of robots that has to meet the tolerance, and the confidence of that.
@@ -76,10 +71,8 @@ pub struct KnownSection {
     /// Or a session (or `pooled`) of the same robot, whose current run in the lake is taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
-    /// Whether the arm's base and the tracker have not moved since.
     #[serde(default)]
     pub base: BaseMounted,
-    /// Whether the target has not moved since.
     #[serde(default)]
     pub target: TargetMounted,
 }
@@ -88,10 +81,8 @@ pub struct KnownSection {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BaseMounted {
-    /// One of them was moved.
     #[default]
     New,
-    /// Neither was moved.
     Same,
 }
 
@@ -102,7 +93,6 @@ pub enum TargetMounted {
     /// The same target in the same place, mounted again: within `[plan.expect] target_sd_mm`.
     #[default]
     Again,
-    /// It was never taken off.
     Same,
     /// Another target, or in another place: the one in `[fit] target`.
     Other,
@@ -116,7 +106,6 @@ pub struct ConstraintsSection {
     pub limit_margin_deg: f64,
     /// Least distance to a singularity, as the smallest of the three factors (0 at it, about 1 far from it).
     pub least_singularity_factor: f64,
-    /// Boxes in the base frame that the arm may not enter.
     pub keep_out: Vec<KeepOutSection>,
     /// Distance that the lines between joint origins keep from these boxes, mm: half of the arm's thickness and more.
     pub keep_out_margin_mm: f64,
@@ -129,15 +118,11 @@ pub struct ConstraintsSection {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeepOutSection {
-    /// Name of the box.
     pub name: String,
-    /// Its least coordinates, mm.
     pub low_mm: [f64; 3],
-    /// Its largest coordinates, mm.
     pub high_mm: [f64; 3],
 }
 
-/// The conditions under which a tracker sees the target.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineOfSightSection {

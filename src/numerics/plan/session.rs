@@ -22,7 +22,6 @@ pub const LEAST_KNOWN_POSES: usize = 5;
 /// Number of early poses that a drift check visits again.
 const DRIFT_POSES: usize = 2;
 
-/// The purpose of a visit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// The arm is identified on it.
@@ -41,10 +40,8 @@ pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
     if settings.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES }
 }
 
-/// One visit of the session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedVisit {
-    /// Purpose of the visit.
     pub purpose: Purpose,
     /// The target's pose in the base frame and the nominal arm's angles there.
     pub command: Commanded,
@@ -53,10 +50,8 @@ pub struct PlannedVisit {
     pub choice: Option<(usize, f64)>,
 }
 
-/// A planned session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
-    /// Its visits, in order.
     pub visits: Vec<PlannedVisit>,
 }
 

@@ -24,12 +24,9 @@ use crate::grid::node::NodeError;
 use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
 use crate::simulate::{Commanded, Visit};
 
-/// A grid of one step, placed.
 #[derive(Debug, Clone)]
 pub struct Grid {
-    /// Step, mm.
     pub step_mm: f64,
-    /// Its nodes.
     pub placed: PlacedGrid,
     /// The nodes that can be measured, in the order of visits.
     pub visited: Vec<usize>,
@@ -40,17 +37,11 @@ pub struct Grid {
 /// The results of one step, source and interpolation.
 #[derive(Debug, Clone)]
 pub struct StepRow {
-    /// Step, mm.
     pub step_mm: f64,
-    /// Source of node values.
     pub source: Source,
-    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// Number of poses to measure.
     pub poses: usize,
-    /// Number of nodes that cannot be measured, by reason.
     pub refused_nodes: BTreeMap<Refusal, usize>,
-    /// The outcomes on the robots.
     pub outcomes: Outcomes,
 }
 

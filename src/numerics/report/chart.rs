@@ -30,9 +30,7 @@ use scale::Scale;
 /// The style that a page with charts needs: variables for both colour modes and for print, and the classes of marks.
 pub const STYLE: &str = include_str!("chart/chart.css");
 
-/// Width that a chart is drawn for, px.
 pub const WIDTH: f64 = 480.0;
-/// Height of a chart without its legend, px.
 pub const HEIGHT: f64 = 270.0;
 /// Number of different looks (colour, dash and marker together) of series; further series repeat them.
 pub const LOOKS: usize = 6;
@@ -44,9 +42,7 @@ pub struct Chart {
     pub title: String,
     /// Description of the chart, in a sentence or two.
     pub description: String,
-    /// The horizontal axis.
     pub x: Axis,
-    /// The vertical axis.
     pub y: Axis,
     /// The series, in drawing order; the legend names them.
     pub series: Vec<Series>,
@@ -95,7 +91,6 @@ impl Axis {
         Self { whole: true, ..Self::new(quantity, unit) }
     }
 
-    /// Makes the axis logarithmic.
     #[must_use]
     pub const fn logarithmic(mut self) -> Self {
         self.log = true;

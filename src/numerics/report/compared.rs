@@ -24,12 +24,9 @@ pub struct Pairs {
 /// Mean errors where the table answers, of the same held-out stations, in one frame and at commanded angles, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TableAndArm {
-    /// Before correction.
     pub before_mm: f64,
     pub table_mm: f64,
-    /// By the identified arm that the table is made from.
     pub arm_mm: f64,
-    /// Number of stations.
     pub stations: usize,
 }
 
@@ -76,11 +73,9 @@ pub struct Compared {
 /// The errors at one station, base frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorPair {
-    /// Number of the station.
     pub station: usize,
     /// The place that was commanded or predicted.
     pub at: Point3<f64>,
-    /// The error before.
     pub before: Vector3<f64>,
     /// The error that the correction leaves.
     pub after: Vector3<f64>,
@@ -96,7 +91,6 @@ impl Compared {
         Some([of(|pair| pair.before)?, of(|pair| pair.after)?])
     }
 
-    /// Number of different stations.
     pub fn count(&self) -> usize {
         let mut stations: Vec<usize> = self.errors.iter().map(|pair| pair.station).collect();
         stations.sort_unstable();

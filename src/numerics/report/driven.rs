@@ -27,9 +27,7 @@ pub use base_motion::{BaseMotion, base_motion};
 /// A target and the command that a table computed for it, in the frame of commands.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CorrectedTarget {
-    /// Name of the target.
     pub name: String,
-    /// Target position of the tool point, mm.
     pub target: Point3<f64>,
     /// Command that was to bring the tool point there, mm.
     pub command: Point3<f64>,
@@ -41,7 +39,6 @@ pub struct CorrectedTarget {
 /// Stations and their corrected targets.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Matched {
-    /// For each command the index of its target; `None` where there is none.
     pub of_command: Vec<Option<usize>>,
     /// Number of commands too far from every target.
     pub far: usize,
@@ -98,7 +95,6 @@ fn nearest(command: &Point3<f64>, targets: &[CorrectedTarget]) -> Near {
 /// One station of a session that a table drove; everything in the base frame of the session's own base + target fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenStation {
-    /// Number of the station.
     pub station: usize,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,

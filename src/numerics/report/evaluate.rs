@@ -12,20 +12,16 @@ use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction, 
 #[derive(Debug, Clone, Copy)]
 pub struct Stations<'s> {
     pub session: &'s str,
-    /// Paired stations of the session.
     pub observations: &'s [Observation],
 }
 
-/// A target as predicted by a model at a station, in the tracker's frame.
 pub(super) struct Predicted {
-    /// The model's prediction.
     pub(super) target: Prediction,
     /// Measured and predicted orientation of the flange, in the tracker's axes; `None` where its orientation was not
     /// measured, and of several targets at all but the main one.
     pub(super) turn: Option<Turn>,
 }
 
-/// Residuals of `models` on stations of a session they were trained on: all of them, or those a fold holds out.
 pub fn own_session(
     models: &Models,
     stations: Stations<'_>,

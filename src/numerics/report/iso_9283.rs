@@ -29,15 +29,11 @@ const ONE_BY_ONE: usize = 500;
 /// One visit of a pose; positions in one frame, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visit {
-    /// Number of the station.
     pub station: usize,
-    /// Start of the visit.
     pub start: Stamp<Controller>,
     /// The pose that the arm was at before, by the station of its first visit; `None` where it is not known.
     pub from: Option<usize>,
-    /// Commanded position.
     pub commanded: Point3<f64>,
-    /// Attained position.
     pub attained: Point3<f64>,
     /// Orientation of the tool; `None` where orientations were not measured.
     pub orientation: Option<Orientation>,
@@ -46,9 +42,7 @@ pub struct Visit {
 /// Orientation of the tool at a visit, in the frame of its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orientation {
-    /// Commanded orientation; `None` where the log does not have it.
     pub commanded: Option<UnitQuaternion<f64>>,
-    /// Attained orientation.
     pub attained: UnitQuaternion<f64>,
 }
 
@@ -61,7 +55,6 @@ impl Visit {
 /// A pose with its measured visits, in time order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visited {
-    /// Number of the station of its first visit.
     pub pose: usize,
     /// The visits, two or more.
     pub visits: Vec<Visit>,
@@ -70,11 +63,8 @@ pub struct Visited {
 /// Figures of the same visits, in the same frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Iso9283 {
-    /// The model that corrects the errors, and the source of the base.
     pub subject: Subject,
-    /// The point that was commanded and attained.
     pub point: Point,
-    /// Before compensation, or after.
     pub moment: Moment,
     /// The run whose table drove the stations; `None` where none did.
     pub driven_by: Option<String>,
@@ -85,7 +75,6 @@ pub struct Iso9283 {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Name of the figure.
     pub characteristic: Characteristic,
     /// The pose, by the station of its first visit; `None` over all poses.
     pub pose: Option<usize>,
@@ -118,11 +107,8 @@ impl Figure {
 pub enum Characteristic {
     /// `AP_p`: distance of the barycentre from the command.
     ApP,
-    /// `AP_x`.
     ApX,
-    /// `AP_y`.
     ApY,
-    /// `AP_z`.
     ApZ,
     /// `AP_a`: mean minus commanded angle about x.
     ApA,
@@ -140,11 +126,8 @@ pub enum Characteristic {
     RpC,
     /// `AD_p`: mean attained minus commanded distance.
     AdP,
-    /// `AD_x`.
     AdX,
-    /// `AD_y`.
     AdY,
-    /// `AD_z`.
     AdZ,
     /// `RD`: three standard deviations of the distance.
     Rd,
@@ -164,7 +147,6 @@ impl Characteristic {
 /// The characteristics that visits can show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Says {
-    /// All of them: positions are attained ones.
     Everything,
     /// Accuracy alone: positions are predictions of a model, and no model repeats better or worse than its arm.
     Accuracy,
@@ -195,7 +177,6 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     figures
 }
 
-/// The rows without a value where no pose was visited twice, with the reason.
 pub fn none(remark: &str) -> Vec<Figure> {
     [Characteristic::ApP, Characteristic::RpL]
         .map(|characteristic| Figure::missing(characteristic, VISITS, remark))
@@ -259,13 +240,11 @@ fn too_few(n: usize, needed: usize) -> Option<String> {
     (n < needed).then(|| format!("{n} visits, the standard asks for {needed}"))
 }
 
-/// The mean of vectors; zero without any.
 fn mean(vectors: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let n = vectors.len().max(1) as f64;
     vectors.sum::<Vector3<f64>>() / n
 }
 
-/// The barycentre of attained positions.
 fn barycentre(visits: &[Visit]) -> Point3<f64> {
     mean(visits.iter().map(|visit| visit.attained.coords)).into()
 }

@@ -24,7 +24,6 @@ use crate::units::MM_PER_M;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Locate {
-    /// The way in which stations are picked.
     pub by: LocateBy,
     /// Number of stations that find the base, the others judge; `None`: as many as suit the session.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -34,7 +33,6 @@ pub struct Locate {
     pub target: LocateTarget,
 }
 
-/// The way in which the stations that find a session's base are picked.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocateBy {
@@ -69,10 +67,8 @@ pub struct Located {
     pub contradicted: Option<Displacement>,
 }
 
-/// A significant displacement of a session's target from the known one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Displacement {
-    /// Its size, mm.
     pub mm: f64,
     /// The size in its direction that one session in a hundred shows of a target that was not taken off, mm.
     pub allowed_mm: f64,
@@ -88,11 +84,8 @@ impl Located {
 /// The stations that base and target of a session were found from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Finders {
-    /// The way in which they were picked.
     pub by: LocateBy,
-    /// Their number.
     pub stations: usize,
-    /// Whether the target was found with the base.
     pub with_target: bool,
 }
 
@@ -161,7 +154,6 @@ const ALIKE_MM: f64 = 0.05;
 /// Finds base and target of sessions that some models did not learn from.
 #[derive(Debug)]
 pub struct Locator {
-    /// The way in which they are found.
     pub locate: Locate,
     /// The arm in such a session; `None` without a full error model, where all stations count alike.
     elsewhere: Option<Elsewhere>,
@@ -172,7 +164,6 @@ pub struct Locator {
 }
 
 impl Locator {
-    /// For sessions of the arm that `models` identified.
     pub fn new(
         models: &Models,
         arm: &Arm,

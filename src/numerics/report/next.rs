@@ -9,10 +9,8 @@ use crate::figures::least_count;
 use crate::grid::{Tolerance, Verdict};
 use crate::kinematics::{Arm, Configuration};
 
-/// What to do with the result of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Next {
-    /// What targets are corrected by.
     pub by: Applied,
     /// The statement that targets need where the identified arm corrects them.
     pub stated: Stated,
@@ -27,7 +25,6 @@ pub struct Next {
 /// What to do with a result that does not meet the tolerance, or was not shown to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Instead {
-    /// What to do, in words.
     pub words: String,
     /// The exception with which `compensate` corrects all the same.
     pub allow: &'static str,
@@ -45,7 +42,6 @@ pub enum Stated {
 }
 
 impl Stated {
-    /// The statement that targets of this arm need.
     pub fn of(arm: &Arm) -> Self {
         let joints = arm.joints().len();
         let nominal = vec![0.0; arm.chain().parameters().len()];
@@ -93,7 +89,6 @@ impl Next {
         }
     }
 
-    /// The table that corrects: `compensation` or `calibrations`.
     pub const fn table(&self) -> &'static str {
         match self.by {
             Applied::Table => "compensation",

@@ -18,16 +18,13 @@ pub struct Promise {
     pub mean_mm: Option<f64>,
     /// What `share` of errors stays below, mm; `None` where nothing is promised of it.
     pub bound_mm: Option<f64>,
-    /// Share of errors below the bound.
     pub share: f64,
-    /// Confidence of the promise.
     pub confidence: f64,
 }
 
 /// What a plan promised, and the poses that verify it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPromise {
-    /// Id of the plan.
     pub plan: String,
     /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
@@ -39,11 +36,9 @@ pub struct PlanPromise {
 /// A station with the error that a model which did not see it leaves there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
-    /// Reported joint angles, rad.
     pub joints: Vec<f64>,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
-    /// Norm of the error left, mm.
     pub left_mm: f64,
 }
 
@@ -62,7 +57,6 @@ pub struct PromiseKept {
 }
 
 impl PromiseKept {
-    /// Compares a promise with errors by pose, whose figures are given.
     pub fn new(promise: Promise, by_pose: &PoseErrors, figures: Option<Figures>) -> Self {
         let bound_mm = promise.bound_mm.unwrap_or(0.0);
         let worst = by_pose.worst();
@@ -77,7 +71,6 @@ impl PromiseKept {
         }
     }
 
-    /// Whether the measured errors contradict the promise.
     pub fn is_broken(&self) -> bool {
         self.interval.1 < self.promise.share
     }

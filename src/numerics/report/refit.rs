@@ -14,9 +14,7 @@ use crate::units::MM_PER_M;
 /// A predicted target in the base frame, and the flange's rotation there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
-    /// Position of the target, mm.
     pub position: Point3<f64>,
-    /// Rotation from flange to base axes.
     pub flange: UnitQuaternion<f64>,
 }
 
@@ -29,7 +27,6 @@ pub struct Refit {
     pub target_shift: Vector3<f64>,
     /// Scale of the session relative to the model, minus one, about `middle`.
     pub scale: f64,
-    /// The middle of the stations, in the base frame, mm.
     pub middle: Point3<f64>,
 }
 

@@ -18,9 +18,7 @@ use crate::figures::median;
 /// The attained and the wanted axes of the flange, both in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Turn {
-    /// Measured orientation.
     pub attained: UnitQuaternion<f64>,
-    /// Predicted or commanded orientation.
     pub wanted: UnitQuaternion<f64>,
 }
 

@@ -33,7 +33,6 @@ pub enum Applied {
 }
 
 impl Applied {
-    /// Its name.
     pub const fn words(self) -> &'static str {
         match self {
             Self::Table => "compensation table",
@@ -55,7 +54,6 @@ impl ProductVerdict {
         Self { judges }
     }
 
-    /// Everything that judges.
     pub fn judges(&self) -> &[Judge] {
         &self.judges
     }
@@ -160,7 +158,6 @@ impl RunVerdict {
         &self.table
     }
 
-    /// The verdict of an identified model; `None` where it was not identified.
     pub fn of_model(&self, model: Model) -> Option<&ProductVerdict> {
         let found = self.models.iter().find(|(own, _)| *own == model)?;
         Some(&found.1)
@@ -171,7 +168,6 @@ impl RunVerdict {
         self.headline().judges()
     }
 
-    /// Whether the tolerance is met.
     pub fn verdict(&self) -> Verdict {
         self.headline().verdict()
     }
@@ -205,7 +201,6 @@ fn statement(applied: Applied, of: &ProductVerdict) -> String {
     format!("{word} by the {}: {}", applied.words(), of.why())
 }
 
-/// What a user can apply best.
 fn applied(table: &ProductVerdict, arm: &ProductVerdict) -> Applied {
     let says = |of: &ProductVerdict| match of.verdict() {
         Verdict::Meets => 0,

@@ -29,7 +29,6 @@ pub enum Relation {
 }
 
 impl Relation {
-    /// Every relation, in the order of [`Agreement`].
     pub const ALL: [Self; 6] =
         [Self::Arm, Self::Target, Self::OnePoint, Self::Survey, Self::Commands, Self::Turns];
 
@@ -44,7 +43,6 @@ impl Relation {
         }
     }
 
-    /// The relation in words.
     pub const fn in_words(self) -> &'static str {
         match self {
             Self::Arm => "readings and nominal arm (base and target fitted)",
@@ -86,12 +84,10 @@ impl Agreement {
         }))
     }
 
-    /// The disagreement of one relation.
     pub fn get(&self, relation: Relation) -> Option<f64> {
         self.0[relation as usize]
     }
 
-    /// Relations with their disagreements.
     pub fn iter(&self) -> impl Iterator<Item = (Relation, f64)> + '_ {
         let stated = Relation::ALL.into_iter().zip(self.0);
         stated.filter_map(|(relation, disagreement)| Some((relation, disagreement?)))

@@ -23,7 +23,6 @@ pub struct Dwelt {
 /// The measured stations of one session, at most 250.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
-    /// The stations, in time order.
     pub stations: Vec<Dwelt>,
 }
 

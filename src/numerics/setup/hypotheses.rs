@@ -17,13 +17,10 @@ pub use frames::{FrameKey, OtherReading};
 /// One usual mistake: what would be wrong, what to edit, and the set-up without it.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// The mistake, in words.
     pub mistake: String,
     /// The key to edit and what to write.
     pub edit: String,
-    /// The set-up with that change.
     pub set_up: SetUp,
-    /// The sort of change.
     pub sort: Sort,
 }
 
@@ -47,7 +44,6 @@ impl Hypothesis {
 /// A known arm that the stated one may have been taken for.
 #[derive(Debug, Clone)]
 pub struct KnownArm {
-    /// The robot file's name.
     pub file: String,
     pub arm: crate::kinematics::Arm,
 }

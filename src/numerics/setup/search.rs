@@ -46,7 +46,6 @@ const GRAVE_MM: f64 = 20.0;
 /// A disagreement between logs and files, and what explains it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// The relation that disagrees most.
     pub relation: Relation,
     /// Its disagreement as stated: mm, for orientations rad.
     pub stated: f64,
@@ -60,12 +59,9 @@ pub struct Finding {
     pub explains_all: bool,
 }
 
-/// A mistake in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// The mistake.
     pub what: String,
-    /// The key to edit and what to write.
     pub edit: String,
 }
 

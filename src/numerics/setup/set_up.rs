@@ -8,7 +8,6 @@ use crate::kinematics::Arm;
 /// The set-up: the arm, how its angles are reported, the units and the frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetUp {
-    /// The nominal arm.
     pub arm: Arm,
     /// Joint angles from reported ones, a square matrix; the identity as stated.
     pub joints_from_reported: DMatrix<f64>,
@@ -33,13 +32,9 @@ pub struct SetUp {
 /// The keys of a pipeline file that state units, for whoever has to edit one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnitKeys {
-    /// Of reported angles.
     pub angles: &'static str,
-    /// Of reported positions of joints that slide.
     pub slides: &'static str,
-    /// Of measured positions.
     pub readings: &'static str,
-    /// Of commanded positions.
     pub commands: &'static str,
 }
 

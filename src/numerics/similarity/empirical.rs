@@ -4,7 +4,6 @@ use rayon::prelude::*;
 
 use super::ErrorSample;
 
-/// One bin of a semivariogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bin {
     /// Least separation of the bin.

@@ -18,7 +18,6 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// All shapes.
     pub const ALL: [Self; 3] = [Self::Spherical, Self::Exponential, Self::Gaussian];
 
     /// Share of the partial sill reached at separation over range `t`.
@@ -32,10 +31,8 @@ impl Shape {
     }
 }
 
-/// A fitted model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariogramModel {
-    /// The shape of the curve.
     pub shape: Shape,
     /// Semivariance at separation zero: noise and what varies below the least separation, mm².
     pub nugget: f64,

@@ -26,7 +26,6 @@ pub struct JointCurve {
 pub struct GearLine {
     /// Cycles per turn, a multiple of one half.
     pub cycles: f64,
-    /// Amplitude, rad.
     pub amplitude_rad: f64,
     /// Phase at angle 0, rad.
     pub phase_rad: f64,
@@ -67,7 +66,6 @@ impl JointCurve {
 }
 
 impl GearLine {
-    /// A line without error.
     pub(super) const fn none() -> Self {
         Self { cycles: 1.0, amplitude_rad: 0.0, phase_rad: 0.0 }
     }

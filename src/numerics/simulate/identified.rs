@@ -10,7 +10,6 @@ use crate::kinematics::Axes;
 /// Errors of every axis beyond geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisErrors {
-    /// The errors of each axis, in the arm's order.
     pub axes: Vec<AxisError>,
     /// Approach-direction offset of each joint; `None` when the model does not have it.
     pub approach: Option<Vec<ApproachOffset>>,
@@ -18,7 +17,6 @@ pub struct AxisErrors {
     pub repeatability_rad: Vec<f64>,
 }
 
-/// Errors of one axis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisError {
     /// Constant part, rad; mm where the joint slides, as are the curves.

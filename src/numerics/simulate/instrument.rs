@@ -20,7 +20,6 @@ use crate::units::MM_PER_M;
 const LEAST_COSINE: f64 = 0.2;
 /// Least depth in front of the camera, beside the target's edge, at which a target is found, mm.
 const LEAST_DEPTH_MM: f64 = 100.0;
-/// Steps of Gauss and Newton.
 const STEPS: usize = 20;
 /// Largest turn of one, rad: a larger one would leave the solution near which it began.
 const LARGEST_TURN_RAD: f64 = 0.25;

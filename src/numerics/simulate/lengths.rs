@@ -18,25 +18,19 @@ const SAMPLE_SHARE: f64 = 0.2;
 /// An instrument that reads one length of the measured target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LengthInstrument {
-    /// What it reads, and where it is.
     pub truth: LengthTruth,
-    /// Standard deviation of its readings, mm.
     pub sd_mm: f64,
 }
 
 /// What an instrument of one length reads, and where it is in the base's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LengthTruth {
-    /// The distance from an anchor.
     Distance {
-        /// The anchor, mm.
         anchor: Point3<f64>,
         /// The reading at no distance, mm.
         offset_mm: f64,
     },
-    /// The height above a plane.
     Height {
-        /// The plane's normal.
         normal: UnitVector3<f64>,
         /// Its distance from the base's origin along the normal, mm.
         height_mm: f64,
@@ -44,7 +38,6 @@ pub enum LengthTruth {
 }
 
 impl LengthTruth {
-    /// The word of what it reads.
     pub const fn reads(&self) -> LengthRead {
         match self {
             Self::Distance { .. } => LengthRead::Distance,

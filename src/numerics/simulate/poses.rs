@@ -11,7 +11,6 @@ use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
 /// A commanded pose of the measured target in the base frame, and the nominal arm's joint angles for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commanded {
-    /// Pose of the measured target in the base frame of the nominal arm, mm.
     pub base_from_target: Isometry3<f64>,
     /// The nominal arm's reported angles at the pose, rad.
     pub joints: Vec<f64>,

@@ -11,24 +11,16 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 /// The purpose of a stream; its number is the `ChaCha` stream.
 #[derive(Debug, Clone, Copy)]
 pub enum Ingredient {
-    /// Link lengths and angles.
     Geometry = 1,
-    /// Joint error curves.
     JointCurves = 2,
     GearLines = 3,
-    /// Compliance of the axes.
     Gravity = 4,
     Backlash = 5,
-    /// True place of the measured target on the flange.
     Target = 6,
     BaseDrift = 7,
-    /// Poses of a session.
     Poses = 8,
-    /// Settling error of the controller.
     StopsShort = 9,
-    /// Repeatability from visit to visit.
     Repeatability = 10,
-    /// Lengths of dwells.
     Pauses = 11,
     LostBeam = 12,
     /// Noise that all readings of a station share.
@@ -75,7 +67,6 @@ pub enum Ingredient {
 pub struct Stream(ChaCha12Rng);
 
 impl Stream {
-    /// The stream of an ingredient.
     pub fn new(seed: u64, ingredient: Ingredient) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
@@ -89,12 +80,10 @@ impl Stream {
         self.0.next_u64()
     }
 
-    /// Uniform in 0 ≤ u < 1.
     pub fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Uniform between two bounds.
     pub fn between(&mut self, lower: f64, upper: f64) -> f64 {
         lower + (upper - lower) * self.uniform()
     }
@@ -106,7 +95,6 @@ impl Stream {
         radius * (std::f64::consts::TAU * self.uniform()).cos()
     }
 
-    /// Three independent normal numbers.
     pub fn normal3(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }

@@ -5,24 +5,19 @@ use serde::Serialize;
 /// A synthetic session: poses, errors of the arm, the cell, the instrument, the clocks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulateSettings {
-    /// Seed of all random streams.
     pub seed: u64,
     /// Seed of the arm's errors, for another session of the same arm. Absent: `seed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm_seed: Option<u64>,
     /// Reported angles (rad) at the start; the whole session is in their arm configuration.
     pub home: Vec<f64>,
-    /// Poses to measure.
     pub poses: Poses,
     /// Errors of link lengths and angles.
     pub geometry: GeometryErrors,
-    /// Errors of the joints.
     pub joints: JointErrors,
-    /// Deflection under weight.
     pub gravity: Gravity,
     /// Places of base, measured target and tracker.
     pub cell: Cell,
-    /// The laser tracker.
     pub tracker: TrackerErrors,
     /// The instrument: a laser tracker, or another one in its place.
     #[serde(skip_serializing_if = "Instrument::is_tracker")]
@@ -30,47 +25,33 @@ pub struct SimulateSettings {
     /// Factor by which the standard deviations that readings state are too small.
     #[serde(skip_serializing_if = "is_one")]
     pub understated: f64,
-    /// The tracker's clock relative to the controller's.
     pub clocks: Clocks,
     /// Moves, dwells and sampling.
     pub motion: MotionTimes,
 }
 
-/// Poses to which the measured target is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Poses {
-    /// A uniform grid, visited in serpentines, x fastest.
     Grid {
-        /// Lower corner in the base frame, mm.
         lower_mm: [f64; 3],
-        /// Upper corner, mm; the box is cut to whole steps.
         upper_mm: [f64; 3],
-        /// Step, mm.
         step_mm: f64,
         /// The target's orientation: fixed-axis roll, pitch, yaw, rad.
         orientation_rpy: [f64; 3],
     },
-    /// Random places in a box, random orientations about one.
     Box {
-        /// Number of poses.
         count: usize,
-        /// Lower corner in the base frame, mm.
         lower_mm: [f64; 3],
-        /// Upper corner, mm.
         upper_mm: [f64; 3],
         /// The mean orientation: fixed-axis roll, pitch, yaw, rad.
         orientation_rpy: [f64; 3],
         /// Largest turn away from it, rad.
         cone_rad: f64,
     },
-    /// Random joint angles, uniform between bounds.
     Joints {
-        /// Number of poses.
         count: usize,
-        /// Lower bounds, rad.
         lower: Vec<f64>,
-        /// Upper bounds, rad.
         upper: Vec<f64>,
     },
     /// Given joint angles, in their order: a planned session for one.
@@ -89,7 +70,6 @@ pub struct GeometryErrors {
     pub angle_sd_rad: f64,
 }
 
-/// Errors of each joint beyond its constant offset.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JointErrors {
     /// Root mean square of the slow part of each joint's error curve (correlated over 50°), rad.
@@ -182,25 +162,20 @@ fn is_zero(scale: &f64) -> bool {
     *scale == 0.0
 }
 
-/// The instrument of a session.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Instrument {
-    /// The laser tracker of [`TrackerErrors`].
     #[default]
     Tracker,
-    /// A stationary scanner.
     Scanner(ScannerSettings),
     Camera(CameraSettings),
 }
 
 impl Instrument {
-    /// Whether it is a laser tracker.
     pub const fn is_tracker(&self) -> bool {
         matches!(self, Self::Tracker)
     }
 
-    /// Its name, for the logs.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Tracker => "laser tracker",
@@ -215,9 +190,7 @@ impl Instrument {
 pub struct ScannerSettings {
     /// Standard deviation along the line of sight at 1 m, mm; it grows with the square of the distance.
     pub along_mm: f64,
-    /// Standard deviation across it at 1 m, mm; it grows with the distance.
     pub across_mm: f64,
-    /// Distance from the middle of the poses, mm.
     pub distance_mm: f64,
 }
 
@@ -228,9 +201,7 @@ pub struct CameraSettings {
     pub focal_px: f64,
     /// Standard deviation of a corner in the image along each axis, for a target seen from the front, pixels.
     pub noise_px: f64,
-    /// Distance between the outermost corners along an edge of the target, mm.
     pub target_mm: f64,
-    /// Number of corners along an edge.
     pub corners: u32,
     /// Whether the camera is on the flange and the target in the cell.
     pub on_flange: bool,
@@ -243,11 +214,8 @@ pub struct CameraSettings {
 /// `tracker − t₀ = (1 + drift)(controller − t₀) + offset`, t₀ the first joint sample.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Clocks {
-    /// t₀, ns.
     pub origin_ns: i64,
-    /// Offset at t₀, s.
     pub offset_s: f64,
-    /// Drift, parts per million.
     pub drift_ppm: f64,
 }
 
@@ -319,7 +287,6 @@ impl SimulateSettings {
 }
 
 impl JointErrors {
-    /// No errors at all.
     pub const fn none() -> Self {
         Self {
             slow_curve_rad: 0.0,
@@ -352,7 +319,6 @@ impl Default for Cell {
 }
 
 impl TrackerErrors {
-    /// An instrument without error.
     pub const fn none() -> Self {
         Self {
             radial_mm: 0.0,

@@ -28,11 +28,8 @@ pub(super) struct Stop {
     pub(super) visit: Vec<f64>,
     /// The part of `visit` that no other visit repeats, rad.
     pub(super) repeated: Vec<f64>,
-    /// Start of the move, s.
     pub(super) departs_s: f64,
-    /// Start of the dwell, s.
     pub(super) start_s: f64,
-    /// End of the dwell, s.
     pub(super) end_s: f64,
 }
 
@@ -84,7 +81,6 @@ impl Timeline {
         Self { home: settings.home.clone(), stops }
     }
 
-    /// End of the last dwell, s.
     pub(super) fn end_s(&self) -> f64 {
         self.stops.last().map_or(0.0, |stop| stop.end_s)
     }
@@ -122,7 +118,6 @@ impl Timeline {
 
 /// The joint angles at the end of one visit.
 struct Visit {
-    /// Reported angles, rad.
     reported: Vec<f64>,
     /// Errors of the true angles beyond the arm's own errors, rad.
     off: Vec<f64>,
@@ -152,7 +147,6 @@ impl<'a> Visits<'a> {
         }
     }
 
-    /// The visit of the next stop.
     fn next(&mut self, from: &[f64], commanded: &[f64], errors: &ArmErrors) -> Visit {
         let settings = &self.settings.joints;
         let repeated = self

@@ -21,7 +21,6 @@ const LINK_SHARE: f64 = 0.6;
 /// The payload's share of the first link's weight.
 const PAYLOAD_SHARE: f64 = 0.2;
 
-/// The errors drawn for one arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ArmErrors {
     /// Offsets of the free parameters (mm, rad), in the chain's order.

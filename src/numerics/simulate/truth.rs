@@ -18,23 +18,15 @@ const CURVE_POINTS: u32 = 181;
 /// The true values that a session's logs do not state.
 #[derive(Debug, Clone, Serialize)]
 pub struct Truth {
-    /// The arm's model.
     pub model: String,
-    /// The settings of the simulation.
     pub settings: SimulateSettings,
-    /// The true offsets of the arm, by parameter.
     pub parameters: Vec<TrueParameter>,
-    /// The errors drawn for the arm.
     pub arm: ArmErrors,
-    /// Each joint's error curve, tabulated.
     pub joint_errors: Vec<TrueCurve>,
-    /// The true relation of the clocks.
     pub clock: TrueClock,
-    /// Number of stations visited.
     pub stations_visited: usize,
     /// Number of these stations that the beam missed.
     pub stations_lost: usize,
-    /// Readings by kind.
     pub readings: TrueReadingCounts,
     /// Distances between attained and commanded target position in the base frame, mm.
     pub raw_error_mm: RawError,
@@ -43,36 +35,26 @@ pub struct Truth {
     pub stations: Vec<TrueStation>,
 }
 
-/// One parameter's true offset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrueParameter {
-    /// The parameter's name.
     pub name: String,
-    /// The parameter's unit: mm or rad.
     pub unit: &'static str,
-    /// True minus nominal value.
     pub offset: f64,
 }
 
 /// One joint's error curve (without its gear line), tabulated from limit to limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrueCurve {
-    /// The joint's name.
     pub joint: String,
-    /// Reported angles, rad; mm where the joint slides.
     pub angles_rad: Vec<f64>,
-    /// Errors at these angles, rad; mm where the joint slides.
     pub errors_rad: Vec<f64>,
 }
 
 /// `tracker − t₀ = (1 + drift)(controller − t₀) + offset`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TrueClock {
-    /// t₀, ns.
     pub origin_ns: i64,
-    /// Offset at t₀, ns.
     pub offset_ns: f64,
-    /// Drift (18e-6 is 18 ppm).
     pub drift: f64,
 }
 
@@ -80,20 +62,15 @@ pub struct TrueClock {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct RawError {
     pub mean: f64,
-    /// Root mean square.
     pub rms: f64,
-    /// Largest.
     pub max: f64,
 }
 
 /// The true values of one dwell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueStation {
-    /// Number, from 0, in time order.
     pub number: usize,
-    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last stationary moment.
     pub end: Stamp<Controller>,
     /// Whether the tracker measured it.
     pub measured: bool,

@@ -19,12 +19,9 @@ use crate::join::{
 use crate::kinematics::Arm;
 use crate::units::Stamp;
 
-/// One visit of a pose.
 #[derive(Debug, Clone)]
 pub struct Visit {
-    /// The station as the join would find it.
     pub station: Station,
-    /// The true values of the visit.
     pub truth: TrueStation,
 }
 

@@ -14,7 +14,6 @@
 
 /// Years of the latest step; sessions that lie closer together do not age.
 const FIRST_YEARS: f64 = 0.1;
-/// Most steps: the last begins half a lifetime of an arm ago.
 const MOST: usize = 8;
 const DAYS_PER_YEAR: f64 = 365.25;
 
@@ -34,7 +33,6 @@ pub(super) fn share(age_years: f64, step: usize) -> f64 {
     ((age_years - begin_years(step)) / years(step)).clamp(0.0, 1.0)
 }
 
-/// Number of steps that sessions of these ages need: those that some session came before.
 pub(super) fn steps(ages_years: &[f64]) -> usize {
     let oldest = ages_years.iter().copied().fold(0.0, f64::max);
     (0..MOST).take_while(|&step| share(oldest, step) > 0.0).count()

@@ -16,9 +16,7 @@ use crate::fit::observation::Observation;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApproachOffsets {
-    /// True minus commanded.
     pub commanded: Against,
-    /// True minus reported.
     pub reported: Against,
 }
 

@@ -84,7 +84,6 @@ pub(super) fn layout(
     layout
 }
 
-/// The day of each session, days since 1970; `None` of one without a date.
 fn days(observations: &[Observation], sessions: usize) -> Vec<Option<f64>> {
     let mut days = vec![None; sessions];
     for observation in observations {
@@ -191,7 +190,6 @@ fn slide_harmonics(settings: &FullSettings, period_mm: f64) -> usize {
     wanted.ceil().clamp(1.0, 2.0 * all) as usize
 }
 
-/// Number of harmonics of each joint: all for joints that move the target, fewer for those that hardly do.
 fn harmonics(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,

@@ -14,39 +14,22 @@ use super::settings::FullSettings;
 use super::spectrum::{Kernel, Spectra, smooth_variances};
 use crate::units::SLIDE_MM_PER_RAD;
 
-/// The part that a component belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Part {
-    /// The short kernel of one joint's curve.
     ShortCurve(usize),
-    /// The long kernel of one joint's curve.
     LongCurve(usize),
     Gravity,
-    /// Approach-direction offset.
     ApproachOffset,
-    /// Warming up, common to all sessions.
     WarmUp,
-    /// Base drift of single sessions.
     Drift,
-    /// Differences of the curves between sessions.
     SessionCurve,
-    /// Changes of the curves over years.
     Ageing,
-    /// Differences of the command–feedback weight between sessions.
     SessionCommandWeight,
-    /// One gear line.
-    Line {
-        /// The joint, from 0.
-        joint: usize,
-        /// Cycles per turn.
-        cycles: f64,
-    },
+    Line { joint: usize, cycles: f64 },
 }
 
-/// One variance component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
-    /// The part it belongs to.
     pub part: Part,
     /// Its size: a variance in the square of the part's unit (rad, mm or 1).
     pub size: f64,
@@ -55,15 +38,12 @@ pub struct Component {
     weight: f64,
 }
 
-/// All components, and the columns whose prior is fixed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Components {
-    /// The components in the layout's order.
     pub all: Vec<Component>,
     fixed: Vec<f64>,
 }
 
-/// Weight of the expected sizes, in observations: ν₀.
 pub(super) const WEIGHT: f64 = 2.0;
 /// A step of the fixed point is damped by this power, so that parts that share columns do not oscillate.
 const DAMPING: f64 = 0.8;
@@ -93,12 +73,10 @@ impl Components {
         }
     }
 
-    /// No components: for models with fixed sizes.
     pub const fn none() -> Self {
         Self { all: Vec::new(), fixed: Vec::new() }
     }
 
-    /// Prior variance of every column.
     pub fn variances(&self) -> DVector<f64> {
         let mut variances = DVector::from_column_slice(&self.fixed);
         for component in &self.all {
@@ -127,7 +105,6 @@ impl Components {
         }
     }
 
-    /// The size of a part; `None` where the model has none.
     pub fn size(&self, part: Part) -> Option<f64> {
         self.all.iter().find(|component| component.part == part).map(|component| component.size)
     }
@@ -197,7 +174,6 @@ impl Components {
         }
     }
 
-    /// The pairs of a joint's curve.
     fn add_curve(
         &mut self,
         layout: &Layout,

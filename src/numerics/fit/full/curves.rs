@@ -11,17 +11,13 @@ use crate::linalg::gram;
 /// The error of one joint at one angle; in mm throughout where the joint slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointError {
-    /// Axis variable, rad.
     pub angle: f64,
-    /// The smooth curve, rad.
     pub curve: f64,
-    /// The gear lines, rad.
     pub gear_lines: f64,
     /// Standard deviation of both together, rad.
     pub sd: f64,
 }
 
-/// The error curves of all joints of an arm.
 #[derive(Debug, Clone)]
 pub struct JointCurves {
     pairs: Vec<Pair>,
@@ -34,7 +30,6 @@ pub struct JointCurves {
 /// Cosine and sine of one joint at one number of cycles: two columns of the model.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
-    /// The joint, from 0.
     joint: usize,
     /// Whether it is a gear line, and no part of the smooth curve.
     is_line: bool,
@@ -57,7 +52,6 @@ impl FullModel {
         self.layout.period_turns()
     }
 
-    /// The error curves of all joints, common to all sessions.
     pub fn joint_curves(&self) -> JointCurves {
         let blocks = self.layout.blocks();
         let pairs: Vec<Pair> =
@@ -106,7 +100,6 @@ impl FullModel {
         gram(&self.posterior.half(rows).as_view())
     }
 
-    /// Prior covariance of combinations of columns, a row each.
     pub fn prior_covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         gram(&self.posterior.prior_half(rows).as_view())
     }

@@ -16,12 +16,10 @@ use crate::units::SLIDE_MM_PER_RAD;
 /// 110 µrad fit equally well.
 const SATURATION_RAD: f64 = 60e-6;
 
-/// Settling error from which on a joint's approach-direction offset is complete, rad; mm where the joint slides.
 pub fn saturation(slides: bool) -> f64 {
     SATURATION_RAD * if slides { SLIDE_MM_PER_RAD } else { 1.0 }
 }
 
-/// The quantities of one pose that the columns use; all vectors in the frame of the rows.
 #[derive(Debug, Clone)]
 pub struct PoseView<'a> {
     /// The target's motion per unit of each unknown of the problem that moves it.
@@ -36,11 +34,9 @@ pub struct PoseView<'a> {
     pub up: Option<Vector3<f64>>,
     /// The base frame's axes.
     pub base: Matrix3<f64>,
-    /// Axis variables, rad; mm where a joint slides.
     pub angles: &'a [f64],
     /// Commanded minus reported axis variables, rad (mm where a joint slides); `None` where it is not known.
     pub settling_error: Option<&'a SettlingError>,
-    /// The session whose own parts apply.
     pub session: Option<usize>,
     /// Place in the session as a share of the drift's span; `None` where drift and the session's scale do not apply.
     pub time: Option<f64>,

@@ -168,14 +168,10 @@ impl Settled {
     }
 }
 
-/// What a model knows of all its rows before a block is left out.
 enum Known {
-    /// Nothing but their sums.
     Sums,
-    /// Few rows.
     Rows {
         rows: Vec<Row>,
-        /// Covariance of the noise of each station.
         noise: Vec<DMatrix<f64>>,
         /// A square root of the covariance of all rows that the model leaves open.
         open: DMatrix<f64>,

@@ -32,29 +32,20 @@ pub enum Block {
     /// Zero and error curve of one joint in the sessions that had so many of its repairs still to come, in place of its curve: a
     /// constant, then pairs.
     Earlier {
-        /// The joint, from 0.
         joint: usize,
-        /// Repairs that were still to come, from 1.
         to_come: usize,
     },
-    /// Change of one joint's curve in one session.
     SessionCurve {
         session: usize,
-        /// The joint, from 0.
         joint: usize,
     },
-    /// Change of one joint's curve over one step of years, in all sessions before it.
     Ageing {
-        /// The joint, from 0.
         joint: usize,
-        /// The step, from 0, the latest.
         step: usize,
     },
     /// A sine of fixed cycles per turn on the raw angle of one joint.
     Line {
-        /// The joint, from 0.
         joint: usize,
-        /// Cycles per turn.
         cycles: f64,
     },
 }
@@ -101,7 +92,6 @@ impl Block {
     }
 }
 
-/// Blocks in column order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Layout {
     blocks: Vec<(Block, Range<usize>)>,
@@ -140,7 +130,6 @@ impl Layout {
         self
     }
 
-    /// The age of each session, years before the latest; empty where curves do not age.
     pub fn ages_years(&self) -> &[f64] {
         &self.ages_years
     }
@@ -175,7 +164,6 @@ impl Layout {
         self
     }
 
-    /// The repairs of each joint that were still to come in each session; empty where none was.
     pub fn repairs_to_come(&self) -> &[Vec<usize>] {
         &self.repairs_to_come
     }
@@ -199,12 +187,10 @@ impl Layout {
         self
     }
 
-    /// The period of each sliding axis variable's curve, mm; `None` where it turns. Empty where all turn.
     pub fn slide_periods_mm(&self) -> &[Option<f64>] {
         &self.slide_periods_mm
     }
 
-    /// The period of a sliding axis variable's curve, mm; `None` where it turns.
     pub fn slide_period_mm(&self, joint: usize) -> Option<f64> {
         self.slide_periods_mm.get(joint).copied().flatten()
     }
@@ -215,7 +201,6 @@ impl Layout {
         slides.map_or(f64::from(self.period_turns), |period_mm| period_mm / TAU)
     }
 
-    /// Period of curves of joints that turn, in turns: the k-th pair of a curve is `cos, sin` of `k q` over this.
     pub const fn period_turns(&self) -> u32 {
         self.period_turns
     }
@@ -229,17 +214,14 @@ impl Layout {
         self.size += columns;
     }
 
-    /// Number of all columns.
     pub const fn size(&self) -> usize {
         self.size
     }
 
-    /// The blocks with their columns.
     pub fn blocks(&self) -> impl Iterator<Item = (Block, Range<usize>)> {
         self.blocks.iter().cloned()
     }
 
-    /// The columns of one block; `None` where the model has no such block.
     pub fn columns(&self, block: Block) -> Option<Range<usize>> {
         self.blocks.iter().find(|(own, _)| *own == block).map(|(_, columns)| columns.clone())
     }

@@ -28,16 +28,13 @@ const LINES_PER_ROUND: usize = 3;
 /// Stations whose rows one product takes: of fewer it would pack its other factor more often than that repays.
 const TOGETHER: usize = 4 * CHUNK;
 
-/// The leave-one-out result of one station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
     /// Measured minus predicted by all other stations, mm and rad; its readings one below the other.
     pub residual: DVector<f64>,
-    /// Inverse of its covariance.
     pub information: DMatrix<f64>,
     /// Squared Mahalanobis distance at weight 1, of all rows together.
     pub distance_squared: f64,
-    /// Its evidence on the sizes of the noise.
     pub noise: NoiseEvidence,
 }
 
@@ -102,7 +99,6 @@ pub(super) fn leave_one_out(
     left_out
 }
 
-/// The covariance of the columns that a session sees, block by block.
 struct Explaining<'s> {
     seen: &'s Seen,
     /// Covariance of the plain columns with each other.

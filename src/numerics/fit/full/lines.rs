@@ -8,12 +8,9 @@ use std::array::from_fn;
 use nalgebra::{DMatrix, DVector, DVectorView};
 use rayon::prelude::*;
 
-/// A gear line that was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FoundLine {
-    /// The joint, from 0.
     pub joint: usize,
-    /// Cycles per turn.
     pub cycles: f64,
     /// Gain in log likelihood, nats.
     pub gain: f64,
@@ -99,11 +96,9 @@ fn periodogram(stations: &[JointEvidence]) -> Vec<f64> {
     powers
 }
 
-/// Sine and cosine of a station's angle times the frequency that each band is at.
 struct Phases {
     sin: [f64; LANES],
     cos: [f64; LANES],
-    /// Sine and cosine by which they advance.
     step: (f64, f64),
 }
 
@@ -128,7 +123,6 @@ impl Phases {
     }
 }
 
-/// The gains of the bands that start at these frequencies.
 fn powers(stations: &[JointEvidence], bands: [usize; LANES]) -> [Vec<f64>; LANES] {
     let mut phases: Vec<Phases> =
         stations.iter().map(|station| Phases::at(station.angle, bands)).collect();

@@ -32,15 +32,12 @@ use crate::linalg::{Cholesky, gram};
 
 /// Rounds of rows, posterior and weights: the base's start is within a millimetre, so the second is exact to micrometres.
 const ROUNDS: usize = 3;
-/// Columns of the new session's model.
 type Columns = Vec<Column>;
 
 /// The relation of a new session to one that was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mounting {
-    /// The measured session, by its index in the model.
     pub session: usize,
-    /// The base relative to each source of that session.
     pub sources: Vec<Placed>,
     /// The mounting of each target of that session.
     pub targets: Vec<Mounted>,
@@ -54,12 +51,7 @@ pub enum Placed {
     /// One of them was moved; this is the approximate pose of the base, mm.
     Moved(Transform<Tracker, Base>),
     /// An instrument that reads one length and was not there before.
-    Length {
-        /// Its approximate anchor or plane; where it is stated, as stated.
-        gauge: Gauge,
-        /// The stated place and offset.
-        known: KnownGauge,
-    },
+    Length { gauge: Gauge, known: KnownGauge },
 }
 
 /// Mounting of a new session's measured target, relative to the session before.
@@ -68,15 +60,11 @@ pub enum Mounted {
     /// The target was not removed.
     Same,
     /// The target of the session before, removed and mounted again in its place.
-    Again {
-        /// Standard deviation of its position per axis, mm.
-        sd_mm: f64,
-    },
+    Again { sd_mm: f64 },
     /// Another target, or another place.
     Other {
         /// Intended pose of the target on the flange, mm.
         flange_from_target: Transform<Flange, Target>,
-        /// Standard deviation of its position per axis, mm.
         sd_mm: f64,
     },
 }

@@ -10,7 +10,6 @@ use super::layout::{Block, Layout};
 use super::shapes::{JointShapes, Run, runs};
 use crate::fit::problem::Unknown;
 
-/// The columns of a model by the session that they belong to.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
     /// The columns of each session alone, ascending; none where there is only one session.
@@ -61,7 +60,6 @@ impl Partition {
         partition
     }
 
-    /// Number of all columns.
     pub fn size(&self) -> usize {
         self.common.len() + self.own.iter().map(Vec::len).sum::<usize>()
     }

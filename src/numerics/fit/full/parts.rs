@@ -10,7 +10,6 @@ use super::train::Settled;
 /// The name of a part. As a plain reference it would be read as one into the text.
 pub type PartName = &'static str;
 
-/// A part that can be left out as a whole, with its evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartEvidence {
@@ -20,11 +19,9 @@ pub struct PartEvidence {
     /// Log evidence with it minus without it, nats.
     #[serde(rename = "gain_nats")]
     pub gain: f64,
-    /// Whether it was kept in the model.
     pub kept: bool,
 }
 
-/// Names of parts that can be left out.
 pub const PARTS: [&str; 8] = [
     "joint_curves",
     "gravity",

@@ -18,14 +18,10 @@ use sessions::{Adding, Arrow, SessionSums};
 /// Columns of a part of a pool that are few: their covariance costs a twentieth of another posterior.
 const SMALL_PART: usize = 100;
 
-/// Evidence on the columns: whitened rows.
 #[derive(Debug, Clone)]
 pub enum Evidence {
-    /// Few rows, kept as they are.
     Rows(FewRows),
-    /// The sums of many.
     Sums(Sums),
-    /// The sums of several sessions.
     Sessions(SessionSums),
 }
 
@@ -42,12 +38,10 @@ pub struct Sums {
     pub ln_noise: f64,
 }
 
-/// The posterior at given prior variances.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     /// Prior standard deviation of each column, `√v`.
     pub scale: DVector<f64>,
-    /// A square root of M.
     pub(super) root: Root,
     /// `u`, the mean over `√v`.
     pub whitened: DVector<f64>,
@@ -58,7 +52,6 @@ pub struct Posterior {
 /// A square root of the information M.
 #[derive(Debug, Clone)]
 pub(super) enum Root {
-    /// Its Cholesky factor.
     Columns(Cholesky),
     /// The rows that it follows from, where they are few.
     Rows(FewRoot),
@@ -85,7 +78,6 @@ impl Root {
         }
     }
 
-    /// The block of `M⁻¹` of some columns.
     fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
             Self::Rows(rows) => rows.covariance_of(columns),
@@ -215,7 +207,6 @@ impl Sums {
 }
 
 impl Posterior {
-    /// The posterior mean of δ.
     pub fn mean(&self) -> DVector<f64> {
         self.whitened.component_mul(&self.scale)
     }

@@ -12,7 +12,6 @@ use crate::units::{SLIDE_MM_PER_RAD, WallTime};
 /// Standard deviation of a joint's zero before its repair relative to now, rad: wider than a mastering leaves open.
 const ZERO_SD_RAD: f64 = 0.02;
 
-/// A repair of one joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Repair {

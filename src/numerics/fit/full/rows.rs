@@ -29,11 +29,9 @@ const AT_ONCE: usize = 2048;
 pub struct Row {
     /// Unwhitened rows of the columns in [`Seen::plain`].
     pub plain: DMatrix<f64>,
-    /// For each joint the numbers of the shapes in [`Seen::of_joints`], by which they scale its motion.
     pub shapes: Vec<DVector<f64>>,
     /// Measured minus predicted, mm and rad.
     pub value: DVector<f64>,
-    /// The noise of its readings, with the motion of the rows by each joint.
     pub noise: StationNoise,
 }
 
@@ -56,7 +54,6 @@ impl Coefficients {
 }
 
 impl Row {
-    /// The product of its rows and coefficients.
     pub fn times(&self, coefficients: &Coefficients) -> DVector<f64> {
         let mut product = &self.plain * &coefficients.plain;
         let joints = self.shapes.iter().zip(&coefficients.of_joints);
@@ -95,17 +92,13 @@ impl Row {
     }
 }
 
-/// One reading's rows and residual.
 struct ReadingRow {
     /// The part of the target's motion that the reading shows.
     shown: Shown,
     /// Unwhitened rows of the columns that are no joint's shapes.
     plain: DMatrix<f64>,
-    /// The numbers of each joint's shapes.
     shapes: Vec<DVector<f64>>,
-    /// Measured minus predicted, mm and rad.
     value: DVector<f64>,
-    /// Motion of the target per unit of each joint.
     joints: Vec<Twist>,
     /// Rotation from the base's axes to the source's.
     base: Matrix3<f64>,
@@ -143,9 +136,7 @@ pub(super) struct Around<'p> {
     up: Option<Vector3<f64>>,
     frames: Vec<Frames>,
     chains: PerChannel<HeldChain>,
-    /// The readings of each station.
     stations: Vec<Range<usize>>,
-    /// The columns by session.
     pub partition: Partition,
     seen: Vec<Seen>,
 }
@@ -169,7 +160,6 @@ impl<'p> Around<'p> {
         }
     }
 
-    /// Number of stations.
     pub const fn count(&self) -> usize {
         self.stations.len()
     }
@@ -180,7 +170,6 @@ impl<'p> Around<'p> {
         readings.map(|own| own.measured.kind().rows()).sum()
     }
 
-    /// The columns that a session's stations see.
     pub fn seen(&self, session: usize) -> &Seen {
         &self.seen[session]
     }
@@ -202,7 +191,6 @@ impl<'p> Around<'p> {
         with_session.collect()
     }
 
-    /// The rows of some stations of one session, by their places.
     pub fn rows(&self, stations: &[usize]) -> Vec<Row> {
         let places = stations.par_iter().with_min_len(CHUNK);
         let row = |&place: &usize| {

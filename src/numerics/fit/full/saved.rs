@@ -28,23 +28,18 @@ use crate::fit::saved::{SavedError, SavedSession, SavedUnknown, VERSION, read, s
 use crate::kinematics::{Arm, Motion, Parameter};
 use crate::linalg::Cholesky;
 
-/// The full error model of an arm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedFull {
-    /// Version of the JSON format.
     pub version: u32,
-    /// The nominal arm.
     pub arm: Arm,
     /// The frames that the unknowns of each session are relative to.
     pub sessions: Vec<SavedSession>,
-    /// Direction of up in the base frame; absent where the mounting is not known.
     pub up: Option<[f64; 3]>,
     /// The unknowns of geometry and frames: the columns of the block `unknowns`.
     pub unknowns: Vec<SavedUnknown>,
     /// Offsets of the unknowns at which the columns are evaluated.
     pub offsets: Vec<f64>,
-    /// The columns, block by block.
     pub blocks: Vec<SavedBlock>,
     /// Posterior mean of every column.
     pub mean: Vec<f64>,
@@ -56,7 +51,6 @@ pub struct SavedFull {
     /// Of a pool, the factored part of each session; absent of a model whose columns were factored together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub own_factors: Vec<SavedOwn>,
-    /// Period of joint curves, in turns.
     pub curve_period_turns: NonZeroU32,
     /// Period of the curve of each joint that slides, mm, null where it turns; absent where all turn.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -67,7 +61,6 @@ pub struct SavedFull {
     /// Repairs of each joint that were still to come in each session; absent where none was.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub repairs_to_come: Vec<Vec<usize>>,
-    /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighted stations; 0 for none.
     pub student_t: f64,
@@ -79,14 +72,10 @@ pub struct SavedFull {
     pub middles_mm: Vec<[f64; 3]>,
     /// Standard deviation of a session's own scale, as a share.
     pub scale_sd: f64,
-    /// Distributions of true minus known joint angles; absent where they are not known.
     pub approach: Option<ApproachOffsets>,
-    /// Log marginal likelihood, nats.
     pub log_evidence: f64,
-    /// The noise beyond the model.
     #[serde(with = "RepeatabilityText")]
     pub repeatability: Repeatability,
-    /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
 }
 
@@ -100,14 +89,11 @@ pub struct SavedOwn {
     pub across: String,
 }
 
-/// One block of columns.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedBlock {
-    /// The block's kind.
     #[serde(with = "BlockText")]
     pub block: Block,
-    /// Number of columns.
     pub columns: usize,
 }
 
@@ -251,12 +237,10 @@ impl FullModel {
 }
 
 impl SavedFull {
-    /// Reads the JSON text.
     pub fn read(text: &str) -> Result<Self, SavedError> {
         read(text)
     }
 
-    /// The root of the information, of columns by session.
     fn root(&self, partition: Partition) -> Result<Root, SavedError> {
         if self.own_factors.is_empty() {
             return Ok(Root::Columns(factor(&self.factor, partition.size())?));
@@ -400,7 +384,6 @@ impl SavedOwn {
 }
 
 impl Posterior {
-    /// The factor that is saved: of all columns, or of a pool's shared ones.
     fn saved_factor(&self) -> Cow<'_, Cholesky> {
         match &self.root {
             Root::Sessions(arrow) => Cow::Borrowed(&arrow.common),
@@ -408,7 +391,6 @@ impl Posterior {
         }
     }
 
-    /// The factored part of each session of a pool.
     fn own_factors(&self) -> &[OwnRoot] {
         match &self.root {
             Root::Sessions(arrow) => &arrow.own,
@@ -443,7 +425,6 @@ fn factor(text: &str, size: usize) -> Result<Cholesky, SavedError> {
         .ok_or(SavedError::Factor { problem: "has a diagonal that is not positive" })
 }
 
-/// `count` numbers.
 fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
     let bytes =
         STANDARD.decode(text).map_err(|_| SavedError::Factor { problem: "is not base64" })?;

@@ -22,7 +22,6 @@ fn is_usual_size(size_mm: &f64) -> bool {
     (*size_mm - SLIDE_SD_MM).abs() == 0.0
 }
 
-/// Settings of the full error model.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 #[expect(

@@ -27,13 +27,9 @@ pub struct JointShapes {
 /// Columns beside each other that have shapes beside each other, all times the same share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
-    /// Place of the first column.
     pub place: usize,
-    /// The first shape.
     pub shape: usize,
-    /// Number of columns.
     pub count: usize,
-    /// What the shapes are multiplied by.
     pub share: f64,
 }
 
@@ -75,7 +71,6 @@ impl JointShapes {
         shapes
     }
 
-    /// Number of shapes.
     pub const fn count(&self) -> usize {
         2 * (self.pairs + self.lines.len()) + self.has_constant as usize
     }
@@ -160,7 +155,6 @@ pub fn runs(places: &[usize], own: usize) -> Vec<Run> {
 }
 
 impl Block {
-    /// Whether its first column is a constant.
     const fn has_constant(self) -> bool {
         matches!(self, Self::Earlier { .. } | Self::SessionCurve { .. } | Self::Ageing { .. })
     }

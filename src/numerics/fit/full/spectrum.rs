@@ -56,7 +56,6 @@ pub(super) struct Spectra {
 }
 
 impl Spectra {
-    /// [`Kernel::variances`].
     pub(super) fn variances(&mut self, kernel: Kernel, harmonics: usize) -> Vec<f64> {
         let mut known = self.found.iter();
         let known = known.find(|(own, series)| *own == kernel && series.len() > harmonics);

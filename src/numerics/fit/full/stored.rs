@@ -55,7 +55,6 @@ pub struct StoredFull {
 }
 
 impl FullModel {
-    /// The model in the form that is stored for later stages.
     pub fn stored(&self) -> StoredFull {
         let turns = |unknown: &crate::fit::Unknown| {
             matches!(unknown.parameter, Parameter::Target(Motion::Rotation(_)))
@@ -156,7 +155,6 @@ impl StoredFull {
         Problem::with_target_turn(observations, chain, &self.starts, geometry, prior, self.turned)
     }
 
-    /// An error where a list has not the length that the others need.
     fn check_lengths(&self, problem: &Problem<'_>) -> Result<(), SavedError> {
         let (unknowns, columns) = (problem.unknowns().len(), self.layout.size());
         let (observations, sessions) = (problem.observations().len(), self.starts.len());

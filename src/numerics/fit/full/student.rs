@@ -16,10 +16,8 @@ const TRIED: [f64; 9] = [3.0, 4.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0, 64.0];
 /// Passes of the scale's fixed point; each at least halves the remaining error.
 const PASSES: usize = 30;
 
-/// The distribution of residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Tails {
-    /// Normal: every station has the same weight.
     Normal,
     /// Student t with these degrees of freedom.
     Student(f64),
@@ -31,7 +29,6 @@ impl Tails {
         if freedom > 0.0 { Self::Student(freedom) } else { Self::Normal }
     }
 
-    /// The setting that stands for it.
     pub const fn setting(self) -> f64 {
         match self {
             Self::Normal => 0.0,

@@ -10,7 +10,6 @@ use nalgebra::DVector;
 
 use super::layout::{Block, Layout};
 
-/// Number of entries per period.
 const ENTRIES: usize = 4096;
 /// Entries that are summed side by side.
 const LANES: usize = 8;
@@ -103,7 +102,6 @@ impl Curve {
         Self { entries: vec![[0.0; 2]; ENTRIES] }
     }
 
-    /// Adds a constant, then pairs.
     fn add_change(&mut self, coefficients: &[f64]) {
         if let [constant, harmonics @ ..] = coefficients {
             let entries = self.entries.iter_mut();
@@ -112,7 +110,6 @@ impl Curve {
         }
     }
 
-    /// Adds the pairs `cos kq, sin kq`, k from 1.
     fn add(&mut self, coefficients: &[f64]) {
         if coefficients.iter().all(|c| *c == 0.0) {
             return;

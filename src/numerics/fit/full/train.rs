@@ -28,23 +28,17 @@ const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 /// Number of first rounds after which gear lines are searched for.
 const LINE_ROUNDS: usize = 3;
-/// Harmonics of a joint that hardly moves the target.
 pub(super) const FEW_HARMONICS: usize = 12;
 /// Stations that a worker takes at once; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 16;
 
-/// The state of the training between rounds.
 #[derive(Debug, Clone)]
 pub struct State {
-    /// Columns of the model.
     pub layout: Layout,
-    /// Sizes of the model's parts.
     pub components: Components,
     /// The noise beyond the model.
     pub repeatability: Repeatability,
-    /// The distribution of the residuals.
     pub tails: Tails,
-    /// Weight of each station.
     pub weights: Vec<f64>,
     /// Offsets of the problem's unknowns at which rows are evaluated.
     pub offsets: DVector<f64>,
@@ -54,14 +48,10 @@ pub struct State {
     pub middles: Vec<Point3<f64>>,
 }
 
-/// A converged model.
 #[derive(Debug, Clone)]
 pub struct Settled {
-    /// The final state.
     pub state: State,
-    /// The evidence of the last round's rows.
     pub evidence: Evidence,
-    /// Posterior of the last round.
     pub posterior: Posterior,
     /// Prior mean of the columns at the last round's offsets.
     pub prior_mean: DVector<f64>,

@@ -13,7 +13,6 @@ use super::rows::{Around, Coefficients, Row, covariances};
 use super::summing::Summing;
 use super::train::CHUNK;
 
-/// The evidence of all rows on the columns.
 pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
     let distances = around.problem.distances(&around.state.offsets).count();
     let partition = &around.partition;
@@ -27,7 +26,6 @@ pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Eviden
     if sums.own.len() > 1 { Evidence::Sessions(sums) } else { Evidence::Sums(sums.common) }
 }
 
-/// The sums of the rows of one session, whose columns are all shared.
 pub(super) fn sums(around: &Around<'_>, prior_mean: &DVector<f64>) -> Sums {
     summed(around, prior_mean).common
 }
@@ -63,7 +61,6 @@ pub(super) fn add(
     Summing::of(around.seen(session), rows, &whitened).add_to(sums);
 }
 
-/// The rows of some stations of one session, whitened.
 fn whitened(
     around: &Around<'_>,
     (session, stations): (usize, &[usize]),
@@ -81,7 +78,6 @@ fn whitened(
 pub(super) struct Whitened {
     /// Rows of the plain columns, transposed: a row of the regression in each column.
     pub plain: DMatrix<f64>,
-    /// The motion of the rows by each joint.
     pub joints: DMatrix<f64>,
     /// The values, less those expected.
     pub values: DVector<f64>,

@@ -16,7 +16,6 @@ use crate::geometry::{PoseCovariance, symmetric};
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraUncertainty {
-    /// Focal length, pixels.
     pub focal_px: f64,
     /// Standard deviation of a corner in the image along each axis, for a target seen from the front, pixels.
     pub noise_px: f64,
@@ -37,19 +36,15 @@ pub struct CameraUncertainty {
     pub size: f64,
 }
 
-/// Where a camera is mounted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mounted {
-    /// In the cell: the target is at the flange.
     #[default]
     Fixed,
-    /// On the flange: the target is in the cell.
     Flange,
 }
 
 impl Mounted {
-    /// Whether the camera stands in the cell.
     pub const fn is_fixed(&self) -> bool {
         matches!(self, Self::Fixed)
     }

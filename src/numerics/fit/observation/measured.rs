@@ -17,19 +17,14 @@ use crate::kinematics::Twist;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a session's readings are few, and of one kind")]
 pub enum Measured {
-    /// The target's position.
     Point(MeasuredPoint),
-    /// The target's position and orientation.
     Pose(MeasuredPoint, MeasuredOrientation),
-    /// The target's distance from an anchor.
     Distance(MeasuredLength),
-    /// The target's height above a plane.
     Height(MeasuredLength),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredLength {
-    /// The reading, mm.
     pub mm: f64,
     /// Its standard uncertainty without the arm's share, mm.
     pub instrument_mm: f64,
@@ -49,7 +44,6 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// Number of rows.
     pub const fn rows(&self) -> usize {
         match self {
             Self::Point => 3,
@@ -59,10 +53,8 @@ impl Shown {
     }
 }
 
-/// A measured position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredPoint {
-    /// The measured position of the target, mm.
     pub position: Point3<f64>,
     /// Covariance of the position without the arm's share: instrument and scatter of the mean, mm².
     pub instrument: Matrix3<f64>,
@@ -72,7 +64,6 @@ pub struct MeasuredPoint {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredOrientation {
-    /// The measured orientation of the target.
     pub orientation: UnitQuaternion<f64>,
     /// Standard uncertainty per axis, rad; root mean square of the three axes where they differ.
     pub sd_rad: f64,
@@ -128,7 +119,6 @@ impl Measured {
         }
     }
 
-    /// The length; `None` where a place was measured.
     pub const fn length(&self) -> Option<&MeasuredLength> {
         match self {
             Self::Point(_) | Self::Pose(..) => None,
@@ -148,7 +138,6 @@ impl Measured {
         }
     }
 
-    /// The position; `None` where none was measured.
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
@@ -156,7 +145,6 @@ impl Measured {
         }
     }
 
-    /// The position, for changes; `None` where none was measured.
     pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
@@ -164,7 +152,6 @@ impl Measured {
         }
     }
 
-    /// The orientation; `None` where none was measured.
     pub const fn turn(&self) -> Option<&MeasuredOrientation> {
         match self {
             Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
@@ -172,7 +159,6 @@ impl Measured {
         }
     }
 
-    /// This measurement without its orientation.
     #[must_use]
     pub const fn without_turn(self) -> Self {
         match self {
@@ -318,7 +304,6 @@ pub fn stated_of(reading: &Reading, source: &Source) -> Option<DMatrix<f64>> {
     reason = "one at a time, while a reading becomes an observation"
 )]
 enum Instrument {
-    /// Covariance of the position, mm².
     Point(Matrix3<f64>),
     /// Covariance of position and rotation vector, mm² and rad².
     Pose(Matrix6<f64>),

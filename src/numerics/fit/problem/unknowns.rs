@@ -8,31 +8,23 @@ use crate::fit::gauge::Gauge;
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{GaugePart, Motion, Parameter};
 
-/// One unknown of the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unknown {
-    /// The owner of the parameter: the arm, a source or a target.
     pub owner: Owner,
     pub parameter: Parameter,
 }
 
-/// The owner of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Owner {
-    /// The arm, in all sessions.
     Arm,
     /// A session's source: the pose of the base in its frame.
     Source {
-        /// Index of the session in the fit, from 0.
         session: usize,
-        /// The session's source.
         source: SourceId,
     },
     /// A session's target: its pose on the flange.
     Target {
-        /// Index of the session in the fit, from 0.
         session: usize,
-        /// The session's target.
         target: TargetId,
     },
 }
@@ -61,11 +53,8 @@ impl Unknown {
 /// The parameters that a fit may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Freedom {
-    /// Base and target frames alone.
     BaseAndTarget,
-    /// The base frame alone, for a session judged by an arm identified elsewhere.
     Base,
-    /// Base and target frames, and the arm's geometry.
     Geometry,
 }
 
@@ -82,11 +71,8 @@ pub struct KnownTarget {
 /// A measured distance between two targets, in every session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetDistance {
-    /// The two targets.
     pub between: [TargetId; 2],
-    /// Their distance, mm.
     pub mm: f64,
-    /// Its standard deviation, mm.
     pub sd_mm: f64,
 }
 
@@ -94,11 +80,8 @@ pub struct TargetDistance {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownDistance {
-    /// The names of the two targets.
     pub between: [String; 2],
-    /// Their distance, mm.
     pub mm: f64,
-    /// Its standard deviation, mm.
     pub sd_mm: f64,
 }
 

@@ -70,7 +70,6 @@ impl Triangle {
         }
     }
 
-    /// R as a matrix.
     pub fn matrix(&self) -> DMatrix<f64> {
         DMatrix::from_row_slice(self.size, self.size, &self.entries)
     }

@@ -26,7 +26,6 @@ pub(super) const ABOUT: About = About {
 pub struct IdentifiedGeometry {
     /// The identified chain from base to flange.
     pub chain: Chain,
-    /// The frames of each session that belong to it.
     pub frames: Vec<Frames>,
     /// Root mean square of measured minus predicted, per axis, mm.
     pub misfit_mm: f64,

@@ -33,19 +33,15 @@ const TUNING: f64 = 2.0;
 /// Standard deviation below which the readings of a nominal arm do not scatter, mm.
 const LEAST_SD_MM: f64 = 1e-3;
 
-/// A reading of one length at a flange.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SeenAt {
     /// The nominal flange in the base's frame, mm.
     pub(super) flange: Isometry3<f64>,
-    /// The reading, mm.
     pub(super) mm: f64,
 }
 
-/// Stated places of an instrument and its target, before the start.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known {
-    /// The anchor's stated place and offset.
     pub(super) gauge: KnownGauge,
     /// The target's stated place on the flange; `None` where none is stated.
     pub(super) target: Option<KnownTarget>,
@@ -141,7 +137,6 @@ struct Solving<'s> {
     target: Vector3<f64>,
     cost: f64,
     seen: &'s [SeenAt],
-    /// Weight of each reading.
     weights: Rc<[f64]>,
     known: &'s Known,
 }

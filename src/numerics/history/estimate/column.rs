@@ -14,7 +14,6 @@ const CURVE_UNIT_RAD: f64 = 3e-4;
 /// The largest change expected of the curve or the deflection of a joint that slides, mm.
 const CURVE_UNIT_MM: f64 = CURVE_UNIT_RAD * SLIDE_MM_PER_RAD;
 
-/// One column of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Column {
     /// A parameter of the measurement chain; base and target by a small motion after their frame.
@@ -23,7 +22,6 @@ pub enum Column {
     Gravity(usize),
     /// A coefficient of the error curve of a joint that turns.
     Curve {
-        /// The joint, from 1.
         joint: usize,
         /// Number of the coefficient, from 0: cos, sin of the first harmonic, and so on.
         coefficient: usize,
@@ -34,12 +32,7 @@ pub enum Column {
     SlideGravity(usize),
     /// The error curve of a joint that slides at one position, mm. The curve's period is that of its session's range, so two sessions
     /// have no coefficients in common, but their values are of one function.
-    SlideCurve {
-        /// The joint, from 1.
-        joint: usize,
-        /// The position, mm.
-        at_mm: i64,
-    },
+    SlideCurve { joint: usize, at_mm: i64 },
 }
 
 impl Column {

@@ -25,7 +25,6 @@ struct Posterior {
     means: Vec<f64>,
     /// Precision of the columns' prior; 0 for one without.
     precision: DMatrix<f64>,
-    /// The fitted frames that are compared.
     frames: Compared,
 }
 
@@ -202,7 +201,6 @@ impl Posterior {
         })
     }
 
-    /// Posterior mean of a column; zero for base and target, which are measured from the fitted frames.
     fn offset(&self, place: usize) -> f64 {
         if self.columns[place].is_of_a_frame() { 0.0 } else { self.means[place] }
     }

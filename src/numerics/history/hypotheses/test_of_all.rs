@@ -34,7 +34,6 @@ impl<'c> TestOfAll<'c> {
         self.hypotheses.iter().copied().filter(single)
     }
 
-    /// The parts that moved, given that at least one did.
     pub(super) fn moved(&self) -> Finding {
         let mut surely = Vec::new();
         while surely.len() < MOST_PARTS {

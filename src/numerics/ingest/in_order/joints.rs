@@ -6,7 +6,6 @@ use super::super::rows::{Place, RowFault, Rows};
 use super::super::{DecodedJoints, JointAngles, Mapping, SpanClock};
 use super::{Buffer, reordered};
 
-/// Joint samples, in rad; in mm for joints that slide.
 #[derive(Debug)]
 pub struct JointBuffer {
     /// Factor on the logged values of each joint.
@@ -16,7 +15,6 @@ pub struct JointBuffer {
 }
 
 impl JointBuffer {
-    /// An empty buffer for the arm's joints, in the units of the mapping.
     pub fn of(mapping: &Mapping) -> Self {
         Self {
             factors: mapping.factors(),

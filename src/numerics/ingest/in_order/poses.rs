@@ -13,7 +13,6 @@ use super::{Buffer, reordered};
 use crate::geometry::PoseCovariance;
 use crate::units::Stamp;
 
-/// Poses or points, in mm.
 #[derive(Debug)]
 pub struct PoseBuffer {
     clock: SpanClock,
@@ -36,12 +35,10 @@ pub struct PoseBuffer {
 }
 
 impl PoseBuffer {
-    /// An empty buffer of commanded poses.
     pub const fn commands(settings: &CommandedSettings) -> Self {
         Self::none(SpanClock::Controller, settings.unit, (true, false))
     }
 
-    /// An empty buffer of readings.
     pub fn readings(settings: &TrackerSettings) -> Self {
         let orientations = !settings.ignore_orientation;
         Self {

@@ -6,7 +6,6 @@ use super::super::rows::{Place, RowFault, Rows};
 use super::super::{DecodedTemperatures, SpanClock};
 use super::{Buffer, reordered};
 
-/// Temperatures, in °C.
 #[derive(Debug, Default)]
 pub struct TemperatureBuffer {
     stamps: Vec<i64>,

@@ -12,7 +12,6 @@ pub struct JointFields {
     /// The message's own stamp, for `time = "header"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
-    /// The array of joint names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub names: Option<String>,
     /// The array of joint angles, as many as names; or the angle of each joint of the arm, in the arm's order.
@@ -33,39 +32,30 @@ pub enum AngleFields {
     Each(Vec<String>),
 }
 
-/// `fields` of `[commanded]` and `[tracker]`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseFields {
     /// The message's own stamp, for `time = "header"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
-    /// Path of the frame's name, when the section sets `frame`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
     /// Path of the measured target's name or number, where `[tracker] targets` tells targets by it: one of the message, or of each
     /// element of an array (`markers[].id`), whose poses then have paths through the array too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// Position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub x: Option<String>,
-    /// Position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<String>,
-    /// Position.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<String>,
-    /// Orientation, a quaternion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub qx: Option<String>,
-    /// Orientation, a quaternion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub qy: Option<String>,
-    /// Orientation, a quaternion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub qz: Option<String>,
-    /// Orientation, a quaternion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub qw: Option<String>,
     /// An array of 9 (x y z) or 36 (x y z and three rotations) numbers, row by row.
@@ -84,18 +74,14 @@ pub struct PoseFields {
                  \"t\", unit = \"ns\" }, unit \"s\", \"ms\", \"us\" or \"ns\""
 )]
 pub enum StampField {
-    /// The path of a time: seconds and nanoseconds.
     Time(String),
-    /// One number with a unit.
     Number(NumberStamp),
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NumberStamp {
-    /// The number's path.
     pub field: String,
-    /// The number's unit.
     pub unit: TimeUnit,
 }
 
@@ -103,24 +89,16 @@ pub struct NumberStamp {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TimeUnit {
-    /// Second.
     S,
-    /// Millisecond.
     Ms,
-    /// Microsecond.
     Us,
-    /// Nanosecond.
     Ns,
 }
 
-/// A combination of `fields` that does not fit together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WrongFields {
-    /// The key that is wrong.
     pub key: &'static str,
-    /// The value found at the key.
     pub found: String,
-    /// The value that would be valid.
     pub wanted: String,
 }
 
@@ -137,7 +115,6 @@ impl TimeUnit {
 }
 
 impl StampField {
-    /// The path of the stamp.
     pub fn path(&self) -> &str {
         match self {
             Self::Time(path) => path,
@@ -147,12 +124,10 @@ impl StampField {
 }
 
 impl JointFields {
-    /// Whether no path is given.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// All paths given.
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.iter().map(StampField::path);
         let angles = match &self.angles {
@@ -199,7 +174,6 @@ impl JointFields {
 }
 
 impl PoseFields {
-    /// Whether no path is given.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
@@ -219,14 +193,12 @@ impl PoseFields {
         self.x.as_ref().is_some_and(|x| x.contains("[]"))
     }
 
-    /// All paths in a pose message.
     fn pose_paths(&self) -> Vec<&str> {
         let pose = [&self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw];
         let rest = [&self.frame, &self.target, &self.covariance];
         pose.into_iter().chain(rest).filter_map(Option::as_deref).collect()
     }
 
-    /// All paths given.
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.as_ref().map(StampField::path);
         let temperature = self.temperature.as_deref();

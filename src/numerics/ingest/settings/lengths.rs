@@ -9,15 +9,11 @@ use super::{LengthUnit, StampField, StandsOn};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LengthColumns {
-    /// The instrument's name.
     pub name: String,
-    /// Kind of its readings.
     pub reads: LengthRead,
-    /// The column of its readings.
     pub column: String,
     /// Unit of that column, and of the column `sd`.
     pub unit: LengthUnit,
-    /// Standard deviation of a reading, mm.
     pub sd_mm: f64,
     /// Column of the standard deviation, for readings that state one; absent: `sd_mm` of all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -40,9 +36,7 @@ pub struct LengthColumns {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoggedLength {
-    /// The instrument's name.
     pub name: String,
-    /// Kind of its readings.
     pub reads: LengthRead,
     /// Topic of its readings; several instruments may share one.
     pub topic: String,
@@ -53,7 +47,6 @@ pub struct LoggedLength {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
     pub unit: LengthUnit,
-    /// Standard deviation of a reading, mm.
     pub sd_mm: f64,
     /// Name of the target that it reads; absent: the main one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,7 +68,6 @@ pub struct LengthSource<'s> {
     pub name: &'s str,
     /// Kind of its readings.
     pub reads: LengthRead,
-    /// Standard deviation of a reading, mm.
     pub sd_mm: f64,
     /// Name of the target that it reads; `None`: the main one.
     pub target: Option<&'s str>,
@@ -91,9 +83,7 @@ pub struct LengthSource<'s> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthRead {
-    /// The distance from its anchor.
     Distance,
-    /// The height above its plane.
     Height,
 }
 
@@ -101,7 +91,6 @@ pub enum LengthRead {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownPlace {
-    /// The place, mm.
     pub xyz_mm: [f64; 3],
     /// Standard uncertainty per axis, mm.
     pub sd_mm: f64,
@@ -113,7 +102,6 @@ pub struct KnownPlace {
 pub struct KnownOffset {
     /// The reading, mm; minus the radius where a sphere around the anchor is touched.
     pub mm: f64,
-    /// Its standard uncertainty, mm.
     pub sd_mm: f64,
 }
 
@@ -128,7 +116,6 @@ impl LengthRead {
 }
 
 impl LengthColumns {
-    /// The instrument as a source of readings.
     pub fn source(&self) -> LengthSource<'_> {
         LengthSource {
             name: &self.name,
@@ -143,7 +130,6 @@ impl LengthColumns {
 }
 
 impl LoggedLength {
-    /// The instrument as a source of readings.
     pub fn source(&self) -> LengthSource<'_> {
         LengthSource {
             name: &self.name,

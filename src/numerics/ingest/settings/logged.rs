@@ -10,16 +10,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{StandsOn, TrackerSettings, WrongFields};
 
-/// A target in a log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoggedTarget {
-    /// Its name in tables and pages.
     pub name: String,
     /// Topic of its readings. Absent: that of `[tracker]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Its name or number in messages, at the path `fields.target`. Absent: every message of its topic is of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub is: Option<TargetName>,
 }
@@ -28,7 +25,6 @@ pub struct LoggedTarget {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoggedReference {
-    /// Its name in tables and pages.
     pub name: String,
     pub on: StandsOn,
     /// Topic of its readings. Absent: that of `[tracker]`.
@@ -42,9 +38,7 @@ pub struct LoggedReference {
 /// Something that readings are of, a target or a reference: its name, its topic and what messages call it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seen<'s> {
-    /// Its name; empty of a single target that has none.
     pub name: &'s str,
-    /// Topic of its readings.
     pub topic: &'s str,
     /// Its name or number in messages; `None` where every message of its topic is of it.
     pub is: Option<&'s TargetName>,
@@ -71,7 +65,6 @@ impl fmt::Display for TargetName {
 }
 
 impl TrackerSettings {
-    /// Number of targets.
     pub fn target_count(&self) -> usize {
         self.targets.len().max(1)
     }

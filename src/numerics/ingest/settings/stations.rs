@@ -78,7 +78,6 @@ pub struct StationsSettings {
 /// Numbers that instruments and spreadsheets write for a missing reading, where `missing` states none.
 pub const MISSING: [f64; 2] = [9999.0, -9999.0];
 
-/// When a station was measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
@@ -91,13 +90,9 @@ pub struct TimeColumn {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TableTime {
-    /// Seconds.
     S,
-    /// Milliseconds.
     Ms,
-    /// Microseconds.
     Us,
-    /// Nanoseconds.
     Ns,
     /// A date and a time as ISO 8601 writes them; without an offset in UTC.
     Iso8601,
@@ -106,7 +101,6 @@ pub enum TableTime {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseColumns {
-    /// x, y and z.
     pub position: [String; 3],
     pub unit: LengthUnit,
     /// The orientation; absent where there is none.
@@ -144,7 +138,6 @@ pub struct ReadingColumns {
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct CovarianceColumns(Vec<String>);
 
-/// A number of columns that no covariance has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
     "a covariance has 6 columns (xx, xy, xz, yy, yz, zz of a position), or 21 (on and above the diagonal of x, y, z and three rotations, \
@@ -153,7 +146,6 @@ pub struct CovarianceColumns(Vec<String>);
 pub struct CovarianceError(usize);
 
 impl CovarianceColumns {
-    /// The columns, in order.
     pub fn columns(&self) -> &[String] {
         &self.0
     }
@@ -184,7 +176,6 @@ impl From<CovarianceColumns> for Vec<String> {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceColumns {
-    /// Its name; in a long table as the column `target` has it.
     pub name: String,
     pub on: StandsOn,
     /// x, y and z in the instrument's frame; absent in a long table, whose rows have the columns of `measured`.
@@ -226,7 +217,6 @@ impl StandsOn {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "OrientationKeys", into = "OrientationKeys")]
 pub struct OrientationColumns {
-    /// The form and its columns.
     pub form: OrientationForm,
     /// Standard deviation about each axis, one column or three, in the unit of the angles (rad of a quaternion or matrix).
     pub sd: Vec<String>,
@@ -237,18 +227,15 @@ pub struct OrientationColumns {
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum OrientationForm {
-    /// A quaternion x y z w.
     Quaternion([String; 4]),
     /// Three angles, with the order of their axes.
     Angles([String; 3], RotationOrder, AngleUnit),
     /// A rotation vector: the axis, as long as the angle.
     Vector([String; 3], AngleUnit),
-    /// A rotation matrix, row by row.
     Matrix([String; 9]),
 }
 
 impl OrientationForm {
-    /// Its columns, in order.
     pub fn columns(&self) -> &[String] {
         match self {
             Self::Quaternion(own) => own,
@@ -258,7 +245,6 @@ impl OrientationForm {
     }
 }
 
-/// The orientation as written in the file.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct OrientationKeys {
@@ -280,19 +266,15 @@ struct OrientationKeys {
     covariance: Vec<String>,
 }
 
-/// Keys of an orientation that do not fit together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum OrientationError {
-    /// No form, several, or one without what it needs.
     #[error(
         "an orientation has one of quaternion_xyzw (4 columns), angles (3 columns, with order and unit), rotation_vector (3 columns, \
          with unit) or matrix (9 columns, row by row)"
     )]
     OneForm,
-    /// Neither one nor three columns.
     #[error("sd of an orientation has one column, or three")]
     Deviations,
-    /// A number of columns that no covariance has.
     #[error(
         "covariance of an orientation has six columns: xx, xy, xz, yy, yz, zz of the rotation about the axes of the instrument's frame"
     )]

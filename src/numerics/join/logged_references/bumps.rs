@@ -46,14 +46,11 @@ pub(in crate::join) struct Targets<'a> {
     rejects: Vec<JoinReject>,
 }
 
-/// A part of a session between two bumps.
 #[derive(Debug, Clone, PartialEq)]
 struct Part {
-    /// Its first moment.
     from: Stamp<Tracker>,
     /// From where something stood in the session's first part to where it stands now.
     moved: Isometry3<f64>,
-    /// Whether it is joined.
     is_used: bool,
 }
 
@@ -365,7 +362,6 @@ impl Told {
     }
 }
 
-/// A first and a last moment.
 type Span = (Stamp<Tracker>, Stamp<Tracker>);
 
 /// The first and the last moment of references; `None` without any.

@@ -17,7 +17,6 @@ const IN_LINE: f64 = 0.05;
 pub(super) struct Shape {
     /// Each place with the reference and the first look in it, in order.
     pub places: BTreeMap<(ReferenceId, usize), Vector3<f64>>,
-    /// Middle of the references, mm.
     pub middle: Vector3<f64>,
     /// Root mean square distance from the middle, mm; 1 where all are in one place.
     pub radius_mm: f64,

@@ -26,7 +26,6 @@ pub(super) struct Ratios {
 /// What the readings of one look say of the state there, in units of the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Look {
-    /// When, s.
     pub at_s: f64,
     /// `Hᵀ H`.
     pub information: Matrix6<f64>,
@@ -34,7 +33,6 @@ pub(super) struct Look {
     pub score: Vector6<f64>,
     /// `yᵀ y`, mm².
     pub squares: f64,
-    /// Numbers read.
     pub rows: usize,
     /// Number of looks that it is the mean of, each with a shock of its own.
     pub looks: f64,

@@ -53,12 +53,10 @@ struct Pace {
 /// The threshold was found too late: its stretches were dropped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forgotten {
-    /// The threshold, in the columns' unit.
     pub threshold: f64,
 }
 
 impl Finder {
-    /// A finder for samples of `columns` columns.
     pub fn new(columns: usize, rule: &StationaryRule) -> Self {
         Self {
             rule: *rule,
@@ -119,7 +117,6 @@ impl Finder {
         }
     }
 
-    /// The stationary stretches of all samples.
     pub fn finish(mut self) -> Result<Stationary, Forgotten> {
         let held = self.samples.stamps_ns.len();
         let samples = self.samples.first + held;

@@ -5,17 +5,13 @@ use std::collections::BTreeMap;
 /// Lengths below this are counted in a table.
 const SHORT: usize = 4096;
 
-/// Lengths of stretches, in samples.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Lengths {
-    /// Count of each short length.
     short: Vec<usize>,
-    /// Count of each other length.
     long: BTreeMap<usize, usize>,
 }
 
 impl Lengths {
-    /// Adds one stretch.
     pub fn add(&mut self, length: usize) {
         if length >= SHORT {
             *self.long.entry(length).or_default() += 1;
@@ -43,7 +39,6 @@ impl Lengths {
         counting.map(|(_, times)| times).sum()
     }
 
-    /// Lengths with their counts, shortest first.
     fn occurring(&self) -> impl Iterator<Item = (usize, usize)> {
         let short = self.short.iter().copied().enumerate();
         short.chain(self.long.iter().map(|(&length, &times)| (length, times)))

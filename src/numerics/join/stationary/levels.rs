@@ -23,13 +23,9 @@ const NEAREST: usize = 1;
 /// The samples that a window may need.
 #[derive(Debug, Clone, Default)]
 pub struct Samples {
-    /// Index of the first of them among all.
     pub first: usize,
-    /// Stamps of the samples, ns.
     pub stamps_ns: Vec<i64>,
-    /// Sums for each pair of columns.
     pub sums: Vec<Sums>,
-    /// Number of columns.
     pub columns: usize,
 }
 

@@ -3,25 +3,21 @@
 /// The values of two columns at one sample.
 pub type Pair = [f64; 2];
 
-/// Sums of the two values.
 #[inline]
 pub fn plus(a: Pair, b: Pair) -> Pair {
     [a[0] + b[0], a[1] + b[1]]
 }
 
-/// Differences of the two values.
 #[inline]
 pub fn minus(a: Pair, b: Pair) -> Pair {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Larger values.
 #[inline]
 pub fn largest(a: Pair, b: Pair) -> Pair {
     [larger(a[0], b[0]), larger(a[1], b[1])]
 }
 
-/// Smaller values.
 #[inline]
 pub fn smallest(a: Pair, b: Pair) -> Pair {
     [smaller(a[0], b[0]), smaller(a[1], b[1])]

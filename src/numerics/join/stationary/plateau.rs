@@ -18,18 +18,15 @@ const ABOVE_PLATEAU_START: f64 = 6.0;
 /// Quanta below the ladder's start: a quantised value of a stationary joint flickers between neighbours, noise may add one.
 const FLICKER: f64 = 2.5;
 
-/// The rungs, lowest first.
 #[derive(Debug, Clone)]
 pub struct Ladder(Vec<f64>);
 
 impl Ladder {
-    /// The ladder that begins at `floor`.
     pub fn from(floor: f64) -> Self {
         let rungs = std::iter::successors(Some(floor), |rung| Some(rung * LADDER_RATIO));
         Self(rungs.take(RUNGS).collect())
     }
 
-    /// The rungs' thresholds.
     pub(super) fn rungs(&self) -> &[f64] {
         &self.0
     }

@@ -39,7 +39,6 @@ impl Quanta {
         Self { of_columns: vec![Steps::default(); columns], before: Vec::new() }
     }
 
-    /// Adds the next samples, their values sample after sample.
     pub fn push(&mut self, values: &[f64]) {
         let columns = self.of_columns.len();
         let Some((first, later)) = values.split_at_checked(columns) else {

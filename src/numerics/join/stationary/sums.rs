@@ -14,7 +14,6 @@ pub struct Sum {
 }
 
 impl Default for Sums {
-    /// The sums of no sample.
     fn default() -> Self {
         Self(vec![Sum::default()])
     }

@@ -25,11 +25,9 @@ use crate::units::NS_PER_S;
 /// The course of a session's references on floor or base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceCourse {
-    /// What they stand on.
     pub on: StandsOn,
     /// Names of all references of the session, in order.
     pub names: Arc<[String]>,
-    /// Their course.
     pub followed: Followed,
     /// The looks of the course, in order of time.
     pub looks: Vec<LookAt>,
@@ -46,11 +44,9 @@ pub struct ReferenceCourse {
 pub struct LookAt {
     /// Line in the table, from 1; the number of the look in logs, from 1.
     pub line: u64,
-    /// The moment by the controller's clock, ns.
     pub at_ns: i64,
     /// Number of the station; `None` of a row between stations.
     pub station: Option<usize>,
-    /// Number of references that were read.
     pub seen: usize,
 }
 
@@ -58,9 +54,7 @@ pub struct LookAt {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReadReference {
     pub name: String,
-    /// Body that the reference stands on: base or floor.
     pub on: StandsOn,
-    /// Number of looks at which it was read.
     pub looks: usize,
     /// The first and the last station at or beside which it was read; `None` where it never was.
     pub between: Option<[usize; 2]>,
@@ -69,9 +63,7 @@ pub struct ReadReference {
 /// What the references say of the rows.
 #[derive(Debug, Default)]
 pub(super) struct Carried {
-    /// The courses of base and floor.
     pub courses: Vec<ReferenceCourse>,
-    /// How often each stated reference was read.
     pub read: Vec<ReadReference>,
     /// Readings of references that were left out.
     pub rejects: Vec<RowReject>,
@@ -84,22 +76,16 @@ pub(super) struct Carried {
 pub(in crate::join) struct Stop<'a> {
     /// Place of the station among the rows; `None` between stations.
     pub row: Option<usize>,
-    /// Line of the row, or number of the look, from 1.
     pub line: u64,
-    /// The moment, ns.
     pub at_ns: i64,
-    /// The references that were read.
     pub references: &'a [super::RowReference],
 }
 
 /// The origin of the looks of a session.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::join) struct Origin<'a> {
-    /// Name of the table's file; empty of logs.
     pub file: &'a str,
-    /// Whether its rows have times.
     pub is_timed: bool,
-    /// Whether they were read in logs.
     pub is_logged: bool,
 }
 

@@ -34,7 +34,6 @@ impl Segment {
         enters <= leaves
     }
 
-    /// Distance of a point, mm.
     pub(super) fn distance_to(&self, point: &Point3<f64>) -> f64 {
         let way = self.to - self.from;
         let share = share((point - self.from).dot(&way), way.norm_squared());

@@ -54,7 +54,6 @@ impl Path {
         order
     }
 
-    /// `order` improved until no move between near poses shortens it.
     pub(super) fn shortened(&self, order: Vec<usize>) -> Vec<usize> {
         let near = self.neighbours();
         let mut tour = Tour::new(self, order);

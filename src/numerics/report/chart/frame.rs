@@ -18,7 +18,6 @@ pub(super) struct Frame {
     legend: Vec<Placed>,
 }
 
-/// An entry of the legend: its series, and the place of its text.
 #[derive(Debug)]
 struct Placed {
     series: usize,

@@ -5,7 +5,6 @@ use maud::{Markup, html};
 use super::frame::Frame;
 use super::{LOOKS, px};
 
-/// A way to draw numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Marks {
     /// A line through points x, y.

@@ -6,14 +6,11 @@ pub struct Scale {
     low: f64,
     high: f64,
     log: bool,
-    /// The ticks, in rising order.
     pub ticks: Vec<Tick>,
 }
 
-/// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Value of the tick.
     pub value: f64,
     /// The value with as many decimals as the ticks of its axis need.
     pub label: String,
@@ -104,7 +101,6 @@ impl Scale {
         Self { low: first, high: last, log: true, ticks: inside.map(tick).collect() }
     }
 
-    /// The position of a value: 0 at the low end, 1 at the high one.
     pub fn share(&self, value: f64) -> f64 {
         let of = |v: f64| if self.log { v.ln() } else { v };
         (of(value) - of(self.low)) / (of(self.high) - of(self.low))

@@ -21,17 +21,14 @@ pub struct Series {
 const MOST_STEPS: usize = 240;
 
 impl Series {
-    /// A series of `marks`.
     pub fn new(name: &str, marks: Vec<Marks>) -> Self {
         Self { name: name.to_owned(), marks, look: None }
     }
 
-    /// A line through points x, y.
     pub fn line(name: &str, points: Vec<[f64; 2]>) -> Self {
         Self::new(name, vec![Marks::Line(points)])
     }
 
-    /// A scatter of points x, y.
     pub fn points(name: &str, points: Vec<[f64; 2]>) -> Self {
         Self::new(name, vec![Marks::Points(points)])
     }

@@ -14,20 +14,16 @@ use super::{px, scale};
 /// An error at a place, base frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrow {
-    /// The place.
     pub at: [f64; 3],
-    /// The error there.
     pub error: [f64; 3],
 }
 
 /// The errors of one state of the arm: before or after compensation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vectors {
-    /// Name of the state: `Before`.
     pub name: String,
     /// Description of the errors, in a sentence.
     pub description: String,
-    /// The errors.
     pub arrows: Vec<Arrow>,
 }
 

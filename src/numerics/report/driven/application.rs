@@ -15,7 +15,6 @@ use super::DrivenStation;
 /// The way in which the corrections of a table were applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Application {
-    /// As meant, with the share of the corrections that the errors explain.
     AsMeant(f64),
     /// Not at all: commands equal the targets.
     Not,
@@ -24,16 +23,12 @@ pub enum Application {
     Twice(f64),
     /// In a frame that is rotated relative to the table's.
     Turned {
-        /// The rotation, degrees.
         angle_deg: f64,
-        /// The share of the corrections that the errors then explain.
         explained: f64,
     },
     /// Unrelated to the errors of this arm in every way of applying them: the largest share that the errors explain.
     Unrelated(f64),
-    /// Too few stations to find out.
     TooFew {
-        /// Number of stations.
         stations: usize,
     },
 }

@@ -15,7 +15,6 @@ pub struct BaseMotion {
     pub from_station: usize,
     /// Displacement at the middle of the stations after it, mm.
     pub mm: f64,
-    /// Rotation, rad.
     pub rad: f64,
 }
 

@@ -59,7 +59,6 @@ impl Turn<'_> {
     }
 }
 
-/// Two poses.
 struct Pair<'v> {
     first: usize,
     second: usize,

@@ -81,7 +81,6 @@ fn along(
     axes.into_iter().zip(components).map(|(axis, value)| figure(own, axis, value))
 }
 
-/// The orientations of all visits; `None` where one was not measured.
 fn orientations(own: &Visited) -> Option<Vec<Orientation>> {
     own.visits.iter().map(|visit| visit.orientation).collect()
 }

@@ -3,10 +3,8 @@
 use crate::grid::{Covered, Tolerance, Verdict};
 use crate::report::{Accuracy, Model};
 
-/// One judge of a table or of an identified arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judge {
-    /// The stations that judge.
     pub stations: Judging,
     /// What they say; a reason that is not shown is in `words` too.
     pub verdict: Verdict,
@@ -33,7 +31,6 @@ pub enum Remark {
 }
 
 impl Remark {
-    /// The remark in words.
     pub fn words(&self) -> &str {
         match self {
             Self::OtherArm(words) | Self::OtherTarget(words) => words,
@@ -41,17 +38,13 @@ impl Remark {
     }
 }
 
-/// Stations that judge a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Judging {
-    /// Held-out blocks of the session that the table is for, by name.
     Blocks(String),
-    /// A test session, by name.
     Session(String),
 }
 
 impl Judging {
-    /// The stations in words.
     pub fn words(&self) -> String {
         match self {
             Self::Blocks(session) => format!("held-out blocks of {session}"),
@@ -157,7 +150,6 @@ pub(super) const fn badness(verdict: &Verdict) -> u8 {
     }
 }
 
-/// A verdict in two words.
 pub const fn word(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::Meets => "met",

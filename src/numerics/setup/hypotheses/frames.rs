@@ -9,16 +9,11 @@ use crate::geometry::rpy;
 use crate::setup::set_up::SetUp;
 use crate::units::{MM_PER_M, to_step};
 
-/// A frame of the pipeline file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameKey {
-    /// `[commanded] base_from_command`.
     Commands,
-    /// `[commanded] flange_from_tool`.
     Tool,
-    /// `[fit] target`.
     Target,
-    /// `[tracker] tracker_from_base.surveyed`.
     Survey,
 }
 
@@ -35,7 +30,6 @@ pub struct OtherReading {
 impl FrameKey {
     const ALL: [Self; 4] = [Self::Commands, Self::Tool, Self::Target, Self::Survey];
 
-    /// The key in the pipeline file.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Commands => "[commanded] base_from_command",
@@ -45,7 +39,6 @@ impl FrameKey {
         }
     }
 
-    /// The frame as stated; `None` where it is not.
     pub(in crate::setup) fn of(self, set_up: &SetUp) -> Option<Isometry3<f64>> {
         match self {
             Self::Commands => Some(set_up.base_from_command),
@@ -55,7 +48,6 @@ impl FrameKey {
         }
     }
 
-    /// The set-up with another frame there.
     pub(in crate::setup) fn put(self, set_up: &SetUp, placed: Isometry3<f64>) -> SetUp {
         let mut set_up = set_up.clone();
         match self {

@@ -23,20 +23,17 @@ pub use by_motion::{ByMotion, Shapes};
 /// transpose, and solves, one column at a time.
 const WIDE: usize = 64;
 
-/// Whitened rows, kept as they are.
 #[derive(Debug, Clone)]
 pub struct FewRows {
     /// `Wᵀ`: a row of the regression in each column.
     pub transposed: DMatrix<f64>,
     /// The columns of `W` by what they move.
     pub columns: Arc<ByMotion>,
-    /// The whitened values.
     pub values: DVector<f64>,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
 }
 
-/// Rows times the prior's standard deviations, and the factor of their values' covariance.
 #[derive(Debug, Clone)]
 pub struct FewRoot {
     /// `Sᵀ`: a row of the regression in each column.

@@ -20,10 +20,8 @@ use crate::fit::full::partition::Partition;
 use crate::fit::full::shapes::{Run, runs};
 use crate::linalg::{Cholesky, gram, gram_of_lower, mirror, subtract_gram, transposed};
 
-/// The sums of a pool.
 #[derive(Debug, Clone)]
 pub struct SessionSums {
-    /// The columns by session.
     pub partition: Partition,
     /// What each session says of its own columns.
     pub own: Vec<OwnSums>,
@@ -31,7 +29,6 @@ pub struct SessionSums {
     pub common: Sums,
 }
 
-/// The sums of one session on its own columns.
 #[derive(Debug, Clone)]
 pub struct OwnSums {
     /// `Φ_sᵀ N⁻¹ Φ_s`.
@@ -51,21 +48,16 @@ pub struct Adding<'s> {
     share: f64,
 }
 
-/// The factored arrow.
 #[derive(Debug, Clone)]
 pub struct Arrow {
     pub(in crate::fit::full) partition: Partition,
     pub(in crate::fit::full) own: Vec<OwnRoot>,
-    /// Factor of Schur's complement.
     pub(in crate::fit::full) common: Cholesky,
 }
 
-/// The factored part of one session.
 #[derive(Debug, Clone)]
 pub struct OwnRoot {
-    /// Factor of `D_s`.
     pub(in crate::fit::full) factor: Cholesky,
-    /// `W_s`.
     pub(in crate::fit::full) across: DMatrix<f64>,
 }
 
@@ -130,7 +122,6 @@ impl SessionSums {
         })
     }
 
-    /// `Φᵀ N⁻¹ y` of all columns, in the order of the model.
     fn moment(&self) -> DVector<f64> {
         let own: Vec<_> = self.own.iter().map(|own| own.moment.clone()).collect();
         self.partition.gathered(&own, &self.common.moment)
@@ -251,7 +242,6 @@ impl Partition {
 }
 
 impl Arrow {
-    /// `ln |M|`.
     pub(super) fn ln_determinant(&self) -> f64 {
         let own = self.own.iter().map(|own| own.factor.ln_determinant());
         own.sum::<f64>() + self.common.ln_determinant()

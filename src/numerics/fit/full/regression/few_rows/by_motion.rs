@@ -13,10 +13,8 @@ use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 /// The columns of few rows: shapes of joints, which every station sees through the joint's motion, and others.
 #[derive(Debug, Clone, Default)]
 pub struct ByMotion {
-    /// The columns that are no shapes.
     pub plain: Vec<usize>,
     pub joints: Vec<Shapes>,
-    /// The rows of each station.
     pub stations: Vec<Range<usize>>,
 }
 
