@@ -8,8 +8,7 @@
 //! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several processes that commit
 //!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
-//! The result of ingest and join of a session is written likewise, and exists by its row in `joined_sessions`
-//! ([`Lake::start_in`]): runs start from it. An estimate exists by its row in `estimates`, its grids by theirs in `grids`.
+//! The results of stages that runs start from are written likewise, and exist by the rows of their stage ([`Stage`], [`Lake::start_in`]).
 //!
 //! The lake also holds the requests that changed the current run of a session ([`Lake::ask`]), and records of the files corrected with its
 //! tables ([`Correction`]); and beside the tables, as no part of them, what
@@ -67,22 +66,51 @@ pub const PAGES: &str = "report";
 /// The table whose rows make runs exist.
 const RUNS: &str = "runs";
 
-/// The table whose rows make sessions as joined exist.
-pub const JOINED: &str = "joined_sessions";
+/// A stage whose results later runs start from. A result exists by its row, and has one other table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stage {
+    /// One of its results and several, in words.
+    pub names: [&'static str; 2],
+    /// What was done to make one.
+    pub done: &'static str,
+    /// The table of its rows.
+    pub rows: &'static str,
+    pub table: &'static str,
+}
 
-/// The table whose rows make estimates exist.
-pub const ESTIMATES: &str = "estimates";
+/// Ingest and join of one session.
+pub const JOINED: Stage = Stage {
+    names: ["session as joined", "sessions as joined"],
+    done: "joined",
+    rows: "joined_sessions",
+    table: "readings",
+};
 
-/// The table whose rows make grids exist.
-pub const GRIDS: &str = "grids";
+/// The fit.
+pub const ESTIMATES: Stage = Stage {
+    names: ["estimate", "estimates"],
+    done: "estimated",
+    rows: "estimates",
+    table: "estimate_residuals",
+};
+
+/// What the steps of an estimate answer.
+pub const GRIDS: Stage =
+    Stage { names: ["grids", "grids"], done: "gridded", rows: "grids", table: "grid_errors" };
+
+/// All stages, in the order of the data.
+pub const STAGES: [Stage; 3] = [JOINED, ESTIMATES, GRIDS];
 
 /// The table whose row makes the files of another table part of the lake.
 pub fn rows_of(table: &str) -> &'static str {
-    match table {
-        JOINED | "readings" => JOINED,
-        ESTIMATES | "estimate_residuals" => ESTIMATES,
-        GRIDS | "grid_errors" => GRIDS,
-        _ => RUNS,
+    let stage = STAGES.iter().find(|stage| stage.tables().contains(&table));
+    stage.map_or(RUNS, |stage| stage.rows)
+}
+
+impl Stage {
+    /// Both tables.
+    pub const fn tables(&self) -> [&'static str; 2] {
+        [self.table, self.rows]
     }
 }
 
@@ -150,7 +178,7 @@ impl Lake {
         self.start_in(RUNS, key)
     }
 
-    /// Begins what a row of the table `rows` makes exist ([`JOINED`], [`ESTIMATES`], [`GRIDS`]); `None` when the lake has it.
+    /// Begins what a row of the table `rows` makes exist; `None` when the lake has it.
     pub fn start_in(
         &self,
         rows: &'static str,

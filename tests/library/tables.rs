@@ -117,7 +117,7 @@ fn published() -> impl Iterator<Item = &'static TableSchema> {
 
 /// Writes a sample of a session as joined.
 fn write_joined(lake: &Lake, key: &RunKey) {
-    let open = lake.start_in(JOINED, key).unwrap();
+    let open = lake.start_in(JOINED.rows, key).unwrap();
     let mut open = open.expect("the lake is new");
     let readings = schema::find("readings").unwrap();
     open.publish(&sample(readings, key)).unwrap();
@@ -146,7 +146,7 @@ fn write_joined(lake: &Lake, key: &RunKey) {
 
 /// Writes a sample of an estimate.
 fn write_estimate(lake: &Lake, key: &RunKey) {
-    let open = lake.start_in(ESTIMATES, key).unwrap();
+    let open = lake.start_in(ESTIMATES.rows, key).unwrap();
     let mut open = open.expect("the lake is new");
     let residuals = schema::find("estimate_residuals").unwrap();
     open.publish(&sample(residuals, key)).unwrap();
@@ -174,7 +174,7 @@ fn write_estimate(lake: &Lake, key: &RunKey) {
 
 /// Writes a sample of grids.
 fn write_grids(lake: &Lake, key: &RunKey) {
-    let open = lake.start_in(GRIDS, key).unwrap();
+    let open = lake.start_in(GRIDS.rows, key).unwrap();
     let mut open = open.expect("the lake is new");
     let errors = schema::find("grid_errors").unwrap();
     open.publish(&sample(errors, key)).unwrap();

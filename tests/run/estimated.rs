@@ -47,7 +47,7 @@ fn a_run_from_an_estimate_has_the_bytes_of_one_that_trains() {
     let name = estimate.trim_end_matches(".parquet");
     verified(&cell, &[name, "--pipeline", &pipeline]).expect(
         0,
-        &["estimates: 1 in the lake, 1 as written, 0 changed; 1 trained anew and the same, 0 by runs that were recomputed"],
+        &["estimates: 1 in the lake, 1 as written, 0 changed; 1 estimated anew and the same, 0 by runs that were recomputed"],
     );
 }
 
@@ -66,7 +66,7 @@ fn what_comes_after_the_fit_starts_from_the_same_estimate() {
     // Another fit: another estimate.
     let cell = cell.with("sd_mm = 0.2 }", "sd_mm = 0.3 }");
     cell.run(&["mon", "--from", "table"])
-        .expect(1, &["mon", "the lake has no estimate", "--until estimate"]);
+        .expect(1, &["mon", "the lake has no estimate", "without --from"]);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn an_estimate_that_was_changed_is_trained_again_or_refused() {
     fs::write(&file, &bytes).expect("writable");
     verified(&cell, &[]).expect(3, &["estimates: 1 in the lake, 0 as written, 1 changed"]);
     cell.run(&["--from", "table"]).expect(1, &["mon", "the estimate", "cannot be used"]);
-    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "it is trained again"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "it is made again"]);
 }
 
 #[test]

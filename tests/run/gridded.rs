@@ -24,7 +24,7 @@ fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
     cell.run(&["--from", "report"]).expect(2, &["no session to learn from"]);
     cell.run(&["--until", "estimate"]).expect(0, &[]);
     cell.run(&["--from", "report"])
-        .expect(1, &["mon", "the lake has no grids of it", "--until table first"]);
+        .expect(1, &["mon", "the lake has no grids of it", "without --from"]);
     let made = cell.run(&["--until", "table"]);
     made.expect(
         0,
@@ -54,7 +54,7 @@ fn a_run_from_grids_has_the_bytes_of_one_that_makes_them() {
     let name = own.trim_end_matches(".parquet");
     ended(posegrid().args(["verify", &lake, name, "--pipeline", &pipeline])).expect(
         0,
-        &["grids: 1 in the lake, 1 as written, 0 changed; 1 made anew and the same, 0 by runs that were recomputed"],
+        &["grids: 1 in the lake, 1 as written, 0 changed; 1 gridded anew and the same, 0 by runs that were recomputed"],
     );
 }
 
@@ -99,7 +99,7 @@ fn grids_that_were_changed_are_made_again_or_refused() {
     fs::write(&errors, &bytes).expect("writable");
     verified().expect(3, &["/mon grids ", "grid_errors: ", "1 changed"]);
     cell.run(&["--from", "report"]).expect(1, &["mon", "the grids", "cannot be used"]);
-    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "they are made again"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "it is made again"]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
     let stepwise = cell.path("stepwise").to_string_lossy().into_owned();
     cell.run(&["--lake", &at_once]).expect(code, &[]);
     let first = cell.run(&["--lake", &stepwise, "--until", "session"]);
-    first.expect(0, &[" sessions joined: "]);
+    first.expect(0, &[" sessions as joined: "]);
     fs::rename(cell.path("sessions"), cell.path("archived")).expect("writable");
     let estimated = cell.run(&["--lake", &stepwise, "--from", "estimate", "--until", "estimate"]);
     estimated.expect(0, &[" estimates: "]);
@@ -30,7 +30,7 @@ pub fn assert_two_steps_as_one(cell: &Cell, code: i32) {
 fn a_run_from_sessions_as_joined_has_the_bytes_of_one_from_logs() {
     let cell = Cell::new().with_quickstart("mon");
     let joined = cell.run(&["--until", "session"]);
-    joined.expect(0, &["joined       mon: ", "1 of 1 sessions joined: 1 now, 0 before"]);
+    joined.expect(0, &["joined       mon: ", "1 of 1 sessions as joined: 1 now, 0 before"]);
     let files: Vec<String> = cell.lake().into_keys().collect();
     assert_eq!(files.len(), 2, "{files:?}");
     cell.run(&["--until", "session"]).expect(0, &["done-before  mon: ", "0 now, 1 before"]);
@@ -69,10 +69,10 @@ fn readings_that_were_changed_are_read_from_the_logs_again_or_refused() {
     bytes[middle] ^= 1;
     fs::write(&readings, &bytes).expect("writable");
     let lake = cell.path("lake").to_string_lossy().into_owned();
-    ended(posegrid().args(["verify", &lake])).expect(3, &["mon as joined", "1 changed"]);
+    ended(posegrid().args(["verify", &lake])).expect(3, &["mon session as joined", "1 changed"]);
     cell.run(&["--from", "estimate"])
-        .expect(1, &["mon", "its result of ingest and join", "cannot be used"]);
-    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "its files are read again"]);
+        .expect(1, &["mon", "the session as joined", "cannot be used"]);
+    cell.run(&[]).expect(0, &["1 of 1 within 0.5 mm", "it is made again"]);
 }
 
 #[test]

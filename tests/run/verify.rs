@@ -377,7 +377,6 @@ fn a_row_that_names_what_its_run_did_not_start_from_is_found() {
     });
     seal_row(&row);
     let lake = cell.path("lake").to_string_lossy().into_owned();
-    let told =
-        format!("it states that it started from mon as joined {other}, which is of other settings");
+    let told = format!("it states that it started from mon/{other}, and from its inputs");
     ended(posegrid().args(["verify", &lake, "mon"])).expect(3, &["row of runs altered", &told]);
 }

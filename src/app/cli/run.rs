@@ -24,14 +24,13 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
-use crate::io::lake::Lake;
+use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, Stage};
 use crate::io::store::Place;
 use crate::pipeline::configuration::Overrides;
 use crate::pipeline::fleet::Fleet;
 use crate::pipeline::run::Known;
 use alone::Turn;
 use stop::Stop;
-use work::Extent;
 
 pub use summary::work;
 
@@ -119,6 +118,16 @@ pub enum Until {
     Table,
 }
 
+impl Until {
+    const fn stage(self) -> Stage {
+        match self {
+            Self::Session => JOINED,
+            Self::Estimate => ESTIMATES,
+            Self::Table => GRIDS,
+        }
+    }
+}
+
 /// The first stage of a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Since {
@@ -196,12 +205,6 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    let extent = match args.until {
-        Some(Until::Session) => Extent::Joined,
-        Some(Until::Estimate) => Extent::Estimated,
-        Some(Until::Table) => Extent::Gridded,
-        None => Extent::Whole,
-    };
     let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
@@ -211,7 +214,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         }
     };
     let pieces = fleet.pieces();
-    let (endings, without) = work::all(&pieces, (extent, &known), jobs(args), bars, &stop);
+    let (endings, without) = work::all(&pieces, (args.until, &known), jobs(args), bars, &stop);
     if let Err(error) = known.write() {
         tracing::warn!(
             "the index of finished work cannot be kept, the next batch digests every session: {}",
@@ -220,8 +223,10 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let written =
-        messages::result(summary::summary(fleet, &endings, &set_aside, extent, args.verbose), bars);
+    let written = messages::result(
+        summary::summary(fleet, &endings, &set_aside, args.until, args.verbose),
+        bars,
+    );
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
 }

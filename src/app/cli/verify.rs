@@ -21,8 +21,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Register, Selected, Selection, Sought, StageVerified, Verdict, Verified, VerifyError,
-    account, clean, estimates, grids, joined, select, verify,
+    PastRun, Register, Selected, Selection, Sought, StageVerified, StageVerifier, Verdict,
+    Verified, VerifyError, account, clean, select, verify,
 };
 use crate::progress::Progress;
 
@@ -131,24 +131,16 @@ fn all_stages(
     args: &VerifyArgs,
     bars: &Bars,
 ) -> Result<Vec<StageVerified>, Ended> {
-    let progress = bars.of("stages");
-    let joined = joined(lake, sought, &args.names, &progress).map_err(VerifyError::from)?;
-    let estimates =
-        estimates(lake, sought, &args.names, shown, &progress).map_err(VerifyError::from)?;
-    let grids = grids(lake, sought, &args.names, shown, &progress).map_err(VerifyError::from)?;
-    let of_runs = |verified: &[StageVerified]| {
-        let keys = verified.iter().filter_map(|own| own.key.as_ref());
-        keys.filter(|key| shown.contains(&key.run)).count()
-    };
-    let told = [
-        words::joined(&joined),
-        words::estimates(&estimates, of_runs(&estimates)),
-        words::grids(&grids, of_runs(&grids)),
-    ];
-    for text in told.into_iter().flatten() {
-        messages::result(text, bars)?;
+    let progress = &bars.of("stages");
+    let verifier = StageVerifier { lake, sought, names: &args.names, shown, progress };
+    let mut all = Vec::new();
+    for (stage, verified) in verifier.all().map_err(VerifyError::from)? {
+        if !verified.is_empty() {
+            messages::result(words::stage(stage, &verified, shown), bars)?;
+        }
+        all.extend(verified);
     }
-    Ok([joined, estimates, grids].concat())
+    Ok(all)
 }
 
 /// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates and

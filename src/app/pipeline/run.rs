@@ -6,13 +6,11 @@
 
 mod asked;
 mod error;
-mod estimated;
-mod gridded;
 mod inputs;
-mod joined;
 mod known;
 mod mounting;
 pub mod publish;
+mod results;
 mod session;
 
 use nalgebra::Isometry3;
@@ -27,7 +25,7 @@ use super::{damage, driven};
 use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
 use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
-use crate::io::lake::{Commit, Lake};
+use crate::io::lake::{Commit, ESTIMATES, JOINED, Lake, Stage};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
 use crate::io::tables::runs::RunRow;
@@ -41,11 +39,10 @@ use crate::progress::Progress;
 use crate::report::compared::Pairs;
 
 pub use error::RunError;
-use gridded::Gridder;
 pub(super) use inputs::{input, is_of_session, work};
-use joined::{Joiner, Sessions};
 pub use known::Known;
 use publish::publish;
+use results::{Found, Results};
 pub(super) use session::session;
 
 /// The result of a finished piece of work.
@@ -86,49 +83,52 @@ impl Done {
     pub fn is_good(&self) -> bool {
         self.verdict == Verdict::Meets && self.rejected.is_empty()
     }
+
+    /// Whether the tolerance is met; `None` where that is not shown.
+    pub(super) const fn met(&self) -> Option<bool> {
+        match self.verdict {
+            Verdict::Meets => Some(true),
+            Verdict::DoesNotMeet => Some(false),
+            Verdict::NotShown(_) => None,
+        }
+    }
+
+    /// A run that the lake had already, as far as its verdict is known.
+    fn before(lake: &Lake, key: &RunKey, met: Option<bool>, reason: Option<String>) -> Self {
+        Self {
+            robot: key.robot.clone(),
+            session: key.session.clone(),
+            run: key.run.clone(),
+            already_there: true,
+            asked: 0,
+            took_place: None,
+            verdict: match met {
+                Some(true) => Verdict::Meets,
+                Some(false) => Verdict::DoesNotMeet,
+                None => Verdict::NotShown(reason.clone().unwrap_or_default()),
+            },
+            reason,
+            verdict_of: None,
+            rejected: Vec::new(),
+            summary: None,
+            words: Vec::new(),
+            corrects: None,
+            tables: lake.root(),
+            page: None,
+        }
+    }
 }
 
-/// A session as joined.
+/// The result of a stage, for later runs to start from.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SessionDone {
-    pub session: String,
-    /// The name of its result.
-    pub run: String,
-    /// Whether the lake had it already.
-    pub already_there: bool,
-    /// Number of dwells.
-    pub dwells: usize,
-    /// Number of them with a measurement of their own.
-    pub paired: usize,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub struct EstimateDone {
-    /// The session, or `pooled`.
-    pub session: String,
-    /// The name of its result.
-    pub run: String,
-    /// Whether the lake had it already.
-    pub already_there: bool,
-    /// Number of readings that trained.
-    pub observations: usize,
-    /// Root mean square of measured minus predicted position by the identified geometry, per axis, mm.
-    pub misfit_mm: f64,
-}
-
-/// The grids of an estimate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct GridsDone {
-    /// The session, or `pooled`.
-    pub session: String,
+pub struct StageDone {
+    pub stage: Stage,
     /// The name of the result.
     pub run: String,
     /// Whether the lake had it already.
     pub already_there: bool,
-    /// Number of rows: steps by source, interpolation and way of judging.
-    pub rows: usize,
-    /// The step that this pipeline file chooses of them, mm; `None` where none gives a table.
-    pub chosen_mm: Option<f64>,
+    /// Its figures.
+    pub words: String,
 }
 
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
@@ -140,64 +140,37 @@ pub fn run_piece(
     with_files(configuration, piece, |piece| run_local(configuration, piece, progress))
 }
 
-/// Ingest and join of the first session of a piece of work, for later runs to start from; fetched likewise.
-pub fn join_session(
+/// The result of a stage of a piece of work, for later runs to start from: of its first session, where it is joined. Fetched likewise.
+pub fn stage_piece(
     configuration: &Configuration,
     piece: &WorkPiece,
+    stage: Stage,
     progress: &dyn Progress,
-) -> Result<SessionDone, RunError> {
-    with_files(configuration, piece, |piece| join_local(configuration, piece, progress))
-}
-
-/// The estimate of a piece of work, for later runs to start from; fetched likewise.
-pub fn estimate_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<EstimateDone, RunError> {
-    with_joined(configuration, piece, progress, |joiner, sessions| {
-        joiner.estimator().made(sessions)
-    })
-}
-
-/// The grids of a piece of work, for later runs to start from; fetched likewise.
-pub fn grids_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<GridsDone, RunError> {
-    with_joined(configuration, piece, progress, |joiner, sessions| {
-        let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
-        let gridder = Gridder::of(configuration, joiner.lake, &estimated);
-        let already_there = gridder.is_there()?;
-        let outcome = gridder.outcome(estimate, progress)?;
-        let key = gridder.work.key();
-        Ok(GridsDone {
-            session: key.session,
-            run: key.run,
-            already_there,
-            rows: outcome.grids.answers.len(),
-            chosen_mm: outcome.grids.chosen().map(|row| row.step_mm),
-        })
-    })
-}
-
-/// Work with the sessions of a piece as joined, whose files are fetched where they have to be read.
-fn with_joined<T>(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-    work_with: impl Fn(&Joiner<'_>, Sessions) -> Result<T, RunError>,
-) -> Result<T, RunError> {
+) -> Result<StageDone, RunError> {
     with_files(configuration, piece, |piece| {
-        let joiner = Joiner {
-            configuration,
-            work: &work(configuration, piece)?,
-            lake: &Lake::at(&configuration.lake)?,
-            progress,
-        };
-        let sessions = joiner.all(piece, None)?;
-        work_with(&joiner, sessions)
+        let results = Results::of(configuration, piece, progress)?;
+        if stage == JOINED {
+            let none = || RunError::NoRobotName { session: piece.session.clone() };
+            let files = piece.training.first().ok_or_else(none)?;
+            let found = results.session(files, None)?;
+            let joined = &found.value.joined;
+            let (dwells, paired) = (joined.stations.len(), joined.paired());
+            return Ok(found.done(stage, format!("{dwells} dwells, {paired} measured")));
+        }
+        let estimate = results.estimate(results.sessions(piece, None)?)?;
+        if stage == ESTIMATES {
+            let words = format!(
+                "{} readings, misfit of the geometry {:.4} mm rms per axis",
+                estimate.value.observations(),
+                estimate.value.misfit_mm()
+            );
+            return Ok(estimate.done(stage, words));
+        }
+        let found = results.outcome(estimate)?;
+        let grids = &found.value.grids;
+        let chosen = grids.chosen().map(|row| format!("{} mm is chosen", row.step_mm));
+        let chosen = chosen.unwrap_or_else(|| "none gives a table".to_owned());
+        Ok(found.done(stage, format!("{} judged steps, {chosen}", grids.answers.len())))
     })
 }
 
@@ -221,86 +194,52 @@ fn with_files<T>(
     })
 }
 
-/// Ingest and join of a session whose files are on this machine.
-fn join_local(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<SessionDone, RunError> {
-    let joiner = Joiner {
-        configuration,
-        work: &work(configuration, piece)?,
-        lake: &Lake::at(&configuration.lake)?,
-        progress,
-    };
-    let files = piece
-        .training
-        .first()
-        .ok_or_else(|| RunError::NoRobotName { session: piece.session.clone() })?;
-    joiner.made(files).map_err(|error| error.of(files))
-}
-
 /// Does one piece of work whose logs are on this machine.
 fn run_local(
     configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    let work = work(configuration, piece)?;
+    let results = Results::of(configuration, piece, progress)?;
+    let Results { work, lake, .. } = &results;
     let key = work.key();
-    let lake = Lake::at(&configuration.lake)?;
     let Some(mut run) = lake.start(&key)? else {
-        return already_there(configuration, &lake, &key);
+        return already_there(configuration, lake, &key);
     };
-    let joiner = Joiner { configuration, work: &work, lake: &lake, progress };
-    let sessions = joiner.all(piece, Some(&mut run))?;
+    let sessions = results.sessions(piece, Some(&mut run))?;
     let made_of = sessions.made_of.clone();
-    let (estimate, estimated) = joiner.estimator().estimate(sessions)?;
-    let gridder = Gridder::of(configuration, &lake, &estimated);
-    let outcome = gridder.outcome(estimate, progress)?;
+    let estimate = results.estimate(sessions)?;
+    let estimated = estimate.key.run.clone();
+    let Found { value: outcome, key: grids, .. } = results.outcome(estimate)?;
     let context = PublishContext {
         made_of,
-        estimate: estimated.run,
-        grids: gridder.work.key().run,
+        estimate: estimated,
+        grids: grids.run,
         ..context(configuration, &outcome, lake.current(&key)?)
     };
-    let promised =
-        promise::held(configuration.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
-    let driven = driven::words(&outcome, &configuration.arm, &configuration.valid_for, &lake)?;
-    let remarks: Vec<String> = driven.lines.iter().cloned().chain(promised).collect();
-    let said = Statements {
-        pairs: context.pairs.clone(),
-        ..said(configuration, &outcome, &remarks, driven.state.clone())?
-    };
+    let promised = promise::held(configuration.sampling_plan.as_ref(), &outcome, lake, &key.robot)?;
+    let driven = driven::words(&outcome, &configuration.arm, &configuration.valid_for, lake)?;
+    let state = driven.state;
+    let remarks: Vec<String> = driven.lines.into_iter().chain(promised.words()).collect();
     let rows = RunRows::of(&outcome, &context, &key)?;
-    let summary = summary(
-        &outcome,
-        &configuration.arm,
-        &configuration.stages.tolerance,
-        &rows.parameters.rows,
-        &context.pairs,
-        driven.state.as_deref(),
-    );
+    let parameters = &rows.parameters.rows;
+    let summary = summary(&outcome, configuration, parameters, &context.pairs, state.as_deref());
+    let said = said(configuration, &outcome, &remarks, (state, context.pairs.clone()))?;
     let corrects = lake.place(summary.next.table(), &key)?;
-    let commit = publish(&outcome, rows, &context, run, &work, &said)?;
+    let commit = publish(&outcome, rows, &context, run, work, &said)?;
     let done = Done {
-        robot: key.robot.clone(),
-        session: key.session.clone(),
-        run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.verdict.verdict(),
-        reason: outcome.verdict.reason(),
         verdict_of: Some(outcome.verdict.applied().into()),
         rejected: said.rejected,
         summary: Some(summary),
         words: words(&outcome).into_iter().chain(remarks).collect(),
         corrects: Some(corrects),
         tables: configuration.lake.clone(),
-        page: page(&lake, &key)?,
-        asked: 0,
-        took_place: None,
+        page: page(lake, &key)?,
+        ..Done::before(lake, &key, None, outcome.verdict.reason())
     };
-    Ok(done.asked_for(&lake)?)
+    Ok(done.asked_for(lake)?)
 }
 
 /// The statements of the page that no table has.
@@ -308,7 +247,7 @@ fn said(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
     remarks: &[String],
-    table_state: Option<String>,
+    (table_state, pairs): (Option<String>, Pairs),
 ) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
@@ -319,7 +258,7 @@ fn said(
         table_state,
         measured: when(outcome),
         instruments: instruments(configuration),
-        pairs: Pairs::default(),
+        pairs,
     })
 }
 
@@ -353,33 +292,19 @@ fn already_there(
     lake: &Lake,
     key: &RunKey,
 ) -> Result<Done, RunError> {
-    let row = RunRow::read(&lake.read(RunRow::TABLE, key)?);
-    let row = row.into_iter().next();
-    let (reason, counts) =
-        row.as_ref().map_or((None, "[]"), |row| (row.reason.clone(), &row.counts));
-    let verdict = match row.as_ref().map(|row| row.verdict) {
-        Some(TableVerdict::Met) => Verdict::Meets,
-        Some(TableVerdict::NotMet) => Verdict::DoesNotMeet,
-        Some(TableVerdict::NotShown) | None => {
-            Verdict::NotShown(reason.clone().unwrap_or_default())
-        }
-    };
+    let row = RunRow::read(&lake.read(RunRow::TABLE, key)?).pop();
+    let row = row.as_ref();
+    let met = row.and_then(|row| match row.verdict {
+        TableVerdict::Met => Some(true),
+        TableVerdict::NotMet => Some(false),
+        TableVerdict::NotShown => None,
+    });
+    let counts = row.map_or("[]", |row| &row.counts);
     let done = Done {
-        robot: key.robot.clone(),
-        session: key.session.clone(),
-        run: key.run.clone(),
-        already_there: true,
-        verdict,
-        reason,
-        verdict_of: row.as_ref().and_then(|row| row.verdict_of),
+        verdict_of: row.and_then(|row| row.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
-        summary: None,
-        words: Vec::new(),
-        corrects: None,
-        tables: lake.root(),
         page: page(lake, key)?,
-        asked: 0,
-        took_place: None,
+        ..Done::before(lake, key, met, row.and_then(|row| row.reason.clone()))
     };
     Ok(done.asked_for(lake)?)
 }

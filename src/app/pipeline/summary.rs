@@ -4,6 +4,7 @@
 
 use std::fmt::Write as _;
 
+use super::configuration::Configuration;
 use super::damage;
 use super::words::references;
 use crate::figures::expanded;
@@ -13,7 +14,6 @@ use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
 use crate::judgement::{JoinedSession, Outcome};
-use crate::kinematics::Arm;
 use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
 use crate::report::next::Stated;
@@ -32,16 +32,15 @@ pub struct Summary {
     pub next: Next,
 }
 
-/// The summary of a run of `arm`; `table_state` is whether the table that drove it still holds.
+/// The summary of a run; `table_state` is whether the table that drove it still holds.
 pub(super) fn summary(
     outcome: &Outcome<'_>,
-    arm: &Arm,
-    tolerance: &Tolerance,
+    configuration: &Configuration,
     parameters: &[ParameterRow],
     pairs: &Pairs,
     table_state: Option<&str>,
 ) -> Summary {
-    let verdict = &outcome.verdict;
+    let (verdict, tolerance) = (&outcome.verdict, &configuration.stages.tolerance);
     let mut findings = outcome.frame.lines();
     findings.push(format!("tolerance {} mm: {}", tolerance.mm, verdict.statement()));
     findings.extend(before_and_after(pairs, table_state));
@@ -54,7 +53,7 @@ pub(super) fn summary(
             verdict,
             &outcome.frame,
             tolerance,
-            Stated::of(arm),
+            Stated::of(&configuration.arm),
             outcome.doubts_set_up(),
         ),
     }

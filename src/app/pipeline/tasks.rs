@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use super::configuration::{Recorded, SessionFiles, Tree, WorkPiece};
 use super::fleet::{Fleet, FleetPiece};
 use super::run::{Done, Known, run_piece};
-use crate::grid::Verdict;
 use crate::manifest::VERSION;
 use crate::progress::Progress;
 
@@ -171,11 +170,7 @@ fn ended(id: &str, done: &Done) -> Ended {
         ended: if done.already_there { How::DoneBefore } else { How::Done },
         run: Some(done.run.clone()),
         took_place: done.took_place.clone(),
-        met: match done.verdict {
-            Verdict::Meets => Some(true),
-            Verdict::DoesNotMeet => Some(false),
-            Verdict::NotShown(_) => None,
-        },
+        met: done.met(),
         reason: done.reason.clone(),
     }
 }

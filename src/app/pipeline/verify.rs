@@ -10,8 +10,8 @@
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
 //!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Sessions as joined, which runs start from, are verified by themselves ([`joined()`]), and so are estimates ([`estimates()`]) and their
-//! grids ([`grids()`]). The row of a run is held against those that it names: the chain of stages (`chain`).
+//! Results of stages, which runs start from, are verified by themselves ([`StageVerifier`]). The row of a run is held against those that
+//! it names (`chain`).
 //!
 //! This does not show which run a run `replaces`, since that depends on the contents of the lake when it was computed. The
 //! row has the digest of the replaced row at that time; the digest of a row that no later one replaces is known only to who kept it
@@ -22,10 +22,7 @@ mod asked;
 mod chain;
 mod cited;
 mod claim;
-mod estimated;
 mod files;
-mod gridded;
-mod joined;
 mod recompute;
 mod register;
 mod row;
@@ -48,10 +45,7 @@ use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
-pub use estimated::estimates;
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
-pub use gridded::grids;
-pub use joined::joined;
 pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
 pub use row::contradictions as row_contradictions;
@@ -60,7 +54,7 @@ pub use settings::ChangedSetting;
 pub(super) use settings::changed as changed_settings;
 pub use sought::Sought;
 use source::{NoSource, Source};
-pub use stage::{Anew, StageVerified};
+pub use stage::{Anew, StageVerified, StageVerifier};
 pub use verdict::Verdict;
 
 /// The reason why nothing can be verified.

@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::readings::NoStations;
 use crate::lake::{Lake, LakeError};
 use crate::manifest::RunKey;
-use crate::table::{Row, Table, TableError};
+use crate::table::{Row, Table, TableError, row};
 
 /// The reason why the result of a stage cannot be read back.
 #[derive(Debug, Error)]
@@ -28,6 +28,18 @@ pub enum NotRestored {
     OtherStep(f64),
 }
 
+row! {
+    /// What the rows of all stages state; read from the table of any of them.
+    pub struct ResultRow of "grids" {
+        version: String,
+        settings: String,
+        settings_digest: String,
+        table_names: Option<Vec<String>>,
+        table_digests: Option<Vec<String>>,
+        row_digest: Option<String>,
+    }
+}
+
 /// BLAKE3 of the content of such a row, hexadecimal: of all its columns except the one that holds this digest.
 pub fn row_digest(row: &Table) -> String {
     row.digest_without(&["row_digest"])
@@ -44,7 +56,7 @@ pub(super) fn signed<R: Row + Clone>(
 }
 
 /// The one row of a result in a lake.
-pub(super) fn row<R: Row>(lake: &Lake, key: &RunKey) -> Result<R, NotRestored> {
+pub fn row<R: Row>(lake: &Lake, key: &RunKey) -> Result<R, NotRestored> {
     let rows = R::read(&lake.read(R::TABLE, key)?);
     let several = |rows: Vec<R>| NotRestored::Rows { table: R::TABLE, rows: rows.len() };
     let [row] = rows.try_into().map_err(several)?;

@@ -5,9 +5,9 @@
 
 use std::fmt::Write as _;
 
-use super::near;
 use super::stop::Stop;
-use super::work::{Ending, Extent, Failure};
+use super::work::{Ending, Failure};
+use super::{Until, near};
 use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
@@ -44,7 +44,7 @@ pub fn summary(
     fleet: &Fleet,
     endings: &[Ending],
     set_aside: &[SetAside],
-    extent: Extent,
+    until: Option<Until>,
     verbose: bool,
 ) -> String {
     let labels: Vec<String> = fleet.pieces().iter().map(FleetPiece::label).collect();
@@ -54,7 +54,7 @@ pub fn summary(
     for (label, ending) in labels.zip(endings) {
         text += &paragraph(label, ending, verbose);
     }
-    text += &Totals::of(endings, set_aside).words(extent, fleet.tolerance_mm());
+    text += &Totals::of(endings, set_aside).words(until, fleet.tolerance_mm());
     text
 }
 
@@ -81,29 +81,9 @@ fn line(session: &str, ending: &Ending) -> String {
             let state = before_or(done.already_there, "done");
             state_line(state, session, &outcome(done))
         }
-        Ending::Joined(joined) => {
-            let state = before_or(joined.already_there, "joined");
-            let words = format!(
-                "{} dwells, {} measured, result {}",
-                joined.dwells, joined.paired, joined.run
-            );
-            state_line(state, session, &words)
-        }
-        Ending::Estimated(done) => {
-            let state = before_or(done.already_there, "estimated");
-            let words = format!(
-                "{} readings, misfit of the geometry {:.4} mm rms per axis, result {}",
-                done.observations, done.misfit_mm, done.run
-            );
-            state_line(state, session, &words)
-        }
-        Ending::Gridded(done) => {
-            let state = before_or(done.already_there, "gridded");
-            let chosen = done
-                .chosen_mm
-                .map_or_else(|| "none gives a table".to_owned(), |mm| format!("{mm} mm is chosen"));
-            let words = format!("{} judged steps, {chosen}, result {}", done.rows, done.run);
-            state_line(state, session, &words)
+        Ending::OfStage(done) => {
+            let state = before_or(done.already_there, done.stage.done);
+            state_line(state, session, &format!("{}, result {}", done.words, done.run))
         }
         Ending::Failed(Failure { reason, .. }) => {
             state_line("failed", session, &format!("no result: {reason}"))
@@ -232,9 +212,7 @@ impl Totals {
                     totals.add(done.already_there);
                     totals.met += usize::from(done.verdict == Verdict::Meets);
                 }
-                Ending::Joined(joined) => totals.add(joined.already_there),
-                Ending::Estimated(done) => totals.add(done.already_there),
-                Ending::Gridded(done) => totals.add(done.already_there),
+                Ending::OfStage(done) => totals.add(done.already_there),
                 Ending::Failed(_) => totals.failed += 1,
                 Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
             }
@@ -255,26 +233,21 @@ impl Totals {
     }
 
     /// The numbers in words, with the tolerance where all robots have one.
-    fn words(&self, extent: Extent, tolerance_mm: Option<f64>) -> String {
+    fn words(&self, until: Option<Until>, tolerance_mm: Option<f64>) -> String {
         let Self { new, before, met, failed, waiting, stopped } = self;
         let results = new + before;
         let not_met = results - met;
         let all = results + failed + stopped;
         let tolerance = tolerance_mm
             .map_or_else(|| "their robot's tolerance".to_owned(), |mm| format!("{mm} mm"));
-        let mut text = match extent {
-            Extent::Whole => format!(
+        let mut text = match until {
+            None => format!(
                 "{met} of {all} within {tolerance}, {failed} without a result: {new} done, {before} done before, \
                  {not_met} not met, {failed} failed, {waiting} waiting"
             ),
-            Extent::Estimated => format!(
-                "{results} of {all} estimates: {new} now, {before} before, {failed} failed, {waiting} waiting"
-            ),
-            Extent::Gridded => format!(
-                "{results} of {all} grids: {new} now, {before} before, {failed} failed, {waiting} waiting"
-            ),
-            Extent::Joined => format!(
-                "{results} of {all} sessions joined: {new} now, {before} before, {failed} failed, {waiting} waiting"
+            Some(until) => format!(
+                "{results} of {all} {}: {new} now, {before} before, {failed} failed, {waiting} waiting",
+                until.stage().names[1]
             ),
         };
         if *stopped > 0 {

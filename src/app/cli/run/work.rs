@@ -6,15 +6,13 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
+use super::Until;
 use super::stop::{Stop, Stoppable};
 use crate::cli::messages::Printable;
 use crate::cli::progress::Bars;
 use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
 use crate::pipeline::fleet::FleetPiece;
-use crate::pipeline::run::{
-    Done, EstimateDone, GridsDone, Known, RunError, SessionDone, estimate_piece, grids_piece,
-    join_session, run_piece,
-};
+use crate::pipeline::run::{Done, Known, RunError, StageDone, run_piece, stage_piece};
 use crate::progress::Progress;
 
 /// The ending of one piece of work.
@@ -22,12 +20,8 @@ use crate::progress::Progress;
 pub enum Ending {
     /// With a result.
     Done(Box<Done>),
-    /// With a session as joined, which was all that was asked for.
-    Joined(SessionDone),
-    /// With an estimate, which was all that was asked for.
-    Estimated(EstimateDone),
-    /// With grids, which were all that was asked for.
-    Gridded(GridsDone),
+    /// With the result of a stage, which was all that was asked for.
+    OfStage(StageDone),
     /// Without one.
     Failed(Failure),
     /// A signal ended it under way.
@@ -47,7 +41,8 @@ pub struct Failure {
 
 /// What all pieces of a batch have in common.
 struct Batch<'a> {
-    extent: Extent,
+    /// The last stage; `None` for the whole way to verdict, tables and page.
+    until: Option<Until>,
     known: &'a Known,
     bars: &'a Bars,
     stop: &'a Stop,
@@ -60,56 +55,37 @@ impl Batch<'_> {
         piece: &WorkPiece,
         progress: &dyn Progress,
     ) -> Result<Ending, RunError> {
-        match self.extent {
-            Extent::Whole => {
-                let state = self.known.state(configuration, piece);
-                if let Some(done) = state.as_deref().and_then(|state| self.known.told(state)) {
-                    return Ok(Ending::Done(Box::new(done)));
-                }
-                let done = run_piece(configuration, piece, progress)?;
-                self.known.keep(state.as_deref(), (configuration, piece), &done);
-                Ok(Ending::Done(Box::new(done)))
-            }
-            Extent::Estimated => {
-                estimate_piece(configuration, piece, progress).map(Ending::Estimated)
-            }
-            Extent::Gridded => grids_piece(configuration, piece, progress).map(Ending::Gridded),
-            Extent::Joined => join_session(configuration, piece, progress).map(Ending::Joined),
+        if let Some(until) = self.until {
+            return stage_piece(configuration, piece, until.stage(), progress).map(Ending::OfStage);
         }
+        let state = self.known.state(configuration, piece);
+        if let Some(done) = state.as_deref().and_then(|state| self.known.told(state)) {
+            return Ok(Ending::Done(Box::new(done)));
+        }
+        let done = run_piece(configuration, piece, progress)?;
+        self.known.keep(state.as_deref(), (configuration, piece), &done);
+        Ok(Ending::Done(Box::new(done)))
     }
 }
 
 /// A piece's ending, and the sessions that it left out.
 type Ended = (Ending, Vec<SetAside>);
 
-/// How far the work goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Extent {
-    /// To verdict, tables and page.
-    Whole,
-    /// To sessions as joined.
-    Joined,
-    /// To estimates.
-    Estimated,
-    /// To grids.
-    Gridded,
-}
-
 /// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
 /// pools left out.
 pub fn all(
     pieces: &[FleetPiece<'_>],
-    (extent, known): (Extent, &Known),
+    (until, known): (Option<Until>, &Known),
     jobs: NonZeroUsize,
     bars: &Bars,
     stop: &Stop,
 ) -> (Vec<Ending>, Vec<SetAside>) {
-    if extent == Extent::Whole {
+    if until.is_none() {
         let state = |own: &FleetPiece<'_>| known.state(own.configuration, own.piece);
         known.gather(pieces.iter().filter_map(state));
     }
     let next = AtomicUsize::new(0);
-    let batch = Batch { extent, known, bars, stop };
+    let batch = Batch { until, known, bars, stop };
     let work = || {
         let mut own = Vec::new();
         loop {

@@ -1,8 +1,10 @@
 //! The outcome of a verification, as lines of text.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use crate::cli::messages::Printable;
+use crate::io::lake::Stage;
 use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
@@ -50,55 +52,27 @@ const fn word(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// The sessions as joined: a line for each that differs or could not be joined anew, then how many there are; `None` without any.
-pub(super) fn joined(verified: &[StageVerified]) -> Option<String> {
-    let (mut lines, counts) = stage(verified, "as joined", "joined")?;
-    let same = same_anew(verified);
-    lines.push(format!("sessions as joined: {counts}; {same} joined anew and the same"));
-    Some(lines.join("\n"))
-}
-
-/// The estimates likewise; `of_runs` of them were compared with what recomputed runs trained.
-pub(super) fn estimates(verified: &[StageVerified], of_runs: usize) -> Option<String> {
-    let (mut lines, counts) = stage(verified, "estimate", "trained")?;
-    let same = same_anew(verified);
+/// The results of a stage: a line for each that was changed, differs, or could not be made anew, then how many there are; `shown` are
+/// those that recomputed runs showed.
+pub(super) fn stage(stage: Stage, verified: &[StageVerified], shown: &BTreeSet<String>) -> String {
+    let mut lines: Vec<String> = verified.iter().flat_map(|own| problems(stage, own)).collect();
+    let count = |is: fn(&StageVerified) -> bool| verified.iter().filter(|own| is(own)).count();
+    let changed = count(StageVerified::is_mismatch);
+    let same = count(|own| own.anew == Some(Anew::Same));
+    let keys = verified.iter().filter_map(|own| own.key.as_ref());
+    let of_runs = keys.filter(|key| shown.contains(&key.run)).count();
     lines.push(format!(
-        "estimates: {counts}; {same} trained anew and the same, {of_runs} by runs that were recomputed"
-    ));
-    Some(lines.join("\n"))
-}
-
-/// The grids likewise.
-pub(super) fn grids(verified: &[StageVerified], of_runs: usize) -> Option<String> {
-    let (mut lines, counts) = stage(verified, "grids", "made")?;
-    let same = same_anew(verified);
-    lines.push(format!(
-        "grids: {counts}; {same} made anew and the same, {of_runs} by runs that were recomputed"
-    ));
-    Some(lines.join("\n"))
-}
-
-fn same_anew(verified: &[StageVerified]) -> usize {
-    let same = |own: &&StageVerified| own.anew == Some(Anew::Same);
-    verified.iter().filter(same).count()
-}
-
-/// The results of a stage: a line for each that was changed, differs, or could not be computed anew, and how many there are.
-fn stage(verified: &[StageVerified], what: &str, done: &str) -> Option<(Vec<String>, String)> {
-    if verified.is_empty() {
-        return None;
-    }
-    let lines = verified.iter().flat_map(|own| problems(own, what, done)).collect();
-    let changed = verified.iter().filter(|own| own.is_mismatch()).count();
-    let counts = format!(
-        "{} in the lake, {} as written, {changed} changed",
+        "{}: {} in the lake, {} as written, {changed} changed; {same} {} anew and the same, {of_runs} by runs that were recomputed",
+        stage.names[1],
         verified.len(),
-        verified.len() - changed
-    );
-    Some((lines, counts))
+        verified.len() - changed,
+        stage.done
+    ));
+    lines.join("\n")
 }
 
-fn problems(verified: &StageVerified, what: &str, done: &str) -> Vec<String> {
+fn problems(stage: Stage, verified: &StageVerified) -> Vec<String> {
+    let (what, done) = (stage.names[0], stage.done);
     let subject = match &verified.key {
         Some(key) => format!("{}/{} {what} {}", key.robot, key.session, key.run),
         None => verified.place.display().to_string(),

@@ -47,26 +47,16 @@ pub enum RunError {
     OfSession { session: String, source: Box<RunError> },
     /// A result of a stage that the lake should have.
     #[error(
-        "session {session}: the lake has no {what} of it by these settings: run it without --from {from}, or with --until {until} first"
+        "session {session}: the lake has no {what} of it by these settings: run it without --from first"
     )]
-    NoResult {
-        /// The session, or `pooled`.
-        session: String,
-        what: &'static str,
-        /// The stage that reads it.
-        from: &'static str,
-        /// The stage that makes it.
-        until: &'static str,
-    },
+    NoResult { session: String, what: &'static str },
     /// A result of a stage that cannot be read back.
-    #[error("session {session}: {what} cannot be used: {source}{advice}")]
+    #[error("session {session}: {what} cannot be used: {source}")]
     Unread {
-        /// The session, or `pooled`.
         session: String,
         /// The result with its name.
         what: String,
         source: Box<NotRestored>,
-        advice: &'static str,
     },
     /// The robot is named neither in the pipeline file nor in the logs.
     #[error(

@@ -15,7 +15,6 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::Done;
-use crate::grid::Verdict;
 use crate::io::input::{self, Bound};
 use crate::io::lake::{Lake, LakeError, request_key};
 use crate::io::store::Listed;
@@ -282,11 +281,7 @@ impl Told {
             session: done.session.clone(),
             run: done.run.clone(),
             asked: done.asked,
-            met: match done.verdict {
-                Verdict::Meets => Some(true),
-                Verdict::DoesNotMeet => Some(false),
-                Verdict::NotShown(_) => None,
-            },
+            met: done.met(),
             of: done.verdict_of.map(|of| of.word().to_owned()),
             reason: done.reason.clone(),
             rejected: done.rejected.clone(),
@@ -295,30 +290,13 @@ impl Told {
     }
 
     fn done(&self, lake: &Lake, key: &RunKey) -> Option<Done> {
-        let reason = self.reason.clone();
+        let of = self.of.as_ref().map(|word| VerdictOf::of_word(word));
         Some(Done {
-            robot: self.robot.clone(),
-            session: self.session.clone(),
-            run: self.run.clone(),
-            already_there: true,
             asked: self.asked,
-            took_place: None,
-            verdict: match self.met {
-                Some(true) => Verdict::Meets,
-                Some(false) => Verdict::DoesNotMeet,
-                None => Verdict::NotShown(reason.clone().unwrap_or_default()),
-            },
-            reason,
-            verdict_of: match &self.of {
-                Some(word) => Some(VerdictOf::of_word(word)?),
-                None => None,
-            },
+            verdict_of: of.map_or(Some(None), |of| of.map(Some))?,
             rejected: self.rejected.clone(),
-            summary: None,
-            words: Vec::new(),
-            corrects: None,
-            tables: lake.root(),
             page: if self.has_page { Some(lake.page(key).ok()?) } else { None },
+            ..Done::before(lake, key, self.met, self.reason.clone())
         })
     }
 }

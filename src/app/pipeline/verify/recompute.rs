@@ -13,8 +13,6 @@ use super::{Recomputed, Verified};
 use crate::io::lake::{ESTIMATES, GRIDS, Lake, LakeError, PAGES, temporary};
 use crate::io::table::compare::{Comparison, compare};
 use crate::io::table::{Row as _, Table};
-use crate::io::tables::grids::GridErrorRow;
-use crate::io::tables::residuals::EstimateResidualRow;
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
@@ -229,41 +227,26 @@ impl Sides<'_> {
     /// The differences of the estimates and grids that both started from; none of what the lake does not have any more.
     fn of_stages(&self, computed: &Table) -> Result<Vec<ComparedFile>, LakeError> {
         let claim = &self.verified.claim;
-        let computed = RunRow::read(computed).pop();
-        let (estimate, grids) = computed.map_or((None, None), |row| (row.estimate, row.grids));
-        let estimates = [EstimateResidualRow::TABLE, ESTIMATES];
-        let mut differences = self.of_stage((&claim.estimate, estimate), estimates)?;
-        let tables = [GridErrorRow::TABLE, GRIDS];
-        differences.extend(self.of_stage((&claim.grids, grids), tables)?);
-        Ok(differences)
-    }
-
-    /// The differences of a stage's results of these names, the published and the computed one.
-    fn of_stage(
-        &self,
-        (published, computed): (&Option<String>, Option<String>),
-        tables: [&'static str; 2],
-    ) -> Result<Vec<ComparedFile>, LakeError> {
-        let (Some(published), Some(computed)) = (published, computed) else {
+        let Some(computed) = RunRow::read(computed).pop() else {
             return Ok(Vec::new());
         };
-        let key = &self.verified.claim.key;
-        let published = RunKey::new(&key.robot, &key.session, published);
-        let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
+        let of_both = [
+            (ESTIMATES, &claim.estimate, computed.estimate),
+            (GRIDS, &claim.grids, computed.grids),
+        ];
         let mut differences = Vec::new();
-        for table in tables {
-            if !self.lake.has(table, &published)? {
+        for (stage, published, computed) in of_both {
+            let (Some(published), Some(computed)) = (published, computed) else {
                 continue;
-            }
-            let own = self.lake.read_as_it_is(table, &published)?.table;
-            let other = self.computed.read(table, &computed)?;
-            let comparison = self.values(&own, &other, &OF_THE_MACHINE);
-            if comparison.same_values() != Some(0.0) {
-                differences.push(ComparedFile {
-                    name: format!("{table}/{}", key.session),
-                    computed: None,
-                    outcome: FileOutcome::Values(comparison),
-                });
+            };
+            let published = RunKey::new(&claim.key.robot, &claim.key.session, published);
+            let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
+            for table in stage.tables() {
+                if self.lake.has(table, &published)? {
+                    let own = self.lake.read_as_it_is(table, &published)?.table;
+                    let other = self.computed.read(table, &computed)?;
+                    differences.extend(self.difference(&own, &other, &OF_THE_MACHINE));
+                }
             }
         }
         Ok(differences)
@@ -271,13 +254,16 @@ impl Sides<'_> {
 
     /// The difference of the rows of `runs`, in the columns that have to agree.
     fn row(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
-        let key = &self.verified.claim.key;
-        let published = self.lake.read_as_it_is("runs", key)?.table;
-        let comparison = self.values(&published, computed, &ROW_ONLY);
-        Ok((comparison.same_values() != Some(0.0)).then(|| ComparedFile {
-            name: format!("runs/{}", key.session),
+        let published = self.lake.read_as_it_is("runs", &self.verified.claim.key)?.table;
+        Ok(self.difference(&published, computed, &ROW_ONLY))
+    }
+
+    fn difference(&self, own: &Table, other: &Table, ignored: &[&str]) -> Option<ComparedFile> {
+        let comparison = self.values(own, other, ignored);
+        (comparison.same_values() != Some(0.0)).then(|| ComparedFile {
+            name: format!("{}/{}", own.schema().table, self.verified.claim.key.session),
             computed: None,
             outcome: FileOutcome::Values(comparison),
-        }))
+        })
     }
 }

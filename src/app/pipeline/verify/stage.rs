@@ -1,14 +1,28 @@
-//! Results of stages that runs start from, each verified by itself: what all of them have in common.
+//! Results of stages that runs start from, each verified by itself.
 //!
-//! A result is a row in the table of its stage. Its name has to follow from its inputs, settings and version, its digest from its content,
-//! and its files have to be as it says. Where its work can be found, it is computed anew into a temporary lake and compared.
+//! Its name has to follow from its inputs, settings and version, its digest from its content, its file has to be as its row says, and the
+//! lake has to have the results that it was made of. Where a pipeline file has its settings, and no run that was recomputed has shown
+//! it already, it is made anew in a temporary lake and compared: a session from its files, where they are found, and all others from the
+//! sessions as joined, without any log.
 
-use crate::io::lake::{Lake, LakeError, RunRow};
+use std::collections::BTreeSet;
+
+use super::recompute;
+use super::sought::Sought;
+use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RunRow, STAGES, Stage};
 use crate::io::store::Place;
-use crate::io::table::Table;
 use crate::io::table::compare::compare;
-use crate::io::tables::runs::row_digest;
-use crate::manifest::{RunKey, Work, digest};
+use crate::io::table::{Row as _, Table};
+use crate::io::tables::estimates::{self, EstimateRow};
+use crate::io::tables::grids::{self, GridsRow};
+use crate::io::tables::joined_sessions::{self, JoinedSessionRow, inputs};
+use crate::io::tables::stage_results::{ResultRow, row, row_digest};
+use crate::manifest::{ROBOT, RunKey, Work, digest};
+use crate::pipeline::configuration::{
+    Configuration, JoinedBefore, Overrides, Recorded, Session, SessionFiles, WorkPiece,
+};
+use crate::pipeline::run::{input, stage_piece};
+use crate::progress::Progress;
 
 /// Columns that depend on version and machine, or on digests of what does.
 pub(super) const OF_THE_MACHINE: [&str; 8] = [
@@ -53,78 +67,236 @@ impl StageVerified {
     }
 }
 
-/// Verifies the results of these rows that have one of these names, of sessions or results; all of them where there are no names. `one`
-/// gives contradictions of a row, and whether its result was computed anew.
-pub(super) fn each(
-    rows: Vec<RunRow>,
-    names: &[String],
-    mut one: impl FnMut(&Place, &RunKey, &Table) -> Result<(Vec<String>, Option<Anew>), LakeError>,
-) -> Result<Vec<StageVerified>, LakeError> {
-    let mut verified = Vec::new();
-    for (place, row) in rows {
-        let table = row.map_err(|error| error.to_string()).and_then(|row| {
-            let believed = row.believed(&place.named());
-            believed.map_err(|error| error.to_string())
-        });
+/// How results of stages are verified.
+pub struct StageVerifier<'a> {
+    pub lake: &'a Lake,
+    pub sought: &'a mut Sought,
+    /// Names of sessions or results; of all where there are none.
+    pub names: &'a [String],
+    /// Results that recomputed runs have shown, which are not made again.
+    pub shown: &'a BTreeSet<String>,
+    pub progress: &'a dyn Progress,
+}
+
+impl StageVerifier<'_> {
+    /// Verifies the results of every stage.
+    pub fn all(mut self) -> Result<Vec<(Stage, Vec<StageVerified>)>, LakeError> {
+        let of_stage = |stage: Stage| {
+            let rows = self.lake.rows_of_all(stage.rows)?.into_iter();
+            let verified = rows.filter_map(|row| self.one(stage, row).transpose());
+            Ok((stage, verified.collect::<Result<_, _>>()?))
+        };
+        STAGES.into_iter().map(of_stage).collect()
+    }
+
+    /// Verifies the result of a row; `None` where it has none of the names.
+    fn one(
+        &mut self,
+        stage: Stage,
+        (place, row): RunRow,
+    ) -> Result<Option<StageVerified>, LakeError> {
+        let table = row.and_then(|row| Ok(row.believed(&place.named())?));
         let key = table.as_ref().ok().and_then(|table| table.key().cloned());
+        let names = self.names;
         let is_named = |key: &RunKey| names.contains(&key.session) || names.contains(&key.run);
         if table.is_ok() && !names.is_empty() && !key.as_ref().is_some_and(is_named) {
-            continue;
+            return Ok(None);
         }
         let (problems, anew) = match (&table, &key) {
-            (Ok(table), Some(key)) if table.rows() == 1 => one(&place, key, table)?,
-            (Ok(_), _) => {
-                let several = "it has several rows, or states no session";
-                (vec![several.to_owned()], None)
+            (Ok(table), Some(key)) if table.rows() == 1 => {
+                self.of_row(stage, (&place, key), table)?
             }
-            (Err(problem), _) => (vec![problem.clone()], None),
+            (Ok(_), _) => (vec!["it has several rows, or states no session".to_owned()], None),
+            (Err(problem), _) => (vec![problem.to_string()], None),
         };
-        verified.push(StageVerified { place, key, problems, anew });
+        Ok(Some(StageVerified { place, key, problems, anew }))
     }
-    Ok(verified)
-}
 
-/// A row of a stage's table, and what it states of itself.
-pub(super) struct Stated<'r> {
-    /// The name of its table.
-    pub(super) rows: &'static str,
-    pub(super) place: &'r Place,
-    pub(super) key: &'r RunKey,
-    pub(super) row: &'r Table,
-    /// The work that it names.
-    pub(super) work: Work,
-    pub(super) version: &'r str,
-    pub(super) settings_digest: &'r str,
-    pub(super) row_digest: Option<&'r String>,
-}
-
-impl Stated<'_> {
-    /// Contradictions of the row with itself and its place.
-    pub(super) fn contradictions(&self, lake: &Lake) -> Vec<String> {
-        let mut problems = Vec::new();
-        if lake.place(self.rows, self.key).ok().as_ref() != Some(self.place) {
+    /// The contradictions of a row, and whether its result was made anew.
+    fn of_row(
+        &mut self,
+        stage: Stage,
+        (place, key): (&Place, &RunKey),
+        table: &Table,
+    ) -> Result<(Vec<String>, Option<Anew>), LakeError> {
+        let row = ResultRow::read(table).swap_remove(0);
+        let Some((work, made_of)) = work_of(stage, key, table, &row) else {
+            return Ok((vec!["its lists differ in length".to_owned()], None));
+        };
+        let mut problems = contradictions(table, &row, &work);
+        if self.lake.place(stage.rows, key).ok().as_ref() != Some(place) {
             problems.push("it is not at the place of its own name".to_owned());
         }
-        let found = row_digest(self.row);
-        if self.row_digest != Some(&found) {
-            problems.push(format!(
-                "its content has the digest {found}, and it states another one: it was changed"
-            ));
+        if let (Some(names), Some(digests)) = (&row.table_names, &row.table_digests) {
+            problems.extend(of_file(self.lake, key, stage.table, (names, digests)));
         }
-        if self.work.settings_digest() != self.settings_digest {
-            problems.push("its settings do not have the digest that it states".to_owned());
+        for (stage, key) in &made_of {
+            if !self.lake.has(stage.rows, key)? {
+                let RunKey { session, run, .. } = key;
+                let name = stage.names[0];
+                problems.push(format!("the lake does not have the {name} {run} of {session}"));
+            }
         }
-        let follows = self.work.key_by_version(self.version).run;
-        if follows != self.key.run {
-            problems
-                .push(format!("from its inputs, settings and version follows the name {follows}"));
+        let is_open = problems.is_empty() && !self.shown.contains(&key.run);
+        let anew = is_open.then(|| {
+            let anew = self.anew(stage, key, &row.settings, made_of);
+            anew.unwrap_or_else(|reason| Some(Anew::No(reason)))
+        });
+        Ok((problems, anew.flatten()))
+    }
+
+    /// The result made anew by the first pipeline file that has its settings and finds what it was made of; `None` where none does.
+    fn anew(
+        &mut self,
+        stage: Stage,
+        key: &RunKey,
+        settings: &str,
+        mut made_of: Vec<(Stage, RunKey)>,
+    ) -> Result<Option<Anew>, String> {
+        let found = if stage == JOINED {
+            self.files_of(key, settings)
+        } else {
+            let estimate = made_of.iter().find(|(stage, _)| *stage == ESTIMATES);
+            let estimate = estimate.map_or_else(|| key.clone(), |(_, key)| key.clone());
+            self.trained(&estimate, |configuration| match stage {
+                GRIDS => configuration.grids_settings == settings,
+                _ => configuration.estimate_settings == settings,
+            })?
+        };
+        let Some((configuration, piece)) = found else {
+            return Ok(None);
+        };
+        made_of.retain(|(stage, _)| *stage == ESTIMATES);
+        made_of.extend(piece.training.iter().filter_map(|own| match &own.recorded {
+            Recorded::Joined(before) => Some((JOINED, before.key.clone())),
+            Recorded::Logs(_) | Recorded::Table(_) => None,
+        }));
+        let temporary = recompute::temporary_lake(self.lake, key)?;
+        for (stage, key) in &made_of {
+            let copied = self.lake.copy_run(&stage.tables(), key, temporary.path());
+            copied.map_err(|error| error.to_string())?;
         }
-        problems
+        let configuration = Configuration {
+            robot: Some(key.robot.clone()),
+            lake: Place::of(temporary.path()),
+            ..configuration
+        };
+        let done = stage_piece(&configuration, &piece, stage, self.progress);
+        if done.map_err(|error| error.to_string())?.run != key.run {
+            return Err(
+                "its inputs, or the version, are not those that it was made with".to_owned()
+            );
+        }
+        compared(self.lake, &Lake::new(temporary.path()), stage, key).map(Some)
+    }
+
+    /// The first pipeline file that finds a session's files under these settings of ingest and join.
+    fn files_of(&mut self, key: &RunKey, settings: &str) -> Option<(Configuration, WorkPiece)> {
+        let overrides = Overrides {
+            robot: Some(key.robot.clone()),
+            sessions: vec![key.session.clone()],
+            ..Overrides::default()
+        };
+        self.sought.find(&overrides, |configuration| {
+            let pieces = WorkPiece::each_session(&configuration.pieces);
+            let piece = pieces.into_iter().find(|own| own.session == key.session)?;
+            (configuration.join_settings == settings).then_some(piece)
+        })
+    }
+
+    /// The first pipeline file that `has` the settings, with the robot file and the sessions as joined of an estimate.
+    fn trained(
+        &self,
+        estimate: &RunKey,
+        has: impl Fn(&Configuration) -> bool,
+    ) -> Result<Option<(Configuration, WorkPiece)>, String> {
+        let trained: EstimateRow = row(self.lake, estimate).map_err(|error| error.to_string())?;
+        let (mut training, mut settings) = (Vec::new(), Vec::new());
+        for (name, run) in trained.session_names.iter().zip(&trained.session_runs) {
+            let key = RunKey::new(&estimate.robot, name, run);
+            let joined: JoinedSessionRow =
+                row(self.lake, &key).map_err(|error| error.to_string())?;
+            let inputs = inputs(&joined).ok_or_else(|| format!("{name} as joined is damaged"))?;
+            let inputs = inputs.into_iter().filter(|input| input.name != ROBOT).collect();
+            training.push(SessionFiles {
+                name: name.clone(),
+                recorded: Recorded::Joined(JoinedBefore { key, inputs }),
+                corrected: None,
+            });
+            settings.push(joined.settings);
+        }
+        let session = |own: &SessionFiles| Session {
+            name: own.name.clone(),
+            recorded: Ok(own.recorded.clone()),
+            corrected: None,
+            robot: None,
+        };
+        let sessions: Vec<Session> = training.iter().map(session).collect();
+        let found = self.sought.with_sessions(&estimate.robot, &sessions, |configuration| {
+            let robot = input(&configuration.robot_file, ROBOT);
+            has(configuration)
+                && settings.iter().all(|own| *own == configuration.join_settings)
+                && robot.is_ok_and(|robot| robot.digest == trained.robot_digest)
+        });
+        let session = estimate.session.clone();
+        let piece = WorkPiece { session, training, test: Vec::new() };
+        Ok(found.map(|configuration| (configuration, piece)))
     }
 }
 
-/// The only file of a result, of that table, missing or not as its row says.
-pub(super) fn of_file(
+/// A result's work, and the results that it was made of; `None` where its lists contradict each other.
+fn work_of(
+    stage: Stage,
+    key: &RunKey,
+    table: &Table,
+    row: &ResultRow,
+) -> Option<(Work, Vec<(Stage, RunKey)>)> {
+    let RunKey { robot, session, .. } = key;
+    let settings = row.settings.clone();
+    Some(match stage {
+        JOINED => {
+            let inputs = inputs(&JoinedSessionRow::read(table).pop()?)?;
+            (joined_sessions::work(robot, session, inputs, settings), Vec::new())
+        }
+        ESTIMATES => {
+            let row = EstimateRow::read(table).pop()?;
+            let sessions = || row.session_names.iter().zip(&row.session_runs);
+            if row.session_names.len() != row.session_runs.len() {
+                return None;
+            }
+            let inputs = estimates::inputs(&row.robot_digest, sessions());
+            let made_of = sessions().map(|(name, run)| (JOINED, RunKey::new(robot, name, run)));
+            (estimates::work(robot, session, inputs, settings), made_of.collect())
+        }
+        _ => {
+            let estimate = GridsRow::read(table).pop()?.estimate;
+            let made_of = vec![(ESTIMATES, RunKey::new(robot, session, &estimate))];
+            (grids::work(robot, session, &estimate, settings), made_of)
+        }
+    })
+}
+
+/// Contradictions of a row with itself.
+fn contradictions(table: &Table, row: &ResultRow, work: &Work) -> Vec<String> {
+    let mut problems = Vec::new();
+    let found = row_digest(table);
+    if row.row_digest.as_ref() != Some(&found) {
+        problems.push(format!(
+            "its content has the digest {found}, and it states another one: it was changed"
+        ));
+    }
+    if work.settings_digest() != row.settings_digest {
+        problems.push("its settings do not have the digest that it states".to_owned());
+    }
+    let follows = work.key_by_version(&row.version).run;
+    if table.key().is_some_and(|key| key.run != follows) {
+        problems.push(format!("from its inputs, settings and version follows the name {follows}"));
+    }
+    problems
+}
+
+/// The only file of a result, missing or not as its row says.
+fn of_file(
     lake: &Lake,
     key: &RunKey,
     table: &str,
@@ -133,33 +305,27 @@ pub(super) fn of_file(
     if *names != [format!("{table}/{}", key.session)] {
         return Some(format!("it names the files {}", names.join(", ")));
     }
-    let opened = lake.open(table, key);
-    let found = opened.map_err(|error| error.to_string()).and_then(|file| {
-        let (found, _) = digest(file).map_err(|error| error.to_string())?;
-        Ok(found)
-    });
+    let opened = lake.open(table, key).map_err(|error| error.to_string());
+    let found = opened.and_then(|file| digest(file).map_err(|error| error.to_string()));
     match found {
-        Ok(found) if *digests == [found.clone()] => None,
-        Ok(found) => Some(format!(
+        Ok((found, _)) if *digests == [found.clone()] => None,
+        Ok((found, _)) => Some(format!(
             "{table}: its file has the digest {found}, and was written with another one"
         )),
         Err(reason) => Some(format!("{table}: {reason}")),
     }
 }
 
-/// Compares the tables of a result with those computed anew.
-pub(super) fn compared(lake: &Lake, again: &Lake, tables: &[&str], key: &RunKey) -> Anew {
-    let differs = |table: &str| -> Result<bool, LakeError> {
-        let (own, other) = (lake.read(table, key)?, again.read(table, key)?);
-        Ok(compare(&own, &other, &OF_THE_MACHINE).same_values().is_none())
-    };
+/// Compares both tables of a result with those made anew.
+fn compared(lake: &Lake, again: &Lake, stage: Stage, key: &RunKey) -> Result<Anew, String> {
     let mut told = Vec::new();
-    for table in tables {
-        match differs(table) {
-            Ok(false) => {}
-            Ok(true) => told.push((*table).to_owned()),
-            Err(error) => return Anew::No(error.to_string()),
+    for table in stage.tables() {
+        let [own, other] = [lake, again].map(|lake| lake.read(table, key));
+        let (own, other) =
+            own.and_then(|own| Ok((own, other?))).map_err(|error| error.to_string())?;
+        if compare(&own, &other, &OF_THE_MACHINE).same_values().is_none() {
+            told.push(table.to_owned());
         }
     }
-    if told.is_empty() { Anew::Same } else { Anew::Differs(told) }
+    Ok(if told.is_empty() { Anew::Same } else { Anew::Differs(told) })
 }

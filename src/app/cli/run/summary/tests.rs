@@ -115,7 +115,7 @@ fn totals_count_every_session_once() {
     let totals = Totals::of(&endings, &[waits(0), bad()]);
     // Of seven: two new and one done before, of which two do not meet; two failed, one waits, one was stopped.
     assert_eq!(
-        totals.words(Extent::Whole, Some(0.5)),
+        totals.words(None, Some(0.5)),
         "1 of 6 within 0.5 mm, 2 without a result: 2 done, 1 done before, 2 not met, 2 failed, 1 waiting, 1 stopped\n"
     );
 }

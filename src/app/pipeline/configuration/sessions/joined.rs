@@ -38,7 +38,7 @@ pub(super) fn sessions(
 ) -> Result<(Vec<Session>, Vec<LeftOut>), LakeError> {
     let mut by_name: BTreeMap<String, Vec<Before>> = BTreeMap::new();
     let mut left_out = Vec::new();
-    for (place, row) in lake.rows_of_all(JOINED)? {
+    for (place, row) in lake.rows_of_all(JOINED.rows)? {
         let named = place.named();
         let table = row.and_then(|row| Ok(row.believed(&named)?));
         let before = table.map_err(|error| error.to_string()).and_then(|table| {

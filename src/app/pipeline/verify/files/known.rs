@@ -3,11 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::super::selection::Selected;
-use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, LakeFile, RunRow, Stands};
-use crate::io::table::Row as _;
-use crate::io::tables::grids::GridErrorRow;
-use crate::io::tables::readings::ReadingRow;
-use crate::io::tables::residuals::EstimateResidualRow;
+use crate::io::lake::{Lake, LakeError, LakeFile, STAGES, Stage, Stands, rows_of};
 
 /// The files that the rows of the lake name.
 pub(super) struct Known {
@@ -50,11 +46,9 @@ impl Known {
                 known.keys.extend(lake.file_key(&file.table, &key).ok());
             }
         }
-        let joined = [JOINED, ReadingRow::TABLE];
-        known.add(lake, lake.rows_of_all(JOINED)?, joined)?;
-        let estimates = [ESTIMATES, EstimateResidualRow::TABLE];
-        known.add(lake, lake.rows_of_all(ESTIMATES)?, estimates)?;
-        known.add(lake, lake.rows_of_all(GRIDS)?, [GRIDS, GridErrorRow::TABLE])?;
+        for stage in STAGES {
+            known.add(lake, stage)?;
+        }
         for key in &selected.unread {
             known.unread.extend(of_row(key));
             known.unread_rows.insert(key.clone());
@@ -62,22 +56,16 @@ impl Known {
         Ok(known)
     }
 
-    /// Adds the files of a stage's results that have these rows: the row itself, and one of another table.
-    fn add(
-        &mut self,
-        lake: &Lake,
-        rows: Vec<RunRow>,
-        tables: [&'static str; 2],
-    ) -> Result<(), LakeError> {
-        for (place, row) in rows {
+    /// Adds the files of a stage's results.
+    fn add(&mut self, lake: &Lake, stage: Stage) -> Result<(), LakeError> {
+        for (place, row) in lake.rows_of_all(stage.rows)? {
             let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
                 continue;
             };
-            if lake.place(tables[0], &key)? != place {
-                continue;
-            }
-            for table in tables {
-                self.keys.insert(lake.file_key(table, &key)?);
+            if lake.place(stage.rows, &key)? == place {
+                for table in stage.tables() {
+                    self.keys.insert(lake.file_key(table, &key)?);
+                }
             }
         }
         Ok(())
@@ -91,11 +79,7 @@ impl Known {
             Stands::Temporary => Judged::Temporary,
             Stands::Foreign => Judged::Foreign,
             Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
-            Stands::OfRun { table, .. }
-                if ["runs", JOINED, ESTIMATES, GRIDS].contains(&table.as_str()) =>
-            {
-                Judged::Foreign
-            }
+            Stands::OfRun { table, .. } if rows_of(table) == table => Judged::Foreign,
             Stands::OfRun { robot, run, .. } => {
                 let name = (robot.clone(), run.clone());
                 if self.unread.contains(&name) {
@@ -122,9 +106,10 @@ fn of_row(key: &str) -> Option<(String, String)> {
 
 /// Robots and runs, or sessions as joined, that have rows now.
 pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
-    let files =
-        [lake.files("runs")?, lake.files(JOINED)?, lake.files(ESTIMATES)?, lake.files(GRIDS)?]
-            .concat();
+    let mut files = lake.files("runs")?;
+    for stage in STAGES {
+        files.extend(lake.files(stage.rows)?);
+    }
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 
