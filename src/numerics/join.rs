@@ -361,6 +361,9 @@ impl Moves {
     }
 }
 
+/// The least number of pairs that distinguish a right shift from a wrong one: base and target alone are nine unknowns.
+pub const MIN_PAIRS: usize = 6;
+
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 

@@ -60,26 +60,6 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["identified", "pose"],
         "the identified arm is solved for a target, a target's answer names the arm",
     ),
-    (
-        "fit",
-        &["commanded", "visits"],
-        "visits are told by commanded poses, commanded poses are counted by visits",
-    ),
-    (
-        "fit",
-        &["full", "model", "scale"],
-        "the full error model answers what the seam asks in its own terms; the scale is a column of it, its test reads it",
-    ),
-    (
-        "fit",
-        &["models", "registry"],
-        "a registered model is made of what every training makes, a training makes what is registered",
-    ),
-    (
-        "history",
-        &["compare", "estimate", "hypotheses"],
-        "one comparison in three steps, each with the types of the next",
-    ),
     ("io", &["input", "log", "table"], "inputs are bounded by what logs and tables take"),
     (
         "io",
@@ -88,19 +68,9 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
          share reads the frame in their rows",
     ),
     (
-        "join",
-        &["average", "clock", "dwell", "pattern", "readings", "stationary"],
-        "dwells, their patterns and readings share their types",
-    ),
-    (
         "pipeline",
         &["driven", "history", "planning", "promise", "run", "verify"],
         "each command begins from what a run leaves, and a run plans, drives and verifies",
-    ),
-    (
-        "simulate",
-        &["tracker", "truth", "visits"],
-        "the truth holds what the tracker saw on each visit",
     ),
 ];
 

@@ -211,11 +211,12 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let model = trained(&arm, &pool, 3, &short());
     let part = model.parts.iter().find(|part| part.name == "session_scale");
     assert!(part.is_some_and(|part| part.kept), "{:?}", model.parts);
-    let scales: Vec<(f64, f64)> =
-        (0..3).map(|session| model.session_scale(session).expect("the model has scales")).collect();
+    let scales: Vec<f64> = (0..3)
+        .map(|session| model.fitted_scale(session).expect("the model has scales").ppm)
+        .collect();
     println!("{scales:?}");
-    assert!((scales[0].0 - scales[1].0 - 80e-6).abs() < 20e-6, "{scales:?}");
-    assert!(scales[2].0.abs() < 25e-6, "{scales:?}");
+    assert!((scales[0] - scales[1] - 80.0).abs() < 20.0, "{scales:?}");
+    assert!(scales[2].abs() < 25.0, "{scales:?}");
 
     // A reading in a unit that is longer by h, about the middle of the session's stations: p(h) = m + (1 + h)(p − m).
     let own: Vec<&Observation> = pool.iter().filter(|o| o.session == 1).collect();

@@ -4,7 +4,8 @@ pub(super) mod references;
 
 use crate::figures::expanded;
 use crate::fit::Corrects;
-use crate::fit::full::{FullModel, PartEvidence};
+use crate::fit::full::FullModel;
+use crate::fit::model::PartEvidence;
 use crate::fit::stated_size::FoundSize;
 use crate::join::{Pairing, Station, TargetId};
 use crate::judgement::scales;

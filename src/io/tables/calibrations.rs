@@ -7,7 +7,8 @@ use super::error_frame::ErrorFrameName;
 use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
 use super::words::{TableVerdict, joint_units, placement};
 use crate::common::corrects;
-use crate::fit::full::{FullModel, PartEvidence};
+use crate::fit::full::FullModel;
+use crate::fit::model::PartEvidence;
 use crate::fit::saved::VERSION;
 use crate::fit::{
     Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,

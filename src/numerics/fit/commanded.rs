@@ -9,8 +9,9 @@
 //! 3. where orientations scatter far beyond any arm's, the commanded orientation is not the one that was sent: it is weighted
 //!    by that scatter, so the settling error is mostly one of position and is comparable within its own session only.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 
+pub use super::visits::CommandedPose;
 use super::visits::{self, Dwell};
 use crate::figures::median;
 use crate::join::Station;
@@ -24,14 +25,6 @@ pub struct CommandFrames {
     pub base_from_command: Isometry3<f64>,
     /// The controller's own tool in the flange frame, mm; `None` where it is the measured target, which the fit finds.
     pub flange_from_tool: Option<Isometry3<f64>>,
-}
-
-/// A commanded tool pose in the base frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CommandedPose {
-    pub position: Point3<f64>,
-    /// The orientation; absent where the log has none.
-    pub orientation: Option<UnitQuaternion<f64>>,
 }
 
 /// The commands of one session and their settling errors.

@@ -44,6 +44,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 use rayon::prelude::*;
 
 use super::frames::{Channel, Frames, PerChannel};
+use super::model::PartEvidence;
 pub use super::model::{Known, Query};
 use super::observation::Observation;
 use super::observation::measured::Shown;
@@ -57,13 +58,14 @@ use design::PoseView;
 use layout::{Block, Layout};
 use leave_one_out::{LeftOut, of_observations, of_readings};
 use noise::{NoisyReading, Repeatability, StationNoise};
-pub use parts::PartEvidence;
 use regression::Posterior;
 pub use repairs::{Day, Repair};
 pub use settings::FullSettings;
 use student::Tails;
 use tabulated::Tabulated;
 
+/// Stations that a worker takes at once; fixed, so that results do not depend on the number of threads.
+const CHUNK: usize = 16;
 /// Positions whose covariances are found together: their rows are one right-hand side.
 const POSITIONS: usize = 64;
 
@@ -485,13 +487,6 @@ impl FullModel {
         let base = self.frames[session].tracker_from_base(source).isometry();
         let away = (point - base * self.middles[session]) * self.scale_sd;
         away * away.transpose()
-    }
-
-    /// The scale of a session by the model and its standard deviation, as shares; `None` where the model has no scales.
-    pub fn session_scale(&self, session: usize) -> Option<(f64, f64)> {
-        let column = self.layout.columns(Block::Scale(session))?.start;
-        let variance = self.covariance_of(&[column])[(0, 0)];
-        Some((self.mean[column], variance.sqrt()))
     }
 
     /// The stations' evidence on lengths and scales; `None` where the model has no scales, or was read from a file.

@@ -9,11 +9,11 @@ use std::fmt::Debug;
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::commanded::SettlingError;
 use super::frames::{Channel, Frames};
-use super::full::PartEvidence;
 use super::gap::Gap;
 use super::observation::Observation;
 use crate::join::{SourceId, TargetId};
@@ -245,4 +245,36 @@ impl Spread {
             }
         }
     }
+}
+
+/// Name of an optional part. A plain reference here would be read as one into the text.
+pub type PartName = &'static str;
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartEvidence {
+    /// One of [`PARTS`].
+    #[serde(deserialize_with = "part")]
+    pub name: PartName,
+    /// Log evidence with it minus without it, nats.
+    #[serde(rename = "gain_nats")]
+    pub gain: f64,
+    pub kept: bool,
+}
+
+const PARTS: [&str; 8] = [
+    "joint_curves",
+    "gravity",
+    "command_weight",
+    "drift",
+    "session_scale",
+    "gear_lines",
+    "ageing",
+    "session_changes",
+];
+
+fn part<'de, D: Deserializer<'de>>(text: D) -> Result<PartName, D::Error> {
+    let name = String::deserialize(text)?;
+    let known = PARTS.into_iter().find(|part| *part == name);
+    known.ok_or_else(|| D::Error::unknown_variant(&name, &PARTS))
 }

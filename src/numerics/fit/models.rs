@@ -3,9 +3,7 @@
 use nalgebra::UnitVector3;
 
 use super::full::{FullModel, FullSettings, Purpose};
-use super::model::PoseModel;
 use super::observation::Observation;
-use super::registry::Model;
 use super::{Calibration, FitError, FitSettings, Freedom, Prior, identify_from, start};
 use crate::kinematics::Arm;
 
@@ -53,24 +51,9 @@ pub(super) fn full_prior(geometric: &Calibration, settings: &TrainingSettings<'_
 }
 
 impl Models {
-    /// The model of a registry entry; `None` where this training does not have it.
-    pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
-        (model.about().of_training?)(self)
-    }
-
     /// The latest session that trained, of which another session has what is not found of its own: its base, and its targets where they
     /// were not taken off since.
     pub const fn latest(&self) -> usize {
         self.base_target.frames.len().saturating_sub(1)
-    }
-
-    pub fn or_best(&self, model: Model) -> &dyn PoseModel {
-        self.get(model).unwrap_or_else(|| self.best().1)
-    }
-
-    /// The best model for grids and compensation: the full error model, or without it the geometry.
-    pub fn best(&self) -> (Model, &dyn PoseModel) {
-        let mut serving = Model::serving().filter_map(|model| Some((model, self.get(model)?)));
-        serving.next().unwrap_or((Model::Geometric, &self.geometric))
     }
 }

@@ -131,3 +131,20 @@ impl Model {
         matches!(self.about().corrects, Corrects::Nothing | Corrects::Commands)
     }
 }
+
+impl Models {
+    /// The model of a registry entry; `None` where this training does not have it.
+    pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
+        (model.about().of_training?)(self)
+    }
+
+    pub fn or_best(&self, model: Model) -> &dyn PoseModel {
+        self.get(model).unwrap_or_else(|| self.best().1)
+    }
+
+    /// The best model for grids and compensation: the full error model, or without it the geometry.
+    pub fn best(&self) -> (Model, &dyn PoseModel) {
+        let mut serving = Model::serving().filter_map(|model| Some((model, self.get(model)?)));
+        serving.next().unwrap_or((Model::Geometric, &self.geometric))
+    }
+}

@@ -15,7 +15,6 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::full::FullModel;
 use super::problem::Problem;
 use crate::figures::expanded;
 use crate::kinematics::{LinkQuantity, Parameter};
@@ -26,7 +25,7 @@ pub const SIGMAS: f64 = 3.0;
 pub const EXPANSION_PPM_PER_K: [f64; 2] = [11.0, 24.0];
 /// Standard deviation of a scale that only the lengths constrain: 1 %.
 const FREE: f64 = 1e-2;
-const PPM: f64 = 1e6;
+pub(super) const PPM: f64 = 1e6;
 
 /// The stations' evidence on an arm's lengths and on each session's scale, without a prior on either; all else is integrated
 /// out.
@@ -76,18 +75,6 @@ pub struct FittedScale {
     pub sd_ppm: f64,
     /// Whether the evidence kept scales in the model; without them both are 0.
     pub kept: bool,
-}
-
-impl FittedScale {
-    /// The scale of a session, by its index in the model; `None` where the model has no scales.
-    pub fn of(full: &FullModel, session: usize) -> Option<Self> {
-        let (scale, sd) = full.session_scale(session)?;
-        Some(Self {
-            ppm: PPM * scale,
-            sd_ppm: PPM * sd,
-            kept: full.parts.iter().any(|part| part.name == "session_scale" && part.kept),
-        })
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

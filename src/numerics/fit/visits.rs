@@ -18,7 +18,7 @@
 
 use std::collections::BTreeMap;
 
-use super::commanded::CommandedPose;
+use nalgebra::{Point3, UnitQuaternion};
 
 /// Commanded positions of one pose are within this, mm.
 const ONE_POSITION_MM: f64 = 0.01;
@@ -29,6 +29,14 @@ const ONE_CONFIGURATION_RAD: f64 = std::f64::consts::PI / 180.0;
 
 /// Reported joints of one pose are within this without a command, rad.
 const ONE_STAND_RAD: f64 = 0.1 / 180.0 * std::f64::consts::PI;
+
+/// A commanded tool pose in the base frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CommandedPose {
+    pub position: Point3<f64>,
+    /// The orientation; absent where the log has none.
+    pub orientation: Option<UnitQuaternion<f64>>,
+}
 
 /// A dwell of the arm, measured or not.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -20,7 +20,6 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::hypotheses::Hypothesis;
 use super::{bits, inverse_above};
 use crate::kinematics::{Motion, Parameter};
 pub use column::Column;
@@ -58,20 +57,14 @@ impl Estimate {
         self.target.is_some()
     }
 
-    /// Whether base or target is `limit` mm or mrad or more from its place in `other`; false when one has none.
-    pub(super) fn is_far_from(&self, other: &Self, part: Hypothesis, limit: f64) -> bool {
-        let pair = match part {
-            Hypothesis::Base => (other.base, self.base),
-            Hypothesis::Target => (other.target, self.target),
-            _ => (None, None),
-        };
-        let (Some(from), Some(to)) = pair else {
-            return false;
-        };
-        let motion = motion(&from, &to);
-        let turned = part == Hypothesis::Base || self.turns_target();
-        let angle = if turned { 1e3 * motion.fixed_rows::<3>(3).norm() } else { 0.0 };
-        motion.fixed_rows::<3>(0).norm() > limit || angle > limit
+    /// Whether the base is more than `limit` mm or mrad from its place in `other`; false when one has none.
+    pub(super) fn base_is_far_from(&self, other: &Self, limit: f64) -> bool {
+        is_far(other.base.zip(self.base), true, limit)
+    }
+
+    /// Whether the target is more than `limit` mm or mrad from its place in `other`; false when one has none.
+    pub(super) fn target_is_far_from(&self, other: &Self, limit: f64) -> bool {
+        is_far(other.target.zip(self.target), self.turns_target(), limit)
     }
 
     fn turns_target(&self) -> bool {
@@ -179,6 +172,14 @@ impl Estimate {
     pub(super) const fn frames(&self) -> (Option<&Isometry3<f64>>, Option<&Isometry3<f64>>) {
         (self.base.as_ref(), self.target.as_ref())
     }
+}
+
+fn is_far(pair: Option<(Isometry3<f64>, Isometry3<f64>)>, turned: bool, limit: f64) -> bool {
+    pair.is_some_and(|(from, to)| {
+        let motion = motion(&from, &to);
+        let angle = if turned { 1e3 * motion.fixed_rows::<3>(3).norm() } else { 0.0 };
+        motion.fixed_rows::<3>(0).norm() > limit || angle > limit
+    })
 }
 
 /// The motion after `from` that leads to `to`: a translation, mm, and a rotation vector, rad.

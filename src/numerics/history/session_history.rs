@@ -149,10 +149,9 @@ pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
 
 /// The pool without a base or target that was set up anew in this session, and which were.
 fn without_parts_set_up_anew(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
-    let anew: Vec<Hypothesis> = [Hypothesis::Base, Hypothesis::Target]
-        .into_iter()
-        .filter(|hypothesis| own.is_far_from(pool, *hypothesis, SET_UP_ANEW))
-        .collect();
+    let base = own.base_is_far_from(pool, SET_UP_ANEW).then_some(Hypothesis::Base);
+    let target = own.target_is_far_from(pool, SET_UP_ANEW).then_some(Hypothesis::Target);
+    let anew: Vec<Hypothesis> = base.into_iter().chain(target).collect();
     (forgetting(pool, &anew), anew)
 }
 

@@ -6,8 +6,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::clock::SIGMA_PER_MAD;
-use super::dwell::median;
+use crate::figures::median_in_place;
 
 /// Readings that agree within this are never outliers, mm: instruments write whole micrometres.
 const RESOLUTION_MM: f64 = 2e-3;
@@ -27,6 +26,14 @@ pub fn kept(positions: &[[f64; 3]], mad_factor: f64, usual_mm: [f64; 3]) -> Vec<
         }
     }
     keep
+}
+
+/// Factor from a median absolute deviation to a standard deviation.
+pub const SIGMA_PER_MAD: f64 = 1.4826;
+
+/// The median; 0 of nothing. Reorders `values`.
+pub fn median(values: &mut [f64]) -> f64 {
+    median_in_place(values).unwrap_or(0.0)
 }
 
 /// Standard deviation from the median absolute deviation. Overwrites `values`.

@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::dwell::median;
+use super::average::{SIGMA_PER_MAD, median};
 use super::pattern::{Dwells, Pair, Relation};
 
 /// With fewer edges than this the middles of dwells are used.
@@ -16,7 +16,6 @@ const MIN_EDGES: usize = 8;
 const ROUNDS: usize = 20;
 /// Tukey's constant: 95 % efficient on Gaussian residuals.
 const TUKEY: f64 = 4.685;
-pub const SIGMA_PER_MAD: f64 = 1.4826;
 /// Priors in weights of a mark: none on the offset; a drift of 100 ppm counts like a millisecond; without sides, or with
 /// one only, `late` is zero. A session of minutes is hardly affected; a few marks at one moment would fail without them.
 const PRIORS: [f64; 3] = [0.0, 100.0, 1e-6];

@@ -110,7 +110,7 @@ fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placemen
         .zip(rule)
         .filter_map(|(dwell, stated)| Some(reading(dwell, stated.as_ref()?)))
         .collect();
-    if readings.len() < super::pattern::MIN_PAIRS {
+    if readings.len() < super::MIN_PAIRS {
         return None;
     }
     let placement = Placement::fit(&readings)?;

@@ -8,9 +8,10 @@
 use std::ops::Range;
 
 use super::JoinError;
-use super::dwell::median;
+use super::MIN_PAIRS;
+use super::average::median;
 use super::moved::explains;
-use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
+use super::pattern::{Dwells, Pair, Relation, Ruler, SAME_S, overlaps, relations};
 use super::placement::{Placement, ReadingAtFlange};
 
 /// The most pairs to which base and target are fitted, spread over the session: nine unknowns need no more.

@@ -6,10 +6,9 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::JoinError;
-use super::average::robust_sigma;
+use super::average::{median, robust_sigma};
 use super::readings::Readings;
 use super::stationary::{Stationary, StationaryStretch, Stretch};
-use crate::figures::median_in_place;
 use crate::kinematics::Arm;
 use crate::units::{Controller, NS_PER_S, Stamp, Tracker};
 
@@ -113,9 +112,4 @@ pub(super) fn target_dwells(readings: &Readings<'_>) -> Result<Vec<TargetDwell>,
         })
     };
     stationary.stretches.iter().map(dwell).collect()
-}
-
-/// The median; 0 of nothing. Reorders `values`.
-pub fn median(values: &mut [f64]) -> f64 {
-    median_in_place(values).unwrap_or(0.0)
 }

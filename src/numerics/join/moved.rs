@@ -10,7 +10,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::pattern::MIN_PAIRS;
+use super::MIN_PAIRS;
 use super::placement::{Placement, ReadingAtFlange};
 use crate::figures::median;
 use crate::geometry::align;

@@ -1,7 +1,8 @@
 //! Observation: the content of the logs → the dwells of both sides, checked.
 
+use super::MIN_PAIRS;
 use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
-use super::pattern::{Dwells, MIN_PAIRS};
+use super::pattern::Dwells;
 use super::readings::Readings;
 use super::stationary::Stationary;
 use super::{JoinError, JoinSettings};
@@ -57,7 +58,7 @@ impl Observation {
 pub(super) fn usual_scatter_mm(dwells: &[TargetDwell]) -> [f64; 3] {
     std::array::from_fn(|axis| {
         let scatters = dwells.iter().map(|dwell| dwell.scatter_mm[axis]);
-        super::dwell::median(&mut scatters.collect::<Vec<f64>>())
+        super::average::median(&mut scatters.collect::<Vec<f64>>())
     })
 }
 

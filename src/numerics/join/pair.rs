@@ -10,11 +10,11 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
+use super::MIN_PAIRS;
 use super::average::{kept, mean_and_scatter, mean_orientation};
 use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell};
 use super::moved::explains;
-use super::pattern::MIN_PAIRS;
 use super::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
 use super::reading::{MeanOrientation, MeanPoint, Reading, SourceId, TargetId, Value};
 use super::readings::{Readings, Seen};

@@ -9,7 +9,8 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::dwell::{ArmDwell, Span, TargetDwell, median};
+use super::average::median;
+use super::dwell::{ArmDwell, Span, TargetDwell};
 
 /// Dwells in a block: enough for its moves to be unique, few enough for drift not to matter.
 const BLOCK_DWELLS: usize = 40;
@@ -22,8 +23,6 @@ pub const SAME_S: f64 = 0.1;
 /// Moves are compared between neighbours, and between dwells further apart for sessions where neighbouring moves repeat (a
 /// grid's rows).
 const LAGS: [usize; 2] = [1, 5];
-/// The least number of pairs that distinguish a right shift from a wrong one: base and target alone are nine unknowns.
-pub const MIN_PAIRS: usize = 6;
 /// Prior standard deviation of the drift: oscillators are within 100 ppm.
 const DRIFT_PRIOR: f64 = 1e-4;
 /// Standard deviation of the offset from one pair of dwells, s.
@@ -135,7 +134,7 @@ fn blocks(targets: usize) -> Vec<std::ops::Range<usize>> {
 fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f64> {
     let part = Dwells { target: &dwells.target[block], ..dwells };
     let ends = [0, part.target.len() / 2, part.target.len() - 1];
-    let least = (part.target.len().min(part.arm.len()) / 2).max(MIN_PAIRS);
+    let least = (part.target.len().min(part.arm.len()) / 2).max(super::MIN_PAIRS);
     let mut scored = Vec::new();
     for anchor in ends.map(|index| &part.target[index].span) {
         for dwell in dwells.arm {

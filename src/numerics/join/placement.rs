@@ -8,7 +8,7 @@ use nalgebra::{
     Isometry3, Matrix3, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3,
 };
 
-use super::dwell::median;
+use super::average::median;
 use crate::geometry::align;
 
 /// Standard deviation of the target's distance from the flange, mm. With one tool orientation base and target cannot

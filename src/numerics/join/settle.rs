@@ -9,7 +9,7 @@
 use nalgebra::Vector3;
 
 use super::JoinError;
-use super::dwell::median;
+use super::average::median;
 use super::observe::Observation;
 use super::pattern::{Pair, Relation};
 use super::readings::Readings;

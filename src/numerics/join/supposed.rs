@@ -2,8 +2,9 @@
 
 use nalgebra::{Isometry3, Vector3};
 
+use super::average::median;
 use super::decide::decide;
-use super::dwell::{ArmDwell, TargetDwell, median};
+use super::dwell::{ArmDwell, TargetDwell};
 use super::observe::{self, Observation};
 use super::pattern::Dwells;
 use super::readings::Readings;

@@ -4,7 +4,7 @@ use super::JoinedSession;
 use super::StageSettings;
 use super::observed::Observed;
 use crate::fit::Models;
-use crate::fit::scale::{FittedScale, SessionScale};
+use crate::fit::scale::SessionScale;
 use crate::grid::{Grids, Verdict};
 use crate::report::Accuracy;
 
@@ -21,7 +21,7 @@ pub(super) fn scales(
         session: session.name.clone(),
         stations: observed.of_session(place).count(),
         prior_sd_ppm: settings.full.session_scale_ppm,
-        fitted: models.full.as_ref().and_then(|full| FittedScale::of(full, place)),
+        fitted: models.full.as_ref().and_then(|full| full.fitted_scale(place)),
         length_sd_mm: settings.fit.length_tolerance_mm,
         free: free.as_ref().map(|free| free[place]),
     };

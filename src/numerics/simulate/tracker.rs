@@ -6,7 +6,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::instrument::Views;
@@ -14,7 +14,6 @@ use super::random::{Ingredient, Stream};
 use super::settings::{Instrument, SimulateSettings, TrackerErrors};
 use super::timeline::{Timeline, ns};
 use super::true_arm::ArmErrors;
-use super::visits::Mean;
 use super::{
     POSITION_RESOLUTION_MM, QUATERNION_RESOLUTION, TEMPERATURE_RESOLUTION, far_axis, rounded,
 };
@@ -386,4 +385,31 @@ pub(super) fn logged_quaternion(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
     [rotation.i, rotation.j, rotation.k, rotation.w]
         .map(|x| rounded(sign * x, QUATERNION_RESOLUTION))
+}
+
+/// The mean of a station's readings.
+pub(super) struct Mean {
+    pub(super) position: Point3<f64>,
+    pub(super) orientation: UnitQuaternion<f64>,
+    /// Standard deviation of one reading about the mean, per axis: mm and rad.
+    pub(super) scatter: (f64, f64),
+    pub(super) readings: usize,
+}
+
+impl Mean {
+    /// The mean from the true pose, the noise of the mean and the number of readings.
+    pub(super) fn of(
+        pose: &Isometry3<f64>,
+        off: Translation3<f64>,
+        turn: UnitQuaternion<f64>,
+        scatter: (f64, f64),
+        readings: usize,
+    ) -> Self {
+        Self {
+            position: off * Point3::from(pose.translation.vector),
+            orientation: turn * pose.rotation,
+            scatter,
+            readings,
+        }
+    }
 }

@@ -3,13 +3,13 @@
 //! The errors of arm, controller and instrument are those of [`super::simulate`]; a station's mean of n readings has the noise
 //! that all n share, plus the noise of one reading divided by √n.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use nalgebra::Point3;
 
 use super::poses::Commanded;
 use super::random::{Ingredient, Stream};
 use super::settings::SimulateSettings;
 use super::timeline::Timeline;
-use super::tracker::View;
+use super::tracker::{Mean, View};
 use super::true_arm::ArmErrors;
 use super::truth::TrueStation;
 use crate::join::{
@@ -57,33 +57,6 @@ pub fn visits(
             Visit { station: station(&truth, settings, &mean), truth }
         })
         .collect()
-}
-
-/// The mean of a station's readings.
-pub(super) struct Mean {
-    pub(super) position: Point3<f64>,
-    pub(super) orientation: UnitQuaternion<f64>,
-    /// Standard deviation of one reading about the mean, per axis: mm and rad.
-    pub(super) scatter: (f64, f64),
-    pub(super) readings: usize,
-}
-
-impl Mean {
-    /// The mean from the true pose, the noise of the mean and the number of readings.
-    pub(super) fn of(
-        pose: &Isometry3<f64>,
-        off: Translation3<f64>,
-        turn: UnitQuaternion<f64>,
-        scatter: (f64, f64),
-        readings: usize,
-    ) -> Self {
-        Self {
-            position: off * Point3::from(pose.translation.vector),
-            orientation: turn * pose.rotation,
-            scatter,
-            readings,
-        }
-    }
 }
 
 fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Station {

@@ -7,8 +7,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
 
 use super::layout::Block;
 use super::regression::{Posterior, Root};
+use super::rows::State;
 use super::student::Tails;
-use super::train::State;
 use super::{FullModel, FullSettings, Ready};
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;

@@ -9,12 +9,13 @@ use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::repairs;
 use super::settings::FullSettings;
-use super::train::FEW_HARMONICS;
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Problem, is_turned};
 use crate::join::SourceId;
 
+/// Harmonics of a joint that hardly moves the target.
+pub(super) const FEW_HARMONICS: usize = 12;
 /// A joint moves the target little when its lever is below this share of the largest.
 const LITTLE: f64 = 0.05;
 

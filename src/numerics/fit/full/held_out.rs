@@ -11,13 +11,13 @@
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use super::leave_one_out::{firsts, left_open};
-use super::parts::PartEvidence;
 use super::regression::Evidence;
 use super::rows::{Around, Coefficients, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
 use super::whitening::add;
 use crate::fit::holdout::{Blocks, FOLDS};
+use crate::fit::model::PartEvidence;
 use crate::fit::problem::Problem;
 
 /// Number of blocks that suffice where they all say the same clearly.

@@ -8,6 +8,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::CHUNK;
+use super::columns::FEW_HARMONICS;
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
 use super::noise::{NoiseEvidence, StationNoise};
@@ -17,7 +19,6 @@ use super::rows::{Around, Coefficients, Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::summing::pairs;
-use super::train::{CHUNK, FEW_HARMONICS};
 use super::whitening::noise_factor;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;

@@ -14,8 +14,8 @@ use nalgebra::{DMatrix, DVector, DVectorView, Matrix3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::CHUNK;
 use super::settings::FullSettings;
-use super::train::CHUNK;
 use crate::fit::observation::Observation;
 use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::Twist;

@@ -1,43 +1,9 @@
 //! Optional parts of the model, kept or dropped by their evidence.
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
-
 use super::components::Part;
 use super::layout::Block;
 use super::train::Settled;
-
-/// The name of a part. As a plain reference it would be read as one into the text.
-pub type PartName = &'static str;
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PartEvidence {
-    /// One of `PARTS`.
-    #[serde(deserialize_with = "part")]
-    pub name: PartName,
-    /// Log evidence with it minus without it, nats.
-    #[serde(rename = "gain_nats")]
-    pub gain: f64,
-    pub kept: bool,
-}
-
-pub const PARTS: [&str; 8] = [
-    "joint_curves",
-    "gravity",
-    "command_weight",
-    "drift",
-    "session_scale",
-    "gear_lines",
-    "ageing",
-    "session_changes",
-];
-
-fn part<'de, D: Deserializer<'de>>(text: D) -> Result<PartName, D::Error> {
-    let name = String::deserialize(text)?;
-    let known = PARTS.into_iter().find(|part| *part == name);
-    known.ok_or_else(|| D::Error::unknown_variant(&name, &PARTS))
-}
+use crate::fit::model::PartEvidence;
 
 /// A part that can be left out as a whole: its name, and the blocks it consists of.
 type Optional = (&'static str, fn(Block) -> bool);

@@ -9,12 +9,14 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use super::CHUNK;
+use super::components::Components;
 use super::design::PoseView;
-use super::layout::Block;
-use super::noise::{NoisyReading, StationNoise};
+use super::layout::{Block, Layout};
+use super::noise::{NoisyReading, Repeatability, StationNoise};
 use super::partition::{Partition, Seen};
 use super::shapes::JointShapes;
-use super::train::{CHUNK, State};
+use super::student::Tails;
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
 use crate::fit::observation::measured::{Shown, moved};
@@ -24,6 +26,23 @@ use crate::kinematics::{HeldChain, Twist};
 /// Stations whose rows are held at once: they are needed for their sums alone. Fixed, so that results do not depend on the number of
 /// threads.
 const AT_ONCE: usize = 2048;
+
+/// The model between two rounds of its training.
+#[derive(Debug, Clone)]
+pub struct State {
+    pub layout: Layout,
+    pub components: Components,
+    /// The noise beyond the model.
+    pub repeatability: Repeatability,
+    pub tails: Tails,
+    pub weights: Vec<f64>,
+    /// Offsets of the problem's unknowns at which rows are evaluated.
+    pub offsets: DVector<f64>,
+    /// Span of the drift's basis, stations.
+    pub span: f64,
+    /// The middle of each session's stations, in the base frame, mm.
+    pub middles: Vec<Point3<f64>>,
+}
 
 /// One station's rows and residual at the current offsets.
 pub struct Row {

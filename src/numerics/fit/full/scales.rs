@@ -2,11 +2,25 @@
 
 use nalgebra::DVector;
 
+use super::FullModel;
 use super::columns::unknown_variances;
 use super::layout::Block;
 use super::train::Settled;
 use crate::fit::problem::Problem;
-use crate::fit::scale::{ScaleEvidence, lengths};
+use crate::fit::scale::{FittedScale, PPM, ScaleEvidence, lengths};
+
+impl FullModel {
+    /// The scale of a session, by its index in the model; `None` where the model has no scales.
+    pub fn fitted_scale(&self, session: usize) -> Option<FittedScale> {
+        let column = self.layout.columns(Block::Scale(session))?.start;
+        let variance = self.covariance_of(&[column])[(0, 0)];
+        Some(FittedScale {
+            ppm: PPM * self.mean[column],
+            sd_ppm: PPM * variance.sqrt(),
+            kept: self.parts.iter().any(|part| part.name == "session_scale" && part.kept),
+        })
+    }
+}
 
 impl Settled {
     /// The evidence on lengths and scales, all parts still in the model; `None` where the model has no scales.

@@ -8,8 +8,6 @@
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::ln_gamma;
 
-use super::leave_one_out::LeftOut;
-
 /// Degrees of freedom that are tried in addition to the normal distribution; below 3 the covariance is hardly defined, above
 /// 64 the difference is negligible.
 const TRIED: [f64; 9] = [3.0, 4.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0, 64.0];
@@ -36,15 +34,8 @@ impl Tails {
         }
     }
 
-    /// The distribution under which the leave-one-out distances are likeliest.
-    pub(super) fn found(left_out: &[LeftOut]) -> Self {
-        let distances: Vec<(f64, f64)> =
-            left_out.iter().map(|l| (l.distance_squared, l.residual.len() as f64)).collect();
-        Self::of(&distances)
-    }
-
-    /// The likeliest distribution of squared distances, each with its number of rows.
-    fn of(distances: &[(f64, f64)]) -> Self {
+    /// The likeliest distribution of squared leave-one-out distances, each with its number of rows.
+    pub(super) fn of(distances: &[(f64, f64)]) -> Self {
         let tried = TRIED.map(Self::Student);
         let likeliest = |best: (Self, f64), tails: &Self| {
             let likelihood = tails.log_likelihood(distances);

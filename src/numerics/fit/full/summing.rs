@@ -6,11 +6,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::CHUNK;
 use super::partition::Seen;
 use super::regression::sessions::Adding;
 use super::rows::Row;
-use super::train::CHUNK;
-use super::whitening::Whitened;
 use crate::linalg::{gram_of_columns, transposed};
 
 /// The whitened stations of one session that are summed.
@@ -104,5 +103,31 @@ impl<'s> Summing<'s> {
         let pulls = pulls.map(|own| own.joints.column(joint).dot(&own.values));
         let pulls = DVector::from_iterator(stations, pulls);
         (along * &self.by_station[joint], &self.shapes[joint] * pulls)
+    }
+}
+
+/// The whitened rows of one station, as [`Row`] has them.
+pub(super) struct Whitened {
+    /// Rows of the plain columns, transposed: a row of the regression in each column.
+    pub plain: DMatrix<f64>,
+    pub joints: DMatrix<f64>,
+    /// The values, less those expected.
+    pub values: DVector<f64>,
+    /// `ln |N|` of the station's noise.
+    pub ln_noise: f64,
+}
+
+impl Whitened {
+    /// Adds the motions of the rows by each joint along the plain columns, which are those of `into` for one joint after the other.
+    pub fn add_along(&self, into: &mut [f64]) {
+        let width = self.plain.nrows();
+        let joints = into.chunks_exact_mut(width.max(1));
+        for (into, motion) in joints.zip(self.joints.column_iter()) {
+            let rows = self.plain.as_slice().chunks_exact(width);
+            for (row, by) in rows.zip(&motion) {
+                let entries = into.iter_mut().zip(row);
+                entries.for_each(|(entry, own)| *entry += by * own);
+            }
+        }
     }
 }

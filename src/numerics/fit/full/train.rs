@@ -6,16 +6,16 @@
 
 use std::ops::Range;
 
-use nalgebra::{DVector, Point3, Vector3};
+use nalgebra::{DVector, Vector3};
 
 use super::columns::{layout, middles, unknown_variances};
 use super::components::Components;
-use super::layout::{Block, Layout};
+use super::layout::Block;
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::{Repeatability, of_length};
 use super::regression::{Evidence, Posterior};
-use super::rows::{Around, prior_mean, stations};
+use super::rows::{Around, State, prior_mean, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
 use super::whitening::evidence;
@@ -28,25 +28,6 @@ const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 /// Number of first rounds after which gear lines are searched for.
 const LINE_ROUNDS: usize = 3;
-pub(super) const FEW_HARMONICS: usize = 12;
-/// Stations that a worker takes at once; fixed, so that results do not depend on the number of threads.
-pub(super) const CHUNK: usize = 16;
-
-#[derive(Debug, Clone)]
-pub struct State {
-    pub layout: Layout,
-    pub components: Components,
-    /// The noise beyond the model.
-    pub repeatability: Repeatability,
-    pub tails: Tails,
-    pub weights: Vec<f64>,
-    /// Offsets of the problem's unknowns at which rows are evaluated.
-    pub offsets: DVector<f64>,
-    /// Span of the drift's basis, stations.
-    pub span: f64,
-    /// The middle of each session's stations, in the base frame, mm.
-    pub middles: Vec<Point3<f64>>,
-}
 
 #[derive(Debug, Clone)]
 pub struct Settled {
@@ -119,7 +100,8 @@ fn settled(
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
         state.repeatability.update(&noise, &expected);
         if settings.student_t > 0.0 {
-            state.tails = Tails::found(&left_out);
+            let distance = |own: &LeftOut| (own.distance_squared, own.residual.len() as f64);
+            state.tails = Tails::of(&left_out.iter().map(distance).collect::<Vec<_>>());
         }
         state.weights = left_out.iter().map(|l| l.weight(state.tails)).collect();
         if settings.gear_lines && round < LINE_ROUNDS {

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DMatrixViewMut, DVector};
 use rayon::prelude::*;
 
+use super::CHUNK;
 use super::partition::Seen;
 use super::regression::few_rows::{ByMotion, FewRows, Shapes};
 use super::regression::sessions::{Adding, SessionSums};
 use super::regression::{Evidence, Sums};
 use super::rows::{Around, Coefficients, Row, covariances};
-use super::summing::Summing;
-use super::train::CHUNK;
+use super::summing::{Summing, Whitened};
 
 pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Evidence {
     let distances = around.problem.distances(&around.state.offsets).count();
@@ -74,17 +74,6 @@ fn whitened(
     whitened.collect()
 }
 
-/// The whitened rows of one station, as [`Row`] has them.
-pub(super) struct Whitened {
-    /// Rows of the plain columns, transposed: a row of the regression in each column.
-    pub plain: DMatrix<f64>,
-    pub joints: DMatrix<f64>,
-    /// The values, less those expected.
-    pub values: DVector<f64>,
-    /// `ln |N|` of the station's noise.
-    pub ln_noise: f64,
-}
-
 impl Whitened {
     /// A station's rows and values, less those expected, times the inverse of its noise's Cholesky factor.
     fn of(row: &Row, noise: &DMatrix<f64>, expected: &Coefficients) -> Self {
@@ -94,19 +83,6 @@ impl Whitened {
             joints: &inverse * &row.noise.joints,
             values: inverse * (&row.value - row.times(expected)),
             ln_noise,
-        }
-    }
-
-    /// Adds the motions of the rows by each joint along the plain columns, which are those of `into` for one joint after the other.
-    pub fn add_along(&self, into: &mut [f64]) {
-        let width = self.plain.nrows();
-        let joints = into.chunks_exact_mut(width.max(1));
-        for (into, motion) in joints.zip(self.joints.column_iter()) {
-            let rows = self.plain.as_slice().chunks_exact(width);
-            for (row, by) in rows.zip(&motion) {
-                let entries = into.iter_mut().zip(row);
-                entries.for_each(|(entry, own)| *entry += by * own);
-            }
         }
     }
 

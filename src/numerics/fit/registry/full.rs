@@ -4,10 +4,10 @@ use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
 
 use super::{About, Corrects, Loaded};
 use crate::fit::Frames;
+use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
-use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::gap::Gap;
-use crate::fit::model::{Angles, At, Open, PoseModel, Prediction, Query, Spread};
+use crate::fit::model::{Angles, At, Open, PartEvidence, PoseModel, Prediction, Query, Spread};
 use crate::fit::observation::Observation;
 use crate::fit::saved::{SavedError, SavedHead};
 use crate::join::SourceId;

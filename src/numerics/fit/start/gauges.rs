@@ -14,7 +14,7 @@ use crate::figures::median;
 use crate::fit::gauge::{Anchor, Gauge, Plane};
 use crate::fit::loss::{Loss, Numbers};
 use crate::fit::problem::{KnownGauge, KnownTarget};
-use crate::join::clock::SIGMA_PER_MAD;
+use crate::join::average::SIGMA_PER_MAD;
 use crate::kinematics::{Axis, GaugePart};
 use crate::units::MM_PER_M;
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Matrix3x6, Point3, Rotation3, Vector3};
 use super::events::Events;
 use super::walk::Moves;
 use super::{Found, Look, ReferenceId};
-use crate::join::dwell::median;
+use crate::join::average::median;
 
 /// References are in line when their spread beside the line is below this share of the spread along it.
 const IN_LINE: f64 = 0.05;

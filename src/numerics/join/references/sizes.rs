@@ -7,8 +7,7 @@ use nalgebra::Point3;
 use super::sample::{self, sample};
 use super::walk::{self, Moves, Ratios};
 use super::{Look, ReferenceId};
-use crate::join::clock::SIGMA_PER_MAD;
-use crate::join::dwell::median;
+use crate::join::average::{SIGMA_PER_MAD, median};
 
 /// Looks between the two whose difference shows the walk.
 const FAR: usize = 20;

@@ -1,6 +1,6 @@
 //! The threshold, found from the number of stretches at each rung of a ladder of thresholds.
 
-use crate::join::pattern::MIN_PAIRS;
+use crate::join::MIN_PAIRS;
 
 /// Ratio of neighbouring thresholds on the ladder.
 const LADDER_RATIO: f64 = 1.5;
