@@ -92,7 +92,6 @@ use sources::Factors;
 pub const CONDITION_LIMIT: f64 = 100.0;
 /// Fits with a prior whose size follows from the fit before, at most.
 const WIDENINGS: usize = 4;
-/// A station counts as weighted down below this robust weight.
 pub const WEIGHTED_DOWN: f64 = 0.5;
 
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -100,7 +99,6 @@ pub const WEIGHTED_DOWN: f64 = 0.5;
 pub struct FitSettings {
     /// The arm's repeatability per axis as a standard deviation, mm.
     pub repeatability_mm: f64,
-    /// The loss on a station's whitened residual.
     pub loss: Loss,
     /// Standard deviation that the weak prior gives to length offsets, mm; zero for no prior.
     pub prior_length_mm: f64,
@@ -130,7 +128,6 @@ pub struct FitSettings {
     /// Stated places and offsets of the sources that read lengths, in the order of [`SourceId`]. The input states them, not this section.
     #[serde(skip)]
     pub gauges: Vec<KnownGauge>,
-    /// The blocks of the work space for held-out figures.
     pub blocks: Blocks,
 }
 
@@ -240,7 +237,6 @@ pub enum FitError {
     Degenerate { session: usize, spread_mm: f64 },
 }
 
-/// An identified arm.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Calibration {
     pub freedom: Freedom,
@@ -248,7 +244,6 @@ pub struct Calibration {
     pub unknowns: Vec<Unknown>,
     /// Prior standard deviation of each unknown, where it has one.
     pub prior_sd: Vec<Option<f64>>,
-    /// Covariance of the unknowns.
     pub covariance: DMatrix<f64>,
     /// Offsets of the arm's own chain, in its order.
     pub geometry: Vec<f64>,
@@ -257,14 +252,11 @@ pub struct Calibration {
     pub frames: Vec<Frames>,
     /// The structure at the nominal arm.
     pub nominal_structure: Structure,
-    /// The structure at the solution, robust weights not applied.
     pub structure: Structure,
-    /// Number of observations in the fit.
     pub poses: usize,
     pub stations: usize,
     /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
-    /// The solution of the least squares problem.
     pub solution: Solution,
     /// The part that each source had: its noise's size and its share of the information.
     pub sources: Vec<SourceSize>,

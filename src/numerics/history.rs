@@ -50,7 +50,6 @@ pub struct Basis {
     pub version: String,
     /// Digest of the robot file: the nominal arm.
     pub robot_file: String,
-    /// Digest of all settings.
     pub settings: String,
     pub model: String,
 }
@@ -71,7 +70,6 @@ pub struct SessionFigures {
     pub noticed: Option<Noticed>,
 }
 
-/// The history's result for one session.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// The segment, from 1.
@@ -80,10 +78,8 @@ pub struct Judged {
     pub began: Vec<String>,
     /// Number of pooled sessions that it was compared with; 0 for the first of a segment.
     pub against: usize,
-    /// Parts that were set up anew.
     pub set_up_anew: Vec<Hypothesis>,
     pub asked: Vec<Asked>,
-    /// The parts that moved, by as much as counts.
     pub finding: Finding,
     /// Parts that moved significantly, by less than counts.
     pub small: Vec<Hypothesis>,
@@ -94,12 +90,10 @@ pub struct Judged {
     pub moved: Vec<Shift>,
     /// Whether a change that the session before showed lasts; `None` when there was none.
     pub settles: Option<bool>,
-    /// The session's values on the control charts.
     pub charted: Vec<Charted>,
 }
 
 impl Judged {
-    /// The figures whose moving average is beyond its limit.
     pub fn out_of_control(&self) -> impl Iterator<Item = &str> {
         let out = self.charted.iter().filter(|charted| charted.is_out() == Some(true));
         out.map(|charted| charted.name.as_str())

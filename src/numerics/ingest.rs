@@ -72,7 +72,6 @@ pub struct LengthSamples {
 /// The kind of loss that a reject of a log stands for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LossKind {
-    /// Bytes cannot be read, and their content is lost.
     #[default]
     Bytes,
     /// Messages were read but cannot be used.
@@ -80,7 +79,6 @@ pub enum LossKind {
     /// Messages that the log's own summary counts were not found: they were cut out, or are in bytes that do not show that
     /// they hold messages.
     Missing,
-    /// No message is lost.
     Nothing,
 }
 
@@ -94,9 +92,7 @@ pub struct LogReject {
     pub byte_end: u64,
     /// First and last moment lost, ns of [`Self::clock`], where known.
     pub time_span_ns: Option<(i64, i64)>,
-    /// The clock of the time span.
     pub clock: SpanClock,
-    /// Number of messages lost, where known.
     pub messages: Option<u64>,
     pub loss: LossKind,
     pub reason: String,

@@ -81,11 +81,8 @@ pub use tabled::{RowItem, RowReject};
 /// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
 pub struct Joined {
-    /// Every dwell of the controller, in time order.
     pub stations: Vec<Station>,
-    /// The relation of the clocks.
     pub clock: ClockEstimate,
-    /// Tracker dwells and readings left out, with reasons.
     pub rejects: Vec<JoinReject>,
     pub row_rejects: Vec<RowReject>,
     /// The courses of references that were followed; empty where there were none.
@@ -100,7 +97,6 @@ pub struct Joined {
 }
 
 impl Joined {
-    /// Number of dwells with a measurement of their own.
     pub fn paired(&self) -> usize {
         let stations = self.stations.iter();
         let paired = stations.filter(|station| station.pairing == Pairing::Paired);
@@ -159,7 +155,6 @@ pub struct Command {
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
-/// The verdict on a dwell of the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pairing {
     Paired,
@@ -167,14 +162,11 @@ pub enum Pairing {
     Ambiguous,
 }
 
-/// The reason why a dwell has no measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unmeasured {
-    /// No reading at all falls into it.
     NoReadings,
     /// Readings fall into it, but too few are left after settling and outlier rejection.
     TooFewReadings,
-    /// The target moved while the arm was stationary.
     TargetMoved,
     /// The dwell lies outside the tracker's log.
     OutsideTrackerLog,
@@ -201,11 +193,8 @@ pub struct ClockEstimate {
 pub struct ReadingCounts {
     /// Readings that are part of a station's mean.
     pub kept: u64,
-    /// Readings before the end of the settling time.
     pub settling: u64,
-    /// Outliers of their dwell.
     pub outlier: u64,
-    /// Readings taken while the arm moved.
     pub moving: u64,
     pub unpaired: u64,
     /// Readings without a measurement: the zeros that some instruments write.
@@ -238,7 +227,6 @@ pub struct JoinReject {
 pub struct ReferenceReadings {
     pub name: String,
     pub on: StandsOn,
-    /// The readings, in order of tracker time.
     pub readings: Box<dyn Poses<Tracker>>,
 }
 

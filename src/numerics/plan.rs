@@ -60,12 +60,10 @@ pub struct SamplingPlan {
     /// Number of random poses that were drawn, and the reasons why some were not taken.
     pub candidates: Drawn,
     pub session: Session,
-    /// The outcomes of the session on robots that took no part in choosing it.
     pub promise: Outcomes,
 }
 
 impl SamplingPlan {
-    /// Whether the session is shown to meet the tolerance.
     pub fn is_met(&self) -> bool {
         self.promise.holds()
     }
@@ -158,7 +156,6 @@ fn sized(
     least_that_holds(rows).or(most).unwrap_or(0)
 }
 
-/// The smallest chosen design that holds.
 fn least_that_holds(rows: &[DesignRow]) -> Option<usize> {
     let holding = rows.iter().filter(|row| row.kind == session::KIND && row.outcomes.holds());
     holding.map(|row| row.poses).min()

@@ -37,16 +37,13 @@ use tip::Turn;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Split {
     None,
-    /// Whole blocks of the work space held out, every block once.
     Blocks,
-    /// A whole session held out.
     Session,
 }
 
 /// The source of the base of a held-out session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum BaseRefit {
-    /// From training.
     None,
     First,
     /// From stations of the session that were chosen by their poses, judged on the rest.
@@ -65,7 +62,6 @@ impl BaseRefit {
 /// The subject of a set of residuals: model, angles, stations and base.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Subject {
-    /// The way in which the stations were kept from training.
     pub split: Split,
     pub of_session: String,
     pub model: Model,
@@ -83,7 +79,6 @@ pub struct Residual {
     pub pose: usize,
     /// The fold that held it out; `None` unless blocks were held out.
     pub fold: Option<usize>,
-    /// Whether the base was refitted on it.
     pub used_for_refit: bool,
     /// Attained position of the target, mm, base frame.
     pub attained: Point3<f64>,
@@ -114,7 +109,6 @@ impl Residual {
     }
 }
 
-/// Residuals of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResidualSet {
     pub subject: Subject,
@@ -127,7 +121,6 @@ impl ResidualSet {
         self.residuals.iter().filter(|r| !r.used_for_refit)
     }
 
-    /// Number of stations that the base was refitted on.
     pub fn finders(&self) -> usize {
         let finders = self.residuals.iter().filter(|r| r.used_for_refit);
         let finders: BTreeSet<usize> = finders.map(|r| r.station).collect();
@@ -153,7 +146,6 @@ impl ResidualSet {
     }
 }
 
-/// Accuracy of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Accuracy {
     pub subject: Subject,
@@ -166,7 +158,6 @@ pub struct Accuracy {
     pub figures: Option<Figures>,
     /// Distribution-free upper tolerance bound, mm; `None` where there are too few poses.
     pub bound: Option<f64>,
-    /// Number of poses and visits that the bound counts.
     pub counted: Counted,
     /// The stations that base and target of a session that took no part were found from; `None` where they were not found from
     /// stations that do not judge.
@@ -178,7 +169,6 @@ pub struct Accuracy {
     pub coverage: Option<Calibrated>,
     /// Expanded uncertainty (k = 2) of one measured error, mm.
     pub expanded_uncertainty_mm: f64,
-    /// Bound plus uncertainty compared with the tolerance.
     pub verdict: Verdict,
 }
 
@@ -193,7 +183,6 @@ pub enum Point {
     Tip,
 }
 
-/// Before or after compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Moment {
     /// The error without compensation.

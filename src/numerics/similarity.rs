@@ -49,7 +49,6 @@ pub struct ErrorSample {
     pub error: Vector3<f64>,
 }
 
-/// The space in which a separation is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Space {
     /// Weighted joint angles; separations are chords, rad.
@@ -72,14 +71,12 @@ impl Quantity {
     pub const ALL: [Self; 4] = [Self::X, Self::Y, Self::Z, Self::Norm];
 }
 
-/// The conclusion for interpolation from a semivariogram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alikeness {
     /// Near errors are more alike than far ones: there is something to interpolate.
     Rising,
     /// The curve is flat: neighbours carry no information.
     Flat,
-    /// Too few pairs for a verdict.
     TooFewPairs,
 }
 

@@ -18,7 +18,6 @@ use crate::join::Station;
 use crate::kinematics::Arm;
 use crate::units::SLIDE_MM_PER_RAD;
 
-/// The frames in which the controller states its commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandFrames {
     /// The frame of commands, in the base frame, mm.
@@ -183,7 +182,6 @@ fn turn(
     Some((flange.inverse() * commanded_flange).scaled_axis())
 }
 
-/// The median of the turns, axis by axis.
 fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
     let along =
         |axis: usize| median(&turns.iter().flatten().map(|turn| turn[axis]).collect::<Vec<_>>());

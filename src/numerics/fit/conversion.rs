@@ -35,7 +35,6 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Sets the offset of a parameter, adding the parameter, exactly known, where it is not among them.
     pub fn set(&mut self, parameter: Parameter, offset: f64) {
         if let Some(place) = self.parameters.iter().position(|own| *own == parameter) {
             self.offsets[place] = offset;

@@ -21,7 +21,6 @@ pub enum ErrorBase {
     Surveyed(SurveyedBase),
 }
 
-/// A base that was measured by other means.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurveyedBase {
     /// Pose of the base in the tracker frame, mm.

@@ -39,7 +39,6 @@ pub enum OneReading {
     /// The main target's position and the flange's orientation, by three or more targets; with the orientation's standard
     /// uncertainty, the root mean square over the axes, rad.
     Pose(Reading, f64),
-    /// The main target's own reading.
     Point(Reading),
 }
 

@@ -23,7 +23,6 @@ const LEAST_MEDIAN: f64 = 1.5;
 /// The mirrored orientation explains a reading where it leaves at most this share.
 const EXPLAINS: f64 = 1.0 / 3.0;
 
-/// A reading of the second solution of a planar target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flipped {
     pub place: usize,
@@ -33,7 +32,6 @@ pub struct Flipped {
     pub away: f64,
     /// Angle between the mirrored and the fitted orientation, degrees.
     pub mirrored_deg: f64,
-    /// Standard deviations between these.
     pub mirrored: f64,
 }
 
@@ -47,7 +45,6 @@ impl Flipped {
     }
 }
 
-/// How far a reading's orientation is from the fit, as measured and mirrored.
 struct Compared {
     place: usize,
     /// Norm of the whitened residual, and angle, rad.

@@ -18,7 +18,6 @@ pub struct Channel {
     pub target: TargetId,
 }
 
-/// The frames of one session that a fit finds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Frames {
     sources: Vec<Transform<Tracker, Base>>,
@@ -27,7 +26,6 @@ pub struct Frames {
     targets: Vec<Transform<Flange, Target>>,
 }
 
-/// The two frames of one channel, with its source and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FramePair {
     pub source: SourceId,

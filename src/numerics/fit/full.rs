@@ -103,7 +103,6 @@ pub struct FullModel {
     posterior: Posterior,
     span: f64,
     ready: Ready,
-    /// The noise beyond the model.
     pub repeatability: Repeatability,
     pub weights: Vec<f64>,
     /// Residual of each observation that it was trained on, as predicted without its station, mm and rad; none of a model that was read
@@ -197,7 +196,6 @@ impl FullModel {
         })
     }
 
-    /// The model of a settled training on a problem, and the same problem without observations to predict with.
     fn of_settled(
         (problem, empty): (&Problem<'_>, Problem<'static>),
         (settled, left_out): (train::Settled, &[LeftOut]),

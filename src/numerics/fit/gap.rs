@@ -11,9 +11,7 @@ pub enum Refusal {
     OutOfReach,
     /// The pose is at a singularity or across one.
     Singularity,
-    /// The arm would reach it in another configuration only.
     OtherConfiguration,
-    /// No station was measured at it.
     Unmeasured,
     /// Its vertices are on different branches of the joint angles.
     Branches,
@@ -34,7 +32,6 @@ pub enum Gap {
         /// From the nearest point of the box to the position, in the frame of commands, mm.
         beyond_mm: Vector3<f64>,
     },
-    /// A cell of which one node has no value.
     #[error("lies in a cell whose node {node} at ({:.3}, {:.3}, {:.3}) mm has no value: {}", at.x, at.y, at.z, words(*why))]
     Node { node: usize, at: Point3<f64>, why: Refusal },
     #[error("lies in a cell with no values between its nodes: {}", words(Refusal::Branches))]
@@ -42,7 +39,6 @@ pub enum Gap {
 }
 
 impl Refusal {
-    /// The name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::OutOfReach => "out_of_reach",

@@ -23,7 +23,6 @@ pub enum Sees {
     Nothing,
 }
 
-/// An instrument that reads one length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Gauge {
     Distance(Anchor),
@@ -38,7 +37,6 @@ pub struct Anchor {
     pub offset_mm: f64,
 }
 
-/// A plane that heights are read above.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Its normal in the base's frame, towards positive heights.
@@ -110,7 +108,6 @@ impl Gauge {
         }
     }
 
-    /// What a fit finds of it.
     pub const fn parts(&self) -> &'static [GaugePart] {
         match self {
             Self::Distance(_) => &GaugePart::ANCHOR,

@@ -9,7 +9,6 @@ use super::observation::Observation;
 use super::problem::{Freedom, Prior, Problem};
 use crate::kinematics::{Arm, HeldChain};
 
-/// Residuals of readings of places by an identified geometry.
 pub(super) struct Residuals {
     chains: PerChannel<HeldChain>,
     /// Number of rows over those that the geometry's parameters leave, at least 1: squares of residuals are too small by it.

@@ -6,7 +6,6 @@
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-/// The blocks of the work space for held-out figures.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Blocks {

@@ -16,11 +16,9 @@ const ONE_NUMBER: f64 = 0.99;
 /// The standard error of a parameter of two that are one number, in those that it would have if the other were known: `1/√(1 − 0.99²)`.
 pub(super) const CONFOUNDED_ERRORS: f64 = 7.0;
 
-/// Whether the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identifiability {
     Identifiable,
-    /// No pose moves with it.
     MovesNothing,
     /// It has the same effect as other parameters at any noise.
     StructurallyDependent,

@@ -45,14 +45,11 @@ pub struct Estimator {
     pub used: Vec<usize>,
     /// The frames per unit of the stations' residuals.
     pub from: DMatrix<f64>,
-    /// The motions at the stations.
     pub columns: DMatrix<f64>,
 }
 
-/// Stations that were chosen, and what they leave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
-    /// The stations, by their places, in the order in which they were chosen.
     pub stations: Vec<usize>,
     /// Mean over the region of the trace of the remaining covariance, without that of a measurement there, mm².
     pub left_mm2: f64,
@@ -235,7 +232,6 @@ impl<'p> Search<'p> {
         self.left_by(&self.sums(stations)?.sums)
     }
 
-    /// These candidates and one more.
     fn left_with(&self, some: &Taken<'_>, candidate: usize) -> Option<f64> {
         let with = block(&self.between, some.stations, &[candidate]);
         let with = some.factor.l_dirty().solve_lower_triangular(&with)?;
@@ -309,7 +305,6 @@ impl<'p> Search<'p> {
     }
 }
 
-/// The three rows of each of some poses.
 fn rows_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
     let mut rows = DMatrix::zeros(3 * poses.len(), matrix.ncols());
     for (place, &pose) in poses.iter().enumerate() {
@@ -318,7 +313,6 @@ fn rows_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
     rows
 }
 
-/// The three columns of each of some poses.
 fn columns_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
     let mut columns = DMatrix::zeros(matrix.nrows(), 3 * poses.len());
     for (place, &pose) in poses.iter().enumerate() {

@@ -50,7 +50,6 @@ pub enum Numbers {
 }
 
 impl Numbers {
-    /// Those of a kind of readings.
     pub const fn of(kind: ReadingKind) -> Self {
         if kind.is_length() { Self::One } else { Self::Three }
     }

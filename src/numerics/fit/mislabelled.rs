@@ -47,7 +47,6 @@ pub struct Mislabelled {
 pub enum Wrong {
     /// They are of other targets than they name: all of them.
     Swapped(Swap),
-    /// One is far from where any target can be.
     Far {
         target: TargetId,
         away_mm: f64,
@@ -72,7 +71,6 @@ pub struct Swap {
 pub struct SwappedThroughout {
     pub session: usize,
     pub swap: Swap,
-    /// What the places were held against.
     pub against: Against,
 }
 

@@ -23,7 +23,6 @@ pub trait PoseModel: Any + Debug + Send + Sync {
     /// The frames of each session that it was identified on, in their order; empty for a model without a tracker frame.
     fn frames(&self) -> &[Frames];
 
-    /// The attained position of the point, with its uncertainty by the model.
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap>;
 
     /// [`Prediction::position`] alone, where that is faster.
@@ -101,7 +100,6 @@ pub trait PoseModel: Any + Debug + Send + Sync {
     fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>>;
 }
 
-/// The place where a model is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub enum At<'q> {
     Joints(Query<'q>),
@@ -121,7 +119,6 @@ pub struct Query<'q> {
     pub known: Known<'q>,
     /// The vector from the measured target to the predicted point, along the flange's axes, mm.
     pub lever: Vector3<f64>,
-    /// The session whose frames are used.
     pub session: usize,
     /// The source in whose frame the answer is.
     pub source: SourceId,
@@ -143,7 +140,6 @@ pub enum Known<'q> {
     Commanded,
 }
 
-/// The joint angles at which a model is compared with stations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Angles {
     Reported,
@@ -190,7 +186,6 @@ impl<'q> At<'q> {
 }
 
 impl<'q> Known<'q> {
-    /// The query of a station, with all that is known of it.
     pub fn of(observation: &'q Observation) -> Self {
         let settling_error = observation.settling_error.as_ref();
         settling_error.map_or(Self::Reported, Self::Both)
@@ -213,7 +208,6 @@ impl<'q> Query<'q> {
         }
     }
 
-    /// The source and the target by whose frames the point is predicted.
     pub const fn channel(&self) -> Channel {
         Channel { session: self.session, source: self.source, target: self.target }
     }
@@ -227,7 +221,6 @@ impl Prediction {
 }
 
 impl Spread {
-    /// The covariance in the prediction's own frame, mm².
     pub fn covariance(&self) -> Matrix3<f64> {
         match self {
             Self::Isotropic(variance) => Matrix3::identity() * *variance,
@@ -256,7 +249,6 @@ pub struct PartEvidence {
     /// One of [`PARTS`].
     #[serde(deserialize_with = "part")]
     pub name: PartName,
-    /// Log evidence with it minus without it, nats.
     #[serde(rename = "gain_nats")]
     pub gain: f64,
     pub kept: bool,

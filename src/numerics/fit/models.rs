@@ -15,7 +15,6 @@ pub struct TrainingSettings<'s> {
     pub purpose: Purpose,
 }
 
-/// The models of one training.
 #[derive(Debug)]
 pub struct Models {
     pub base_target: Calibration,

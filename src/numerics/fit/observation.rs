@@ -107,7 +107,6 @@ pub struct Observation {
     pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
-    /// The measured values with their uncertainty, in the source's frame.
     pub measured: Measured,
     /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
@@ -160,7 +159,6 @@ impl Observation {
     }
 }
 
-/// The properties of an instrument that a fit needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Source {
     /// The kind of reading used: the orientation of a pose only from a source of poses.
@@ -169,7 +167,6 @@ pub struct Source {
 }
 
 impl Source {
-    /// Whether its orientations have a stated uncertainty.
     pub fn states_orientations(&self) -> bool {
         self.uncertainty.orientation_rad(&Point3::origin()).is_some()
     }
@@ -197,7 +194,6 @@ pub struct StatedSize {
 impl StatedSize {
     pub const ONE: Self = Self { position: 1.0, orientation: 1.0 };
 
-    /// A stated covariance with these factors.
     #[must_use]
     pub fn applied(&self, stated: &PoseCovariance) -> PoseCovariance {
         let Self { position, orientation } = *self;
@@ -212,7 +208,6 @@ impl StatedSize {
 }
 
 impl Noise {
-    /// The uncertainties of a session with one instrument.
     pub fn of_one(source: Source, repeatability_mm: f64) -> Self {
         Self { sources: vec![source], repeatability_mm, stated: Vec::new() }
     }
@@ -233,7 +228,6 @@ impl Noise {
         Self { stated: stated.to_vec(), ..self.clone() }
     }
 
-    /// Whether orientations are fitted where they were read.
     pub fn takes_orientations(&self) -> bool {
         let mut sources = self.sources.iter();
         sources.any(|source| source.reads == ReadingKind::Pose)

@@ -32,7 +32,6 @@ pub use unknowns::{
 #[derive(Debug)]
 pub struct Problem<'a> {
     observations: &'a [Observation],
-    /// The measurement chain of each channel.
     channels: PerChannel<Measuring>,
     unknowns: Vec<Unknown>,
     starts: Vec<Frames>,
@@ -45,7 +44,6 @@ pub struct Problem<'a> {
     distances: Vec<distances::Row>,
 }
 
-/// The chain between a source and a target, and what was measured through it.
 #[derive(Debug)]
 struct Measuring {
     chain: Chain,
@@ -62,7 +60,6 @@ struct Reads {
     parts: Vec<usize>,
 }
 
-/// The weighted normal equations at a point.
 #[derive(Debug, Clone)]
 pub struct Normal {
     /// `Jᵀ W J`.
@@ -153,7 +150,6 @@ impl<'a> Problem<'a> {
         self.observations
     }
 
-    /// The prior's precision of each unknown (1/sd², zero where there is no prior).
     pub(super) const fn prior_precision(&self) -> &DVector<f64> {
         &self.precision
     }
@@ -216,7 +212,6 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// Whitened residual norm of each observation.
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let mut norms = vec![0.0; self.observations.len()];
         for own in self.channels.each() {

@@ -21,10 +21,8 @@ const TAKES_PART: f64 = 1e-2;
 /// Two parameters of a null space are partners when their entries in it correlate at least this much.
 const BELONGS: f64 = 0.1;
 
-/// The structure of the column-scaled Jacobian.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Structure {
-    /// Singular values in falling order, of the columns that are not zero.
     pub singular_values: Vec<f64>,
     /// Number of singular values that are not structural zeros.
     pub rank: usize,

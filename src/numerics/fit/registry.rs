@@ -116,7 +116,6 @@ impl Model {
         Self::ALL.iter().flat_map(of)
     }
 
-    /// The display name, with the angles where they make a difference.
     pub fn name_at(self, angles: Angles) -> String {
         let About { name, angles: several, .. } = self.about();
         if several.len() > 1 && angles == Angles::Commanded {

@@ -27,15 +27,12 @@ pub enum SavedError {
     Version { found: u32 },
     #[error("the saved model is damaged: {found} {what}, but the rest of it needs {expected}")]
     Length { what: &'static str, expected: usize, found: usize },
-    /// A quaternion that is not a rotation.
     #[error("the saved model is damaged: {what}: {source}")]
     Placement { what: &'static str, source: PlacementError },
-    /// A parameter that the rest of the model has not there.
     #[error("the saved model is damaged: its arm has no unknown {0} there")]
     Unknown(Parameter),
     #[error("the saved model is damaged: the factor of its covariance {problem}")]
     Factor { problem: &'static str },
-    /// A geometry without a covariance and without a misfit.
     #[error(
         "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"
     )]
@@ -74,7 +71,6 @@ pub struct SavedSession {
 pub enum SavedSees {
     Places,
     Nothing,
-    /// Distances from an anchor.
     Distance {
         /// The anchor's place in the base's frame, mm.
         xyz_mm: [f64; 3],
@@ -130,7 +126,6 @@ impl SavedSees {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SavedPlacements {
-    /// The placement of a session with one source, or one target.
     One(SavedPlacement),
     /// The placements of each source or target, in their order.
     Several(Vec<SavedPlacement>),
@@ -160,17 +155,14 @@ pub struct SavedCalibration {
     pub arm: Arm,
     /// Offsets of the arm's free parameters, in its order; zeros where geometry was fixed.
     pub geometry: Vec<f64>,
-    /// The frames of each session, with the offsets applied.
     pub sessions: Vec<SavedSession>,
     pub unknowns: Vec<SavedUnknown>,
-    /// Prior standard deviation of each unknown, where it has one.
     pub prior_sd: Vec<Option<f64>>,
     /// Covariance of the unknowns' offsets: row i has its first i + 1 columns.
     pub covariance: Vec<Vec<f64>>,
 }
 
 impl SavedSession {
-    /// The frames of the sessions, by name.
     pub fn all(names: &[&str], frames: &[Frames]) -> Vec<Self> {
         let session = |(name, frames): (&&str, &Frames)| Self {
             session: (*name).to_owned(),
@@ -298,7 +290,6 @@ impl SavedCalibration {
     }
 }
 
-/// Reads a saved model of the version that this program writes.
 pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedError> {
     /// The version alone: another version's text has another shape.
     #[derive(Deserialize)]
@@ -313,7 +304,6 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedE
     serde_json::from_str(text).map_err(json)
 }
 
-/// Compares a length with the one that the other parts need.
 pub(super) const fn same_length(
     what: &'static str,
     expected: usize,

@@ -39,7 +39,6 @@ pub struct ScaleEvidence {
     moment: DVector<f64>,
 }
 
-/// The scale of one session if lengths are right within a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeScale {
     /// Scale of the instrument relative to the arm's lengths, ppm; positive when it measures too long.
@@ -56,7 +55,6 @@ impl FreeScale {
         self.ppm.abs() > self.detectable_ppm()
     }
 
-    /// The least scale that would have been named, ppm.
     pub fn detectable_ppm(&self) -> f64 {
         SIGMAS * self.sd_ppm
     }
@@ -87,7 +85,6 @@ pub enum ScaleVerdict {
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionScale {
     pub session: String,
-    /// Number of its measured stations.
     pub stations: usize,
     /// Standard deviation of its scale before any measurement, ppm.
     pub prior_sd_ppm: f64,

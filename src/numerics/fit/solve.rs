@@ -25,7 +25,6 @@ pub enum Convergence {
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Solution {
-    /// Offsets in the order of the problem's unknowns.
     pub offsets: DVector<f64>,
     pub convergence: Convergence,
     /// Levenberg–Marquardt steps in all rounds.
@@ -34,7 +33,6 @@ pub struct Solution {
     pub cost: [f64; 2],
     /// `s² = rᵀ W r / (m − rank)`: 1 where the noise explains the misfit.
     pub variance_factor: f64,
-    /// Robust weight of each observation.
     pub weights: Vec<f64>,
     pub information: DMatrix<f64>,
 }

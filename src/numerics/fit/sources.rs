@@ -14,11 +14,9 @@ use super::problem::Problem;
 use super::solve::Solution;
 use crate::join::{ReadingKind, SourceId};
 
-/// Iterations of the factors at most.
 pub(super) const ITERATIONS: usize = 12;
 /// Factors that change by less than this share have converged.
 const CONVERGED: f64 = 2e-3;
-/// A factor changes by no more than this factor in a step.
 const LARGEST_CHANGE: f64 = 10.0;
 /// A source that is left with fewer redundant numbers keeps its stated size.
 const LEAST_REDUNDANCY: f64 = 1.0;
@@ -31,7 +29,6 @@ pub struct SourceSize {
     pub kind: ReadingKind,
     /// Number of its readings.
     pub readings: usize,
-    /// Number of their rows.
     pub rows: usize,
     /// Root mean square of the stated standard deviations of its rows that are lengths, repeatability included, mm.
     pub stated_mm: f64,

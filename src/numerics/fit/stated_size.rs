@@ -20,33 +20,27 @@ use super::observation::{Observation, StatedSize};
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
-/// Steps of the scoring at most.
 const STEPS: usize = 100;
 /// Change of all parameters at which it has converged: of logarithms, and relative of the arm's variance.
 const CONVERGED: f64 = 1e-8;
-/// A logarithm changes by no more than this in a step.
 const LARGEST_CHANGE: f64 = 1.0;
 /// The least variance of the arm, mm²: a nanometre.
 const LEAST_MM2: f64 = 1e-12;
 /// A factor whose logarithm is known no better than this is not determined: it may as well be 1.
 const DETERMINED: f64 = 0.25;
-/// Fewest readings that have a size.
 const LEAST_READINGS: usize = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FoundSize {
     pub session: usize,
     pub source: SourceId,
-    /// Factors on the stated standard deviations.
     pub size: StatedSize,
     pub standard_error: StatedSize,
     /// Whether the orientation's factor is its own; otherwise both are one.
     pub is_apart: bool,
-    /// Whether any orientation states a covariance.
     pub has_orientations: bool,
     /// Standard deviation of what the arm adds, per coordinate of the position, mm.
     pub beside_mm: f64,
-    /// Number of readings that it is from.
     pub readings: usize,
 }
 

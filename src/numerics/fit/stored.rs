@@ -13,7 +13,6 @@ use crate::kinematics::Arm;
 type Restoring =
     fn(StoredFull, &Arm, &[Observation], &Prior, &FullSettings) -> Result<FullModel, SavedError>;
 
-/// The models of one training, for later stages to start from.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoredModels {

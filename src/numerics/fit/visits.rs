@@ -30,7 +30,6 @@ const ONE_CONFIGURATION_RAD: f64 = std::f64::consts::PI / 180.0;
 /// Reported joints of one pose are within this without a command, rad.
 const ONE_STAND_RAD: f64 = 0.1 / 180.0 * std::f64::consts::PI;
 
-/// A commanded tool pose in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandedPose {
     pub position: Point3<f64>,
@@ -38,7 +37,6 @@ pub struct CommandedPose {
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
-/// A dwell of the arm, measured or not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dwell<'d> {
     /// Its command; absent where it has none.
@@ -123,7 +121,6 @@ impl Firsts {
     }
 }
 
-/// Whether commands and joint angles of two dwells agree.
 fn alike(a: &Dwell<'_>, b: &Dwell<'_>) -> bool {
     let (Some(first), Some(second)) = (&a.command, &b.command) else {
         return false;

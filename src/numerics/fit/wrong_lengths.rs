@@ -22,13 +22,10 @@ use crate::kinematics::Arm;
 
 /// Chance of a reading that is named though nothing is wrong, in a session and instrument.
 const CHANCE: f64 = 0.01;
-/// Degrees of freedom of the residuals.
 const FREEDOM: f64 = 4.0;
-/// Median of the magnitude of Student's t with four degrees of freedom.
 const MEDIAN_T: f64 = 0.740_697;
 /// An instrument whose readings exceed what they find by fewer than these is not checked: their residuals say nothing of their size.
 const LEAST_REDUNDANCY: f64 = 8.0;
-/// Rounds at most.
 const ROUNDS: usize = 4;
 /// Residuals below this are rounding, mm.
 const LEAST_MM: f64 = 1e-6;
@@ -40,7 +37,6 @@ pub struct WrongLength {
     pub away_mm: f64,
     /// Scale of the instrument's residuals: their median over that of Student's t, mm.
     pub scale_mm: f64,
-    /// Number of the instrument's readings in the session.
     pub readings: usize,
 }
 
@@ -82,7 +78,6 @@ pub fn check(
     wrong.into_values().collect()
 }
 
-/// The readings that are too far from a fit, whichever they are of.
 fn far(observations: &[Observation], fitted: &Calibration) -> Vec<WrongLength> {
     let mut left: BTreeMap<(usize, SourceId), Vec<(usize, f64)>> = BTreeMap::new();
     for (place, own) in observations.iter().enumerate() {

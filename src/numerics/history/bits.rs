@@ -46,7 +46,6 @@ pub mod vector {
     }
 }
 
-/// A square matrix, column by column.
 pub mod matrix {
     use nalgebra::DMatrix;
     use serde::de::Error as _;

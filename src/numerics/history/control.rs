@@ -19,9 +19,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use super::FALSE_ALARM;
 use super::bits;
 
-/// Weight of the newest score.
 pub const WEIGHT: f64 = 0.2;
-/// Charts of a robot, at most.
 const CHARTS: usize = 30;
 /// States of the Markov chain: the limit is good to a thousandth.
 const STATES: usize = 81;
@@ -40,7 +38,6 @@ pub struct Chart {
     average: f64,
 }
 
-/// One value on its chart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Charted {
     pub name: String,
@@ -54,7 +51,6 @@ pub struct Charted {
     /// The moving average of the scores; absent when there is no score yet.
     #[serde(with = "bits::optional")]
     pub average: Option<f64>,
-    /// The control limit of the average, to either side.
     #[serde(with = "bits::number")]
     pub limit: f64,
     /// Whether the value differs from the mean of those before it by less than counts.
@@ -113,7 +109,6 @@ impl Chart {
     }
 }
 
-/// The limit of the average of each of a robot's charts.
 pub fn limit() -> f64 {
     static LIMIT: LazyLock<f64> = LazyLock::new(|| limit_of(CHARTS as f64 / FALSE_ALARM));
     *LIMIT

@@ -20,7 +20,6 @@ use super::estimate::Column;
 use crate::kinematics::{LinkQuantity, Parameter};
 use test_of_all::TestOfAll;
 
-/// A part that may have moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Hypothesis {
     Base,
@@ -40,7 +39,6 @@ pub enum HypothesisVerdict {
     Moved,
     /// One of several moved, which cannot be distinguished.
     OneOfSeveral,
-    /// It was set up anew and was not tested.
     SetUpAnew,
     /// There is nothing to compare it with.
     NotShown,
@@ -49,7 +47,6 @@ pub enum HypothesisVerdict {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     pub hypothesis: Hypothesis,
-    /// Chi-square of a change of this part alone, against no change.
     pub alone: ChiSquare,
     /// Chi-square that remains when this part changed.
     pub remainder: ChiSquare,
@@ -57,11 +54,9 @@ pub struct Asked {
 
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Finding {
-    /// No change beyond the covariances.
     #[default]
     Nothing,
     Moved {
-        /// Parts that moved, each of them.
         surely: Vec<Hypothesis>,
         /// Further parts of which one moved; they cannot be distinguished.
         one_of: Vec<Hypothesis>,
@@ -69,7 +64,6 @@ pub enum Finding {
 }
 
 impl Hypothesis {
-    /// Whether a column belongs to the part.
     pub const fn has(self, column: &Column) -> bool {
         match (self, column) {
             (Self::Anything, _)
@@ -128,7 +122,6 @@ impl std::fmt::Display for Hypothesis {
 }
 
 impl Finding {
-    /// Every part that may have moved.
     pub fn parts(&self) -> Vec<Hypothesis> {
         match self {
             Self::Nothing => Vec::new(),

@@ -23,7 +23,6 @@ pub struct SessionHistory {
     /// The pool before a change that is not confirmed yet, and its number of sessions.
     before: Option<(Estimate, usize)>,
     first: Option<Estimate>,
-    /// The last session in which base or target was set up anew.
     set_up: BTreeMap<Hypothesis, Estimate>,
     charts: BTreeMap<String, Chart>,
 }
@@ -132,7 +131,6 @@ impl SessionHistory {
         since
     }
 
-    /// Restarts the charts of a base or target that was set up anew.
     fn refer(&mut self, anew: &[Hypothesis], own: &Estimate) {
         for part in anew {
             self.set_up.insert(*part, own.clone());
@@ -142,12 +140,10 @@ impl SessionHistory {
     }
 }
 
-/// The change between two estimates of one arm.
 pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
     SessionHistory::default().held_against(earlier.clone(), later, None)
 }
 
-/// The pool without a base or target that was set up anew in this session, and which were.
 fn without_parts_set_up_anew(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
     let base = own.base_is_far_from(pool, SET_UP_ANEW).then_some(Hypothesis::Base);
     let target = own.target_is_far_from(pool, SET_UP_ANEW).then_some(Hypothesis::Target);
@@ -155,7 +151,6 @@ fn without_parts_set_up_anew(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<
     (forgetting(pool, &anew), anew)
 }
 
-/// The pool without its information on these parts.
 fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
     if parts.contains(&Hypothesis::Anything) {
         return pool.without(|_| true);

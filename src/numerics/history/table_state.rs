@@ -32,11 +32,9 @@ pub enum TableState {
         /// Whether its promise is contradicted; `None` where it could not be compared with the session.
         broken: Option<bool>,
     },
-    /// The session shows nothing about the table.
     NotShown(NotShown),
 }
 
-/// The part that drifted, by the session's evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drifted {
     Base(BaseMotion),
@@ -50,11 +48,9 @@ pub enum NotShown {
     NoRun,
     Unreadable(String),
     NoPromise,
-    /// The stations do not span space.
     NoBase,
     Misapplied,
     TooFew {
-        /// Number of poses that judge.
         judged: usize,
         /// Number of poses that the promise's share and confidence need.
         needed: usize,
@@ -69,7 +65,6 @@ pub struct Shown<'s> {
     pub promise: Result<&'s Promise, NotShown>,
     /// Errors after compensation, attained minus target position; `None` where the stations do not span space.
     pub after: Option<&'s ResidualSet>,
-    /// Conditions of the session that the table is not valid for.
     pub outside: Vec<Outside>,
 }
 

@@ -46,12 +46,10 @@ impl JointAngles {
         &self.values
     }
 
-    /// The angles of some rows, row after row.
     pub(super) fn of_rows(&self, rows: Range<usize>) -> &[f64] {
         &self.values[self.places(rows)]
     }
 
-    /// The angles of one joint, one for each sample.
     pub fn of_joint(&self, joint: usize) -> Vec<f64> {
         self.rows().map(|row| row[joint]).collect()
     }

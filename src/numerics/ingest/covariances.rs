@@ -20,7 +20,6 @@ pub enum LoggedCovariance {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Unusable {
-    /// Zeros alone.
     AllZero,
     /// −1 in the first entry.
     MinusOne,
@@ -28,7 +27,6 @@ pub enum Unusable {
     NotPositive,
 }
 
-/// Numbers of stated covariances by what became of them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CovarianceCounts {
     position: Outcomes,
@@ -58,7 +56,6 @@ pub const COUNTED: [[&str; 4]; 2] = [
 ];
 
 impl LoggedCovariance {
-    /// Whether all entries of the position's part are finite.
     pub(super) fn is_finite(&self) -> bool {
         self.position().iter().all(|entry| entry.is_finite())
     }
@@ -71,7 +68,6 @@ impl LoggedCovariance {
         entries.iter().all(|entry| *entry == 0.0)
     }
 
-    /// The position's part.
     fn position(&self) -> Matrix3<f64> {
         match self {
             Self::Position(rows) => Matrix3::from_row_slice(rows),

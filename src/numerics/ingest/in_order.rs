@@ -30,14 +30,11 @@ pub trait Buffer {
     type Block;
     /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
-    /// The rows of a block that are kept.
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
     /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
     fn stamps(&self) -> &[i64];
-    /// Puts the samples in this order.
     fn reorder(&mut self, order: &[usize]);
-    /// Removes the first samples.
     fn evict(&mut self, count: usize);
     /// Further counts of the whole stream, as (name, number).
     fn further_counts(&self) -> Vec<(&'static str, u64)> {
@@ -146,7 +143,6 @@ impl<B: Buffer> InOrder<B> {
         self.emit(due / self.piece * self.piece, &mut emit);
     }
 
-    /// Emits what is left in the buffer.
     pub fn finish(mut self, mut emit: impl FnMut(&B, Range<usize>)) -> StreamSummary {
         let all_buffered = self.emitted.0 == 0;
         let spans: Vec<Span> = self.files.iter().filter_map(|file| file.span).collect();

@@ -32,11 +32,9 @@ impl<C> Default for PoseSamples<C> {
     }
 }
 
-/// Poses spilled to disk cannot be read back.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("poses that were spilled to disk while the logs were read cannot be read back: {why}")]
 pub struct PosesError {
-    /// The operating system's message, or that a row does not exist.
     why: String,
 }
 

@@ -59,7 +59,6 @@ pub struct Place<'a> {
     pub bytes: (u64, u64),
 }
 
-/// The rows of one block that are kept, ordered in time.
 pub struct Rows {
     /// Row numbers by stamp; `None` when all rows are kept and already in order.
     order: Option<Vec<usize>>,
@@ -91,7 +90,6 @@ impl Rows {
         }
     }
 
-    /// Appends the kept rows of a column, in order.
     pub(super) fn append<T: Copy>(&self, column: &[T], to: &mut Vec<T>) {
         match &self.order {
             None => to.extend_from_slice(column),
@@ -99,7 +97,6 @@ impl Rows {
         }
     }
 
-    /// Appends the kept rows of joint angles, in order.
     pub(super) fn append_angles(&self, angles: &JointAngles, to: &mut JointAngles) {
         match &self.order {
             None => to.append(angles.all()),

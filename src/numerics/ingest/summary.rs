@@ -22,7 +22,6 @@ pub struct StreamSummary {
     /// The files that have the topic, earliest first.
     pub(super) files: Vec<String>,
     pub(super) counts: StreamCounts,
-    /// Further counts, as (name, number).
     pub(super) further: Vec<(&'static str, u64)>,
     pub(super) rejects: Vec<LogReject>,
     /// Whether any stamp differs from 0.

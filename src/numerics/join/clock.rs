@@ -22,13 +22,11 @@ const PRIORS: [f64; 3] = [0.0, 100.0, 1e-6];
 /// Least scale of the residuals, s: time stamps are no better than this.
 const LEAST_SCALE_S: f64 = 1e-4;
 
-/// Offset and drift with their uncertainty, in seconds since the first stamps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined {
     pub relation: Relation,
     pub offset_se_s: f64,
     pub drift_se: f64,
-    /// Number of edges (or middles) with a weight.
     pub matched: usize,
     pub rms_s: f64,
     /// Whether edges were used; otherwise middles.
@@ -65,7 +63,6 @@ pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Re
     line.summary(&marks, &weights, sampling_s, by_edges)
 }
 
-/// The edges seen in both logs.
 fn edges(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
     let mark = |arm: Option<f64>, target: Option<f64>, side: f64| {
         let at_s = arm?;

@@ -28,14 +28,12 @@ pub struct Occasion {
     pub flange: Isometry3<f64>,
 }
 
-/// A command as the controller stated it.
 #[derive(Debug, Clone, Copy)]
 struct Stated {
     position: Vector3<f64>,
     orientation: Option<[f64; 4]>,
 }
 
-/// The command of each dwell, in the dwells' order.
 pub(super) fn in_force(
     commands: &dyn Poses<Controller>,
     dwells: &[Occasion],

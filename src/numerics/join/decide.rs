@@ -25,7 +25,6 @@ const LEAST_REACH_MM: f64 = 0.5;
 const RIVAL_SUPPORT: f64 = 0.98;
 const RIVAL_RESIDUAL: f64 = 2.0;
 
-/// The relation that geometry chose.
 #[derive(Debug, Clone)]
 pub struct Decision {
     pub relation: Relation,

@@ -12,22 +12,18 @@ pub enum Disposition {
     Settling,
     Outlier,
     Moving,
-    /// It is stationary, but belongs to no station.
     Unpaired(Why),
     Missing,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Why {
-    /// The arm moved, or the controller's log does not reach there.
     NoArmDwell,
-    /// It is too far from the arm.
     WrongTarget,
     /// It is too far from the arm, as others in a row are: the instrument or the base stood elsewhere.
     InstrumentMoved,
     /// The target was at two positions during one dwell.
     Ambiguous,
-    /// Too few readings were left for a mean.
     TooFew,
 }
 
@@ -59,7 +55,6 @@ impl Disposition {
     }
 }
 
-/// The disposition of each reading, stored as runs of rows with the same one.
 #[derive(Debug, Clone, Default)]
 pub struct Dispositions {
     /// Each run reaches from its first row to the next run's.

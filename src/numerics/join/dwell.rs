@@ -60,7 +60,6 @@ impl Span {
     }
 }
 
-/// A stretch in which every joint is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDwell {
     pub start: Stamp<Controller>,
@@ -72,7 +71,6 @@ pub struct ArmDwell {
     pub flange: Isometry3<f64>,
 }
 
-/// A stretch in which the target is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetDwell {
     pub stretch: Stretch,

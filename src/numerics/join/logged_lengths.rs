@@ -28,7 +28,6 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 const PIECE: usize = 4096;
 
-/// The readings of an instrument of one length in a log.
 #[derive(Debug)]
 pub struct LengthReadings {
     pub name: String,
@@ -57,7 +56,6 @@ impl LengthReadings {
         }
     }
 
-    /// Whether a number is a reading of it, and not a missing one.
     fn is_reading(&self, mm: f64) -> bool {
         is_length(self.least_mm, mm)
     }
@@ -216,7 +214,6 @@ impl<'a> Dwelling<'a> {
     }
 }
 
-/// The readings of a dwell behind its settling time.
 struct Settled {
     rows: Vec<usize>,
     stamps: Vec<Stamp<Tracker>>,

@@ -42,7 +42,6 @@ enum When {
     Between(usize, i64),
 }
 
-/// The readings of one reference in one look.
 #[derive(Debug, Clone)]
 struct Run {
     reference: ReferenceId,
@@ -91,7 +90,6 @@ pub(super) fn followed(
     Ok(joined)
 }
 
-/// Takes a motion out of the readings of a station, or the readings out of a station whose motion is not known.
 fn take_out(joined: &mut Joined, number: usize, motion: Result<Motion, String>) {
     let Some(station) = joined.stations.get_mut(number) else {
         return;
@@ -185,7 +183,6 @@ impl<'a> Looking<'a> {
     }
 }
 
-/// A number of readings left out, with the first and the last moment.
 #[derive(Debug, Default)]
 struct LeftOut {
     span: Option<(Stamp<Tracker>, Stamp<Tracker>)>,
@@ -209,7 +206,6 @@ impl LeftOut {
 struct Gathering {
     reference: ReferenceId,
     mad_factor: f64,
-    /// The look whose readings are being gathered.
     now: Option<When>,
     stamps: Vec<Stamp<Tracker>>,
     positions: Vec<[f64; 3]>,

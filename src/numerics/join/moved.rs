@@ -38,7 +38,6 @@ pub struct Elsewhere {
 }
 
 impl Elsewhere {
-    /// What was found, and what follows, as text.
     pub fn words(&self) -> String {
         let Self { stations: [first, last], readings, shift_mm, turn_rad, left_mm } = self;
         format!(
@@ -54,10 +53,8 @@ impl Elsewhere {
 /// A stretch of readings that a motion of the base brings back.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stretch {
-    /// Places of its first and last reading among those that were searched.
     pub first: usize,
     pub last: usize,
-    /// Places of its readings.
     pub readings: Vec<usize>,
     base: Isometry3<f64>,
     left_mm: f64,

@@ -10,10 +10,8 @@ use crate::ingest::TemperatureSamples;
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp, Tracker};
 
-/// The dwells of the two logs, each in its own clock.
 #[derive(Debug, Clone)]
 pub struct Observation {
-    /// Stamp of the first reading that is a measurement.
     pub first_measured: Stamp<Tracker>,
     /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
@@ -82,7 +80,6 @@ pub fn check_joints(stationary: &Stationary, arm: &Arm) -> Result<(), JoinError>
     Ok(())
 }
 
-/// Checks that the stamps do not decrease.
 pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
     let samples = "temperatures";
     let mut pairs = temperatures.stamps.windows(2);

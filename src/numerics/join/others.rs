@@ -21,14 +21,12 @@ use crate::figures::median;
 use crate::ingest::{Poses, TemperatureSamples};
 use crate::units::{ClockModel, Stamp, Tracker, round_ns};
 
-/// A further target's readings and where it stood still.
 pub(super) struct Other<'a> {
     target: TargetId,
     readings: Readings<'a>,
     dwells: Vec<TargetDwell>,
 }
 
-/// What the main target's join found.
 pub(super) struct Found<'a> {
     pub(super) arm: &'a [ArmDwell],
     pub(super) temperatures: &'a TemperatureSamples,
@@ -82,7 +80,6 @@ impl<'a> Other<'a> {
         Ok((dispositions.counts(), rejects))
     }
 
-    /// Adds a reading to its station, which is measured with it.
     fn put(&self, mut reading: Reading, station: &mut Station) {
         reading.target = self.target;
         station.pairing = Pairing::Paired;

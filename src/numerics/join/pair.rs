@@ -63,11 +63,9 @@ pub struct Evidence<'a> {
     pub temperatures: &'a TemperatureSamples,
     pub target: &'a [TargetDwell],
     pub clock: ClockModel,
-    /// Base and target, rough.
     pub placement: Placement,
     /// Distance from the placement beyond which a target is another reflector, mm.
     pub gate_mm: f64,
-    /// First and last moments of stretches at which the instrument or the base stood elsewhere.
     pub moved: &'a [(Stamp<Tracker>, Stamp<Tracker>)],
     /// Dwells closer together than this are one group, mm.
     pub same_mm: f64,
@@ -78,7 +76,6 @@ pub struct Evidence<'a> {
     pub settings: &'a JoinSettings,
 }
 
-/// A dwell's start and end in tracker time.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     start: Stamp<Tracker>,

@@ -36,7 +36,6 @@ pub struct Relation {
 }
 
 impl Relation {
-    /// Tracker seconds at controller seconds.
     pub fn to_tracker(self, controller_s: f64) -> f64 {
         self.drift.mul_add(controller_s, controller_s + self.offset_s)
     }
@@ -53,7 +52,6 @@ pub struct Pair {
     pub target: usize,
 }
 
-/// The dwells of both logs.
 #[derive(Debug, Clone, Copy)]
 pub struct Dwells<'a> {
     pub arm: &'a [ArmDwell],

@@ -26,7 +26,6 @@ impl SourceId {
 pub struct TargetId(pub usize);
 
 impl TargetId {
-    /// The target of a session with only one.
     pub const ONLY: Self = Self(0);
     /// The first target of a session with several: the one that errors of one tool point are stated by.
     pub const MAIN: Self = Self(0);
@@ -42,7 +41,6 @@ impl TargetId {
 pub struct Reading {
     pub source: SourceId,
     pub target: TargetId,
-    /// The mean of the samples kept.
     pub value: Value,
     pub kept: usize,
     /// Number of samples in the dwell, settling and outliers included.
@@ -88,7 +86,6 @@ pub struct MeanLength {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeanOrientation {
-    /// Mean orientation on SO(3).
     pub orientation: UnitQuaternion<f64>,
     /// Standard deviation of a single sample (rotation vector norm per axis, root mean square), rad.
     pub scatter_rad: f64,
@@ -104,7 +101,6 @@ impl MeanPoint {
 }
 
 impl Value {
-    /// A pose where an orientation was read, otherwise a point.
     pub const fn of(point: MeanPoint, orientation: Option<MeanOrientation>) -> Self {
         match orientation {
             None => Self::Point(point),

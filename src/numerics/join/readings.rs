@@ -34,13 +34,11 @@ pub struct Seen {
     pub readings: TargetReadings,
 }
 
-/// Readings that are no measurements.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Missing {
     runs: Vec<Run>,
 }
 
-/// A run of rows that are no measurements.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Run {
     start: usize,
@@ -71,7 +69,6 @@ impl<'a> Readings<'a> {
         Ok(seen)
     }
 
-    /// Passes all measurements to a finder, and records the other readings as missing.
     fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         self.missing = Missing::default();
         let (count, mut latest) = (self.poses.count(), Stamp::from_ns(i64::MIN));

@@ -88,7 +88,6 @@ pub enum Event {
     },
 }
 
-/// One place of a reference in the instrument's frame at the session's first look.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     pub reference: ReferenceId,
@@ -100,7 +99,6 @@ pub struct Place {
     pub scatter_mm: f64,
 }
 
-/// Sizes of the noise and of the motion, as standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sizes {
     /// Of a reading, per axis, mm.
@@ -117,12 +115,10 @@ pub struct Sizes {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Followed {
-    /// The motion at each look.
     pub motions: Vec<Motion>,
     pub places: Vec<Place>,
     pub events: Vec<Event>,
     pub sizes: Sizes,
-    /// Whether the references tell rotations.
     pub tells_turns: bool,
 }
 
@@ -134,7 +130,6 @@ impl Followed {
 }
 
 impl Event {
-    /// The first look behind it.
     pub const fn look(&self) -> usize {
         match self {
             Self::Bump { before, .. } => *before,
@@ -191,7 +186,6 @@ pub fn follow(looks: &[Look]) -> Option<Followed> {
 struct Work<'a> {
     looks: &'a [Look],
     shape: Shape,
-    /// Events so far.
     events: Events,
     /// The state at each look, which rotations are linear around.
     states: Vec<State>,
@@ -212,7 +206,6 @@ enum Found {
     Moved(usize, ReferenceId),
 }
 
-/// Rounds in which places, motion and the point of linearisation are found in turn.
 const ROUNDS: usize = 4;
 /// States that change by less than this have settled, mm.
 const SETTLED_MM: f64 = 1e-8;

@@ -17,7 +17,6 @@ use super::readings::Readings;
 /// Distance at which the target has settled, in usual distances: a vibration of half the usual scatter does not show in the
 /// mean.
 const SETTLED: f64 = 1.5;
-/// Dwells with fewer readings than this are not used.
 const MIN_READINGS: usize = 8;
 /// Least step of ages, s; otherwise the interval of readings.
 const LEAST_AGE_STEP_S: f64 = 0.02;

@@ -29,7 +29,6 @@ use std::convert::Infallible;
 
 pub use finder::{Finder, Forgotten};
 
-/// The rule by which samples are stationary.
 #[derive(Debug, Clone, Copy)]
 pub struct StationaryRule {
     /// Length of the window in which nothing may move, s (never fewer than three samples).

@@ -24,7 +24,6 @@ fn usual_distance_mm(positions: &[Vector3<f64>]) -> f64 {
     median(&mut distances)
 }
 
-/// The dwells of both logs.
 #[derive(Debug, Clone)]
 pub struct Supposed {
     seen: Observation,

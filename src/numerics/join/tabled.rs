@@ -84,7 +84,6 @@ pub enum RowItem {
     Reference,
 }
 
-/// A table's rows as its reader found them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Rows {
     pub file: String,
@@ -196,7 +195,6 @@ fn in_order(mut rows: Vec<Row>) -> (Vec<Row>, bool) {
     (rows, timed)
 }
 
-/// Whether every row has a time.
 fn is_timed(rows: &[Row]) -> bool {
     !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some())
 }

@@ -31,9 +31,7 @@ const DRAWS: usize = 32;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A uniform grid at the table's orientation.
     UniformGrid,
-    /// Random poses of the region.
     Random,
     /// One after another, each lowering the summed variance over the region the most.
     GreedyVariance,
@@ -64,14 +62,12 @@ pub struct Expected {
     pub share_mm: f64,
 }
 
-/// Candidates and the orders in which designs take them.
 #[derive(Debug, Clone)]
 pub struct Designs {
     /// The candidates, and the number of poses drawn with the reasons why some were not taken.
     pub candidates: (Vec<Commanded>, Drawn),
     /// Candidates in the order in which the variance design takes them, with the variance after each.
     pub by_variance: Vec<Choice>,
-    /// The model's expectation after each of them.
     pub expected: Vec<Expected>,
     /// Candidates in the order the D-optimal design takes them.
     pub by_information: Vec<usize>,
@@ -206,7 +202,6 @@ fn expected_model(
     )
 }
 
-/// The intended places of base and target.
 fn frames(settings: &PlanSettings) -> FramePair {
     let cell = &settings.population.cell;
     let tracker_from_base =

@@ -22,7 +22,6 @@ use crate::linalg::transposed;
 /// Number of candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
 
-/// A pose that may be measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
     /// Axis variables, rad.
@@ -31,7 +30,6 @@ pub struct Candidate {
     pub noise: Matrix3<f64>,
 }
 
-/// A design, as chosen so far.
 #[derive(Debug, Clone)]
 pub struct Design<'c> {
     candidates: &'c [Candidate],
@@ -39,11 +37,9 @@ pub struct Design<'c> {
     half: DMatrix<f64>,
     /// Covariance of the region (down) with the candidates (across).
     cross: DMatrix<f64>,
-    /// Covariance of each candidate with itself.
     own: Vec<Matrix3<f64>>,
     /// Rows of the Cholesky factor, three for each choice, over the candidates.
     factor: Vec<Vec<f64>>,
-    /// Covariance of each pose of the region.
     region: Vec<Matrix3<f64>>,
     chosen: Vec<usize>,
 }
@@ -134,7 +130,6 @@ impl<'c> Design<'c> {
         Choice { candidate, left_mm2: self.left_mm2() }
     }
 
-    /// Covariance of a measurement at a candidate.
     fn measured(&self, candidate: usize) -> Matrix3<f64> {
         self.own[candidate] + self.candidates[candidate].noise
     }
@@ -218,7 +213,6 @@ pub(super) fn query(axes: &[f64]) -> Query<'_> {
     }
 }
 
-/// Each pose's own covariance.
 fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
     (0..half.ncols() / 3)
         .map(|place| {

@@ -25,7 +25,6 @@ const ARMS: usize = 300;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Next {
     pub poses: Vec<usize>,
-    /// Whether they are expected to be enough.
     pub are_enough: bool,
 }
 

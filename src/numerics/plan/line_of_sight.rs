@@ -26,9 +26,7 @@ pub struct Constraints {
     pub least_singularity_factor: f64,
     /// Smallest distance of a joint to its limits, rad.
     pub limit_margin_rad: f64,
-    /// Pose of the target at the flange.
     pub flange_from_target: Isometry3<f64>,
-    /// Boxes that no part of the arm may enter.
     pub keep_out: Vec<KeepOut>,
     /// Distance that the lines between joint origins keep from a box, mm: half of the arm's thickness, and a margin.
     pub keep_out_margin_mm: f64,
@@ -36,7 +34,6 @@ pub struct Constraints {
     pub tracker: Option<LineOfSight>,
 }
 
-/// A box along the base frame's axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeepOut {
     pub name: String,
@@ -48,7 +45,6 @@ pub struct KeepOut {
 pub struct LineOfSight {
     /// Position of the tracker in the base frame, mm.
     pub tracker: Point3<f64>,
-    /// Direction in which the target faces, in its own frame.
     pub facing: UnitVector3<f64>,
     /// Largest angle between that direction and the direction to the tracker, rad.
     pub acceptance_rad: f64,
@@ -69,7 +65,6 @@ pub enum Part {
     Target,
 }
 
-/// The reason why a pose is not measured.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Unsuitable {
     #[error(

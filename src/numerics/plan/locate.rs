@@ -24,7 +24,6 @@ use crate::report::locate::{LEAST_STATIONS, frame_columns};
 use crate::report::refit::Placed;
 use crate::simulate::{Commanded, Ingredient, Stream};
 
-/// Number of poses that represent the box.
 const BOX_POSES: usize = 300;
 
 #[derive(Debug, Clone, Copy)]
@@ -83,14 +82,12 @@ pub fn locate(
     Ok(site.planned(&candidates, drawn, count))
 }
 
-/// Poses that represent the box.
 fn in_the_box(placer: &Placer<'_>, settings: &PlanSettings) -> Result<Vec<Commanded>, PlanError> {
     let mut stream = Stream::new(settings.seed, Ingredient::Region);
     let region: &Region = &settings.region;
     Ok(placer.random(region, BOX_POSES, &mut stream, &|_| Ok(()))?.0)
 }
 
-/// The arm at its new place.
 struct Site<'s> {
     arm: &'s Arm,
     identified: &'s Identified<'s>,

@@ -17,7 +17,6 @@ mod shorten;
 
 use shorten::Path;
 
-/// One visit of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Visit {
     Pose(usize),
@@ -31,7 +30,6 @@ pub enum Visit {
     },
 }
 
-/// The frequency of repeated visits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Revisits {
     /// Number of poses after which the first of them is visited again; `None` for no repeats.

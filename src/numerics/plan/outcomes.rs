@@ -6,7 +6,6 @@ use crate::figures::{Counted, Coverage, Figures, share_at_least, upper_tolerance
 use crate::fit::FitError;
 use crate::grid::{Refusal, Tolerance, Verdict};
 
-/// The outcome of one robot on its fresh poses.
 #[derive(Debug, Clone)]
 pub enum RobotOutcome {
     Judged(Left),
@@ -20,7 +19,6 @@ pub struct Left {
     pub figures: Option<Figures>,
     /// Upper tolerance bound, mm; `None` with too few poses.
     pub bound: Option<f64>,
-    /// Whether the bound is within the tolerance.
     pub verdict: Verdict,
     pub refused: BTreeMap<Refusal, usize>,
     pub outside: usize,
@@ -55,7 +53,6 @@ pub struct Outcomes {
     pub robots: usize,
     pub no_fit: usize,
     pub judged: usize,
-    /// Number of robots whose bound is within the tolerance.
     pub meet: usize,
     /// Least share of the population that meets it, with the confidence asked for.
     pub share_at_least: f64,

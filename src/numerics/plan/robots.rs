@@ -22,7 +22,6 @@ pub struct Robot<'a> {
     sessions: Stream,
 }
 
-/// A robot's own session, measured and fitted.
 #[derive(Debug)]
 pub struct Fitted<'a> {
     pub models: Models,

@@ -30,7 +30,6 @@ pub struct PlanSection {
     /// Share of robots that has to meet the tolerance, and the confidence of that.
     #[serde(default = "robots_meet")]
     pub robots_meet: Coverage,
-    /// Number of random poses that designs choose from.
     #[serde(default = "candidates")]
     pub candidates: usize,
     /// Numbers of poses at which designs are compared; the smallest that meets the tolerance becomes the plan.
@@ -42,7 +41,6 @@ pub struct PlanSection {
     /// Number of stations after which a few early poses are visited again, which shows the drift of the base; 0 for never.
     #[serde(default = "drift_check_every")]
     pub drift_check_every: usize,
-    /// Number of fresh poses that the session measures to verify the promise.
     #[serde(default = "verify_poses")]
     pub verify_poses: usize,
     /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: a larger angle gives
@@ -102,7 +100,6 @@ pub enum TargetMounted {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintsSection {
-    /// Smallest distance of a joint to its limits, degrees.
     pub limit_margin_deg: f64,
     /// Least distance to a singularity, as the smallest of the three factors (0 at it, about 1 far from it).
     pub least_singularity_factor: f64,
@@ -114,7 +111,6 @@ pub struct ConstraintsSection {
     pub line_of_sight: Option<LineOfSightSection>,
 }
 
-/// A box along the base frame's axes.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeepOutSection {
@@ -174,7 +170,6 @@ pub struct Expect {
     pub target_sd_mm: f64,
     /// Drift of the base over a session, mm.
     pub base_drift_mm: f64,
-    /// Share of stations at which the beam is lost.
     pub lost_share: f64,
 }
 

@@ -15,7 +15,6 @@ use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// The design of the session's own poses.
 pub const KIND: Kind = Kind::GreedyVariance;
-/// Fewest poses that determine an arm.
 pub const LEAST_POSES: usize = 10;
 /// Fewest poses that determine the place of a known arm, even if the beam misses one of them.
 pub const LEAST_KNOWN_POSES: usize = 5;
@@ -29,13 +28,9 @@ pub enum Purpose {
     /// It takes no part in the fit and verifies the promise.
     Verify,
     /// The pose of an earlier visit again, for the drift of the base; the arm is also identified on it.
-    DriftCheck {
-        /// Index of that visit.
-        of: usize,
-    },
+    DriftCheck { of: usize },
 }
 
-/// The fewest poses that a session may have.
 pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
     if settings.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES }
 }

@@ -12,13 +12,11 @@ use crate::fit::{FitSettings, Noise};
 use crate::grid::{GridSettings, Tolerance, WorkBox};
 use crate::simulate::SimulateSettings;
 
-/// All inputs of a plan except the nominal arm.
 #[derive(Debug, Clone)]
 pub struct PlanSettings {
     pub seed: u64,
     /// Reported angles (rad) of a pose in the arm configuration of the whole plan.
     pub home: Vec<f64>,
-    /// Intended place of the target at the flange.
     pub flange_from_target: Isometry3<f64>,
     pub region: Region,
     /// Largest turn of measured poses away from the table's orientation, rad: a larger turn gives more information.
@@ -31,7 +29,6 @@ pub struct PlanSettings {
     pub population: SimulateSettings,
     /// The arm as a past session identified it, instead of the expected robots; `None` without one.
     pub known: Option<Arc<KnownArm>>,
-    /// The measurement's uncertainty, for the fit.
     pub noise: Noise,
     pub fit: FitSettings,
     pub full: FullSettings,

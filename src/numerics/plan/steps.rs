@@ -30,11 +30,9 @@ pub struct Grid {
     pub placed: PlacedGrid,
     /// The nodes that can be measured, in the order of visits.
     pub visited: Vec<usize>,
-    /// Their commands, in the same order.
     pub commands: Vec<Commanded>,
 }
 
-/// The results of one step, source and interpolation.
 #[derive(Debug, Clone)]
 pub struct StepRow {
     pub step_mm: f64,
@@ -131,7 +129,6 @@ pub fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
         .collect()
 }
 
-/// One robot measured on one grid.
 #[derive(Debug)]
 pub struct Measured<'a> {
     fitted: Fitted<'a>,

@@ -35,12 +35,10 @@ pub const HEIGHT: f64 = 270.0;
 /// Number of different looks (colour, dash and marker together) of series; further series repeat them.
 pub const LOOKS: usize = 6;
 
-/// One set of axes with everything drawn in them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chart {
     /// The contents in a few words: the chart's name for readers who cannot see it.
     pub title: String,
-    /// Description of the chart, in a sentence or two.
     pub description: String,
     pub x: Axis,
     pub y: Axis,
@@ -50,7 +48,6 @@ pub struct Chart {
     pub limits: Vec<Limit>,
 }
 
-/// The quantity, unit and range of an axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
     pub quantity: String,
@@ -66,17 +63,14 @@ pub struct Axis {
     pub whole: bool,
 }
 
-/// A value that must not be exceeded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limit {
     /// Name of the limit with its value: `tolerance 0.5 mm`.
     pub name: String,
-    /// Position on the vertical axis.
     pub value: f64,
 }
 
 impl Axis {
-    /// A linear axis.
     pub fn new(quantity: &str, unit: &str) -> Self {
         Self { quantity: quantity.to_owned(), unit: unit.to_owned(), ..Self::default() }
     }

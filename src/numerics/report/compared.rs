@@ -74,7 +74,6 @@ pub struct Compared {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorPair {
     pub station: usize,
-    /// The place that was commanded or predicted.
     pub at: Point3<f64>,
     pub before: Vector3<f64>,
     /// The error that the correction leaves.

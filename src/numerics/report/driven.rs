@@ -36,13 +36,10 @@ pub struct CorrectedTarget {
     pub variance_mm2: f64,
 }
 
-/// Stations and their corrected targets.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Matched {
     pub of_command: Vec<Option<usize>>,
-    /// Number of commands too far from every target.
     pub far: usize,
-    /// Number of commands between two targets.
     pub between: usize,
 }
 

@@ -80,16 +80,13 @@ pub struct Figure {
     pub pose: Option<usize>,
     /// Value, mm or rad; `None` where the visits do not allow it.
     pub value: Option<f64>,
-    /// Number of visits, or for a distance of pairs of visits.
     pub n: usize,
-    /// Number that the standard asks for.
     pub n_needed: usize,
     /// Limitations of the figure, as text; `None` without any.
     pub remark: Option<String>,
 }
 
 impl Figure {
-    /// A row without a value, with the reason.
     fn missing(characteristic: Characteristic, n_needed: usize, remark: &str) -> Self {
         Self {
             characteristic,
@@ -183,7 +180,6 @@ pub fn none(remark: &str) -> Vec<Figure> {
         .into()
 }
 
-/// The poses that are given one by one, in order.
 fn most_visited(visited: &[Visited]) -> Vec<usize> {
     let mut most: Vec<&Visited> = visited.iter().collect();
     most.sort_by_key(|own| (std::cmp::Reverse(own.visits.len()), own.pose));
@@ -235,7 +231,6 @@ fn remark_of_largest(worst: &Figure, of: usize, poses: usize, middle: f64) -> St
     format!("largest of {of} poses, pose {pose}; their median is {unit}{limit}{more}")
 }
 
-/// A remark where there are too few visits.
 fn too_few(n: usize, needed: usize) -> Option<String> {
     (n < needed).then(|| format!("{n} visits, the standard asks for {needed}"))
 }

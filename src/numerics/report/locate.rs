@@ -36,7 +36,6 @@ pub struct Locate {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocateBy {
-    /// The first that were measured.
     First,
     /// Those whose poses fix base and target best for the identified arm.
     #[default]
@@ -59,7 +58,6 @@ pub enum LocateTarget {
 /// How base and target of one session are found.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Located {
-    /// The stations that find them, by the places of their observations.
     pub finders: Vec<usize>,
     /// Standard deviation of the session's own target from the known one, per axis, mm; `None` where the target is the known one.
     pub target_sd_mm: Option<f64>,
@@ -75,7 +73,6 @@ pub struct Displacement {
 }
 
 impl Located {
-    /// Whether the session's target is found with its base.
     pub const fn with_target(&self) -> bool {
         self.target_sd_mm.is_some()
     }
@@ -103,7 +100,6 @@ impl Finders {
     }
 }
 
-/// Fewest stations that determine base and target.
 pub const LEAST_STATIONS: usize = 4;
 /// First stations where the pipeline file states no number: neighbours, which tell less than chosen ones.
 const FIRST_STATIONS: usize = 50;
@@ -432,7 +428,6 @@ pub fn frame_columns(
 /// Standard deviation of an instrument's reading while stations are chosen, mm, per axis: that of laser trackers at a few metres.
 const LEAST_MM: f64 = 0.01;
 
-/// A station of another session.
 fn query<'q>(observation: &'q Observation, axes: &'q [f64], known: Known<'q>) -> Query<'q> {
     Query {
         axes,

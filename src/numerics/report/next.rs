@@ -22,7 +22,6 @@ pub struct Next {
     pub instead: Option<Instead>,
 }
 
-/// What to do with a result that does not meet the tolerance, or was not shown to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Instead {
     pub words: String,
@@ -37,7 +36,6 @@ pub enum Stated {
     Joints,
     /// Joint angles, or an orientation: an arm with six joints and without configurations.
     JointsOrOrientation,
-    /// Joint angles, or orientation and configuration.
     JointsOrConfiguration,
 }
 

@@ -48,9 +48,7 @@ pub struct PromiseKept {
     pub promise: Promise,
     /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,
-    /// Number of measured poses, and of their visits.
     pub counted: Counted,
-    /// Of these poses, how many are within the promised bound.
     pub within: usize,
     /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
     pub interval: (f64, f64),
@@ -75,7 +73,6 @@ impl PromiseKept {
         self.interval.1 < self.promise.share
     }
 
-    /// The outcome of the promise, in two words.
     pub fn verdict(&self) -> &'static str {
         if self.is_broken() { "not kept" } else { "not contradicted" }
     }
@@ -105,7 +102,6 @@ impl PlanPromise {
         PromiseKept::new(self.promise, &by_pose, Figures::of(&by_pose.worst()))
     }
 
-    /// The comparison in one line for a person.
     pub fn words(&self, kept: &PromiseKept) -> String {
         let promise = &self.promise;
         let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));

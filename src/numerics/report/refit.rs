@@ -18,10 +18,8 @@ pub struct Placed {
     pub flange: UnitQuaternion<f64>,
 }
 
-/// The session's own frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refit {
-    /// Pose of the tracker in the base frame.
     pub base_from_tracker: Isometry3<f64>,
     /// Displacement of the target from its place in training, along the flange's axes, mm.
     pub target_shift: Vector3<f64>,

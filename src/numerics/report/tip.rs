@@ -33,7 +33,6 @@ impl Turn {
         self.attained * lever - self.wanted * lever
     }
 
-    /// The turn stated in another frame.
     #[must_use]
     pub fn seen_from(&self, to_from: &UnitQuaternion<f64>) -> Self {
         Self { attained: to_from * self.attained, wanted: to_from * self.wanted }

@@ -86,7 +86,6 @@ fn noise(
         .collect()
 }
 
-/// An unseen session's predictions by one model.
 struct Unseen<'u> {
     model: &'u dyn PoseModel,
     predictions: &'u [Predicted],
@@ -99,7 +98,6 @@ struct Unseen<'u> {
     poses: Option<Poses>,
 }
 
-/// The frames of an unseen session.
 struct Found {
     refit: Refit,
     /// Whether each station took part in finding them and does not judge.

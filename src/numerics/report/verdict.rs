@@ -105,7 +105,6 @@ impl ProductVerdict {
         if said.is_empty() { "nothing judges".to_owned() } else { said.join("; ") }
     }
 
-    /// The judges whose verdict none is worse than.
     fn worst(&self) -> impl Iterator<Item = &Judge> {
         let all = || self.judges.iter();
         let worst = all().map(|judge| badness(&judge.verdict)).max();
@@ -139,12 +138,10 @@ impl RunVerdict {
         Self { applied: applied(&table, &arm), table, arm, nominal, models, limit: None }
     }
 
-    /// What the verdict of the run is of.
     pub const fn applied(&self) -> Applied {
         self.applied
     }
 
-    /// The verdict of the run, with its judges.
     pub const fn headline(&self) -> &ProductVerdict {
         match self.applied {
             Applied::Table => &self.table,

@@ -9,7 +9,6 @@ use crate::join::{Command, Reading, Station, TargetId};
 /// The most stations that are compared, spread over the session: the set-up has a dozen numbers.
 const MOST: usize = 250;
 
-/// One station as the logs state it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dwelt {
     /// Reported joint angles in the order of the robot file's joints, rad as the pipeline file's unit makes them.
@@ -70,7 +69,6 @@ fn held_against(stations: &[Station]) -> TargetId {
     }
 }
 
-/// The point of a vector from the origin.
 pub(super) fn point(vector: &Vector3<f64>) -> Point3<f64> {
     Point3::from(*vector)
 }

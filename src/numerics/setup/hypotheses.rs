@@ -18,7 +18,6 @@ pub use frames::{FrameKey, OtherReading};
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
     pub mistake: String,
-    /// The key to edit and what to write.
     pub edit: String,
     pub set_up: SetUp,
     pub sort: Sort,
@@ -92,7 +91,6 @@ fn positions(stated: &SetUp, factor: f64, unit: &str) -> Option<Hypothesis> {
     Some(Hypothesis::new(mistake, edit, set_up))
 }
 
-/// Every stream in another unit.
 fn units(stated: &SetUp) -> Vec<Hypothesis> {
     let angle = |unit: &str, factor: f64| {
         let mut joints_from_reported = stated.joints_from_reported.clone();

@@ -38,7 +38,6 @@ impl Sort {
 const TIE: f64 = 0.25;
 /// A mistake explains everything where no relation is left beyond this many times what is usual.
 const WHOLE: f64 = 10.0;
-/// The most mistakes that are named together.
 const MOST_NAMED: usize = 4;
 /// A disagreement beyond this is grave even where it is a matter of size, mm: tables made with it would be of another cell.
 const GRAVE_MM: f64 = 20.0;
@@ -91,7 +90,6 @@ pub fn check(
         .or_else(|| unexplained(relation, worst, gate_mm))
 }
 
-/// Every mistake of kind and of size.
 pub(super) fn all(
     stated: &SetUp,
     evidence: &Evidence,

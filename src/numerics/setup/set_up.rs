@@ -21,11 +21,9 @@ pub struct SetUp {
     pub flange_from_tool: Option<Isometry3<f64>>,
     /// The measured target at the flange, mm; `None` where it is not stated.
     pub target: Option<Vector3<f64>>,
-    /// Whether the commanded point is the measured target.
     pub target_is_tool: bool,
     /// The surveyed base in the tracker's frame, mm; `None` where it is fitted.
     pub tracker_from_base: Option<Isometry3<f64>>,
-    /// The keys that state the units.
     pub unit_keys: UnitKeys,
 }
 

@@ -6,11 +6,8 @@ use super::ErrorSample;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bin {
-    /// Least separation of the bin.
     pub from: f64,
-    /// Largest separation of the bin.
     pub to: f64,
-    /// Mean separation of its pairs.
     pub separation: f64,
     pub pairs: u64,
     /// `1/(2N) Σ (e_i − e_j)²`, mm².

@@ -63,7 +63,6 @@ pub(super) fn fit_all(bins: &[Bin]) -> Vec<VariogramModel> {
     models
 }
 
-/// Whether near pairs are more alike than far ones.
 pub fn alikeness(bins: &[Bin], models: &[VariogramModel]) -> Alikeness {
     let Some(best) = models.first() else {
         return Alikeness::TooFewPairs;

@@ -114,7 +114,6 @@ impl ScannerSettings {
 }
 
 impl CameraSettings {
-    /// The target's pose in the camera's frame.
     fn camera_from_board(&self, pose: &Isometry3<f64>) -> Isometry3<f64> {
         if self.on_flange { pose.inverse() } else { *pose }
     }
@@ -245,7 +244,6 @@ impl CameraSettings {
     }
 }
 
-/// Cosine of the slant at which a target is seen.
 fn cosine(camera_from_board: &Isometry3<f64>) -> f64 {
     let ray = camera_from_board.translation.vector.normalize();
     (camera_from_board.rotation * Vector3::z()).dot(&ray).abs()

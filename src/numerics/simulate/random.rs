@@ -25,44 +25,32 @@ pub enum Ingredient {
     LostBeam = 12,
     /// Noise that all readings of a station share.
     Placement = 13,
-    /// Noise of single readings.
     Reading = 14,
     Outliers = 15,
-    /// Poses that a design may choose.
     Candidates = 16,
-    /// Poses that represent a region.
     Region = 17,
     /// New poses for the judgement of a plan.
     TestPoses = 18,
-    /// Seeds of robots and sessions.
     Robots = 19,
-    /// Errors drawn from a covariance.
     Errors = 20,
     /// Poses that verify a stated bound.
     Verify = 21,
-    /// Arms drawn from a posterior.
     Posterior = 22,
     /// Repeatability of an arm as a whole.
     Scatter = 23,
-    /// Readings of further reflectors.
     Beside = 24,
-    /// Readings of instruments of one length.
     Lengths = 25,
-    /// Readings of references.
     References = 26,
     /// Order in which reflectors are measured.
     Turns = 27,
-    /// Noise of single readings of references.
     ReferenceReadings = 28,
     /// Noise of corners in images.
     Image = 29,
-    /// Noise of single samples of instruments of one length.
     LengthSamples = 30,
     /// Drift of the tracker on its stand.
     TrackerDrift = 31,
 }
 
-/// One stream of random numbers.
 #[derive(Debug, Clone)]
 pub struct Stream(ChaCha12Rng);
 
@@ -75,7 +63,6 @@ impl Stream {
         Self(generator)
     }
 
-    /// 64 uniformly random bits.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }

@@ -12,7 +12,6 @@ pub struct SimulateSettings {
     /// Reported angles (rad) at the start; the whole session is in their arm configuration.
     pub home: Vec<f64>,
     pub poses: Poses,
-    /// Errors of link lengths and angles.
     pub geometry: GeometryErrors,
     pub joints: JointErrors,
     pub gravity: Gravity,
@@ -26,7 +25,6 @@ pub struct SimulateSettings {
     #[serde(skip_serializing_if = "is_one")]
     pub understated: f64,
     pub clocks: Clocks,
-    /// Moves, dwells and sampling.
     pub motion: MotionTimes,
 }
 
@@ -61,7 +59,6 @@ pub enum Poses {
     },
 }
 
-/// Standard deviations of the parameter offsets.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GeometryErrors {
     /// Lengths a, d, mm.
@@ -89,16 +86,13 @@ pub struct JointErrors {
     pub repeatability_rad: f64,
 }
 
-/// Weight of links and payload, and the joints' compliance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gravity {
     /// Deflection of a typical joint when the arm after it is stretched out level, rad.
     pub sag_rad: f64,
-    /// Direction of up in the base frame.
     pub up: [f64; 3],
 }
 
-/// Frames of the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Cell {
     /// Origin of the base in the tracker frame, mm.
@@ -144,7 +138,6 @@ pub struct TrackerErrors {
     pub scale: f64,
     /// Standard deviation of an orientation, rad per axis.
     pub orientation_rad: f64,
-    /// Share of stations that the beam misses.
     pub lost_share: f64,
     /// Whether a lost beam is logged as 0 0 0 (true) or not at all.
     pub lost_as_zeros: bool,
@@ -197,7 +190,6 @@ pub struct ScannerSettings {
 /// A camera that sees a flat, square target and states the covariance of its pose.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraSettings {
-    /// Focal length, pixels.
     pub focal_px: f64,
     /// Standard deviation of a corner in the image along each axis, for a target seen from the front, pixels.
     pub noise_px: f64,
@@ -219,7 +211,6 @@ pub struct Clocks {
     pub drift_ppm: f64,
 }
 
-/// Times of moves, dwells and samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MotionTimes {
     /// Constant part of the time of every move, s; the distance over the speed is added.
@@ -230,9 +221,7 @@ pub struct MotionTimes {
     pub dwell_s: f64,
     /// Dwells are longer by a random time up to this, s.
     pub dwell_spread_s: f64,
-    /// Joint states per second.
     pub joint_rate_hz: f64,
-    /// Tracker readings per second.
     pub reading_rate_hz: f64,
 }
 

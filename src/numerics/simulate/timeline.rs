@@ -116,7 +116,6 @@ impl Timeline {
     }
 }
 
-/// The joint angles at the end of one visit.
 struct Visit {
     reported: Vec<f64>,
     /// Errors of the true angles beyond the arm's own errors, rad.
@@ -180,7 +179,6 @@ impl<'a> Visits<'a> {
     }
 }
 
-/// A time in seconds as nanoseconds.
 pub(super) fn ns(t_s: f64) -> i64 {
     round_ns(t_s * NS_PER_S)
 }

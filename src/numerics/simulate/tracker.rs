@@ -34,7 +34,6 @@ const TURNS_AT_MM: f64 = 2000.0;
 /// Directions of the tracker's bump: of its shift and of its turn, unit vectors in its frame.
 const TRACKER_BUMP: [[f64; 3]; 2] = [[-0.48, 0.6, 0.64], [0.0, 0.8, -0.6]];
 
-/// Numbers of readings by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrueReadingCounts {
     /// Number of readings of the target, outliers included.
@@ -45,7 +44,6 @@ pub struct TrueReadingCounts {
     pub lost: u64,
 }
 
-/// The tracker's result at one moment.
 enum Reading {
     Seen(Isometry3<f64>),
     Outlier(Isometry3<f64>),
@@ -330,7 +328,6 @@ impl<'a> View<'a> {
         }
     }
 
-    /// What a laser tracker reads of a pose.
     fn tracked(&self, pose: &Isometry3<f64>, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
         let [placed, turned] = self.placement[stop];
         let position = (placed + noise.normal3()) * FRAC_1_SQRT_2;
@@ -387,7 +384,6 @@ pub(super) fn logged_quaternion(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
         .map(|x| rounded(sign * x, QUATERNION_RESOLUTION))
 }
 
-/// The mean of a station's readings.
 pub(super) struct Mean {
     pub(super) position: Point3<f64>,
     pub(super) orientation: UnitQuaternion<f64>,
@@ -397,7 +393,6 @@ pub(super) struct Mean {
 }
 
 impl Mean {
-    /// The mean from the true pose, the noise of the mean and the number of readings.
     pub(super) fn of(
         pose: &Isometry3<f64>,
         off: Translation3<f64>,

@@ -27,7 +27,6 @@ pub struct ArmErrors {
     pub offsets: Vec<f64>,
     /// One error curve for each joint; where it slides, in m over its position as a share of twice its travel, as an angle.
     pub curves: Vec<JointCurve>,
-    /// One gear line for each joint.
     pub gear_lines: Vec<GearLine>,
     /// Backlash of each joint, rad; mm where it slides.
     pub backlash_rad: Vec<f64>,
@@ -35,7 +34,6 @@ pub struct ArmErrors {
     pub compliance: Vec<f64>,
     /// Mass of each link and, last, of the payload; they sum to 1.
     pub masses: Vec<f64>,
-    /// Direction of up in the base frame.
     pub up: [f64; 3],
     /// True position of the measured target in the flange frame, mm.
     pub flange_from_target_mm: [f64; 3],

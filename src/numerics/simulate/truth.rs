@@ -15,7 +15,6 @@ use crate::units::{ClockModel, Controller, Stamp};
 /// Error curves are tabulated at this many angles per joint, from limit to limit.
 const CURVE_POINTS: u32 = 181;
 
-/// The true values that a session's logs do not state.
 #[derive(Debug, Clone, Serialize)]
 pub struct Truth {
     pub model: String,
@@ -66,13 +65,11 @@ pub struct RawError {
     pub max: f64,
 }
 
-/// The true values of one dwell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueStation {
     pub number: usize,
     pub start: Stamp<Controller>,
     pub end: Stamp<Controller>,
-    /// Whether the tracker measured it.
     pub measured: bool,
     /// The command: the measured target's pose in the nominal base frame, mm.
     pub command: Isometry3<f64>,

@@ -12,7 +12,6 @@ use super::design::saturation;
 use super::layout::{Block, Layout};
 use crate::fit::observation::Observation;
 
-/// True minus known axis variables over the training stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApproachOffsets {

@@ -47,7 +47,6 @@ pub struct Components {
 pub(super) const WEIGHT: f64 = 2.0;
 /// A step of the fixed point is damped by this power, so that parts that share columns do not oscillate.
 const DAMPING: f64 = 0.8;
-/// A size changes by no more than this factor in a step.
 const LARGEST_CHANGE: f64 = 20.0;
 
 impl Components {

@@ -95,7 +95,6 @@ impl FullModel {
         rows
     }
 
-    /// Posterior covariance of combinations of columns, a row each.
     pub fn covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         gram(&self.posterior.half(rows).as_view())
     }

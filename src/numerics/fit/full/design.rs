@@ -24,15 +24,12 @@ pub fn saturation(slides: bool) -> f64 {
 pub struct PoseView<'a> {
     /// The target's motion per unit of each unknown of the problem that moves it.
     pub unknowns: &'a [(usize, Twist)],
-    /// The target's motion per unit of each axis variable.
     pub joints: &'a [Twist],
-    /// Origin and direction of each joint axis.
     pub axes: &'a Axes,
     /// Position of the target, mm.
     pub end: Point3<f64>,
     /// Direction of up, a unit vector; `None` where the mounting is not known.
     pub up: Option<Vector3<f64>>,
-    /// The base frame's axes.
     pub base: Matrix3<f64>,
     pub angles: &'a [f64],
     /// Commanded minus reported axis variables, rad (mm where a joint slides); `None` where it is not known.

@@ -24,7 +24,6 @@ pub struct Elsewhere {
     model: FullModel,
     /// Columns of base and scale, which the session's own stations find.
     found: Vec<usize>,
-    /// Columns of the targets, which they find where these are the session's own.
     targets: Vec<usize>,
 }
 

@@ -22,7 +22,6 @@ use crate::fit::problem::Problem;
 
 /// Number of blocks that suffice where they all say the same clearly.
 const CLEAR: usize = 3;
-/// Logarithm of a ratio of mean distances that is clear.
 const CLEARLY: f64 = 0.25;
 /// Stations of a block whose mean distance is known to some 5 %.
 const MANY: usize = 100;

@@ -5,7 +5,6 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-/// One part of the model that owns a run of columns.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Block {
     /// Geometry, bases and targets: the unknowns of the identification problem.
@@ -22,7 +21,6 @@ pub enum Block {
     OwnCommandWeight(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,
-    /// Slow translation of the base in one session alone.
     Drift(usize),
     /// Scale of one session, its instrument's length unit relative to the arm's lengths: the target's shift away from the
     /// middle of the session's stations, as a share of its distance from there.
@@ -43,7 +41,6 @@ pub enum Block {
         joint: usize,
         step: usize,
     },
-    /// A sine of fixed cycles per turn on the raw angle of one joint.
     Line {
         joint: usize,
         cycles: f64,
@@ -71,7 +68,6 @@ impl Block {
         )
     }
 
-    /// The joint and the session that the block belongs to.
     pub(super) const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
         match self {
             Self::Unknowns
@@ -226,7 +222,6 @@ impl Layout {
         self.blocks.iter().find(|(own, _)| *own == block).map(|(_, columns)| columns.clone())
     }
 
-    /// Cycles per turn of the gear lines of one joint.
     pub fn lines(&self, joint: usize) -> Vec<f64> {
         let cycles = |(block, _): &(Block, Range<usize>)| match block {
             Block::Line { joint: own, cycles } if *own == joint => Some(*cycles),

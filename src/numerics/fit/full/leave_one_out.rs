@@ -24,7 +24,6 @@ use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 use crate::linalg::{invert_small, stacked};
 
-/// Gear lines taken per joint in one round.
 const LINES_PER_ROUND: usize = 3;
 /// Stations whose rows one product takes: of fewer it would pack its other factor more often than that repays.
 const TOGETHER: usize = 4 * CHUNK;
@@ -34,7 +33,6 @@ pub struct LeftOut {
     /// Measured minus predicted by all other stations, mm and rad; its readings one below the other.
     pub residual: DVector<f64>,
     pub information: DMatrix<f64>,
-    /// Squared Mahalanobis distance at weight 1, of all rows together.
     pub distance_squared: f64,
     pub noise: NoiseEvidence,
 }
@@ -102,9 +100,7 @@ pub(super) fn leave_one_out(
 
 struct Explaining<'s> {
     seen: &'s Seen,
-    /// Covariance of the plain columns with each other.
     plain: DMatrix<f64>,
-    /// Covariance of the plain columns with the coefficients of each joint's shapes.
     with_plain: Vec<DMatrix<f64>>,
     /// Covariance of the coefficients of two joints' shapes, by the pair.
     of_joints: Vec<((usize, usize), DMatrix<f64>)>,

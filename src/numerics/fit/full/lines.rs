@@ -36,7 +36,6 @@ const SIDE_LOBES: f64 = 5.0;
 /// A line nearer than this to a known one is the same line, cycles per turn.
 const SAME: f64 = 0.6;
 
-/// Evidence of one station for one joint.
 pub fn evidence(
     column: &DVectorView<'_, f64>,
     residual: &DVector<f64>,
@@ -76,7 +75,6 @@ fn frequency(index: usize) -> f64 {
 
 /// Frequencies in a row whose phases follow from each other.
 const BAND: usize = 128;
-/// Bands that are computed side by side.
 const LANES: usize = 4;
 
 #[expect(

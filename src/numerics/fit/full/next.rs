@@ -33,7 +33,6 @@ use crate::linalg::{Cholesky, gram};
 const ROUNDS: usize = 3;
 type Columns = Vec<Column>;
 
-/// The relation of a new session to one that was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mounting {
     pub session: usize,
@@ -42,25 +41,25 @@ pub struct Mounting {
     pub targets: Vec<Mounted>,
 }
 
-/// Base of a new session in a source's frame, relative to the session before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Placed {
-    /// Neither base nor source was moved.
     Same,
     /// One of them was moved; this is the approximate pose of the base, mm.
     Moved(Transform<Tracker, Base>),
-    /// An instrument that reads one length and was not there before.
-    Length { gauge: Gauge, known: KnownGauge },
+    Length {
+        gauge: Gauge,
+        known: KnownGauge,
+    },
 }
 
 /// Mounting of a new session's measured target, relative to the session before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mounted {
-    /// The target was not removed.
     Same,
     /// The target of the session before, removed and mounted again in its place.
-    Again { sd_mm: f64 },
-    /// Another target, or another place.
+    Again {
+        sd_mm: f64,
+    },
     Other {
         /// Intended pose of the target on the flange, mm.
         flange_from_target: Transform<Flange, Target>,
@@ -68,7 +67,6 @@ pub enum Mounted {
     },
 }
 
-/// The source of a column of the new session's model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
     /// A column of the past model (its index), and the variance added to it.
@@ -175,14 +173,12 @@ impl FullModel {
         mounting.frames(source, target)
     }
 
-    /// Whether the target's orientation is among the unknowns.
     fn is_turned(&self) -> bool {
         let is_turn =
             |own: &Unknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
         self.unknowns().iter().any(is_turn)
     }
 
-    /// The columns of the new session, and the source of each.
     fn next_columns(
         &self,
         problem: &Problem<'_>,

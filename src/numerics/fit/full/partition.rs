@@ -101,7 +101,6 @@ impl Block {
 }
 
 impl Layout {
-    /// The blocks that are not another session's, with their columns.
     pub(super) fn blocks_in(&self, session: usize) -> impl Iterator<Item = (Block, Range<usize>)> {
         let is_seen = move |block: Block| block.session().is_none_or(|own| own == session);
         self.blocks().filter(move |(block, _)| is_seen(*block))

@@ -25,7 +25,6 @@ pub enum Evidence {
     Sessions(SessionSums),
 }
 
-/// Sums over whitened rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sums {
     /// `Φᵀ N⁻¹ Φ`.
@@ -49,13 +48,11 @@ pub struct Posterior {
     pub log_evidence: f64,
 }
 
-/// A square root of the information M.
 #[derive(Debug, Clone)]
 pub(super) enum Root {
     Columns(Cholesky),
     /// The rows that it follows from, where they are few.
     Rows(FewRoot),
-    /// The factors of an arrow, of several sessions.
     Sessions(Arrow),
 }
 
@@ -127,7 +124,6 @@ impl Evidence {
 }
 
 impl Sums {
-    /// Sums over stacked, whitened rows.
     pub fn new(whitened: &DMatrix<f64>, values: &DVector<f64>, ln_noise: f64) -> Self {
         Self {
             information: gram(&whitened.as_view()),
@@ -234,7 +230,6 @@ impl Posterior {
         }
     }
 
-    /// The covariances of what each session sees.
     pub(super) fn by_session(&self) -> BySession<'_> {
         let shared = match &self.root {
             Root::Sessions(arrow) => arrow.of_shared(),
@@ -313,7 +308,6 @@ impl Posterior {
     }
 }
 
-/// The posterior covariance of the columns that a session's stations see, one session at a time.
 pub(super) struct BySession<'p> {
     posterior: &'p Posterior,
     /// That of the shared columns, over their prior's standard deviations.

@@ -32,7 +32,6 @@ const AT_ONCE: usize = 2048;
 pub struct State {
     pub layout: Layout,
     pub components: Components,
-    /// The noise beyond the model.
     pub repeatability: Repeatability,
     pub tails: Tails,
     pub weights: Vec<f64>,
@@ -44,7 +43,6 @@ pub struct State {
     pub middles: Vec<Point3<f64>>,
 }
 
-/// One station's rows and residual at the current offsets.
 pub struct Row {
     /// Unwhitened rows of the columns in [`Seen::plain`].
     pub plain: DMatrix<f64>,
@@ -112,14 +110,12 @@ impl Row {
 }
 
 struct ReadingRow {
-    /// The part of the target's motion that the reading shows.
     shown: Shown,
     /// Unwhitened rows of the columns that are no joint's shapes.
     plain: DMatrix<f64>,
     shapes: Vec<DVector<f64>>,
     value: DVector<f64>,
     joints: Vec<Twist>,
-    /// Rotation from the base's axes to the source's.
     base: Matrix3<f64>,
 }
 
@@ -183,7 +179,6 @@ impl<'p> Around<'p> {
         self.stations.len()
     }
 
-    /// Number of all rows of stations.
     pub fn row_count(&self) -> usize {
         let readings = self.problem.observations().iter();
         readings.map(|own| own.measured.kind().rows()).sum()
@@ -202,7 +197,6 @@ impl<'p> Around<'p> {
         self.batches_of(&(0..self.count()).collect::<Vec<usize>>())
     }
 
-    /// Some stations in such batches.
     pub fn batches_of(&self, stations: &[usize]) -> Vec<(usize, Vec<usize>)> {
         let runs = stations.chunk_by(|&a, &b| self.session(a) == self.session(b));
         let batches = runs.flat_map(|run| run.chunks(AT_ONCE));
@@ -321,13 +315,11 @@ fn below<'r>(
     (rows, value)
 }
 
-/// Covariance of a station's noise at its weight.
 pub(super) fn covariance(state: &State, row: &Row, weight: f64) -> DMatrix<f64> {
     let counted = weight * state.tails.information(row.value.len() as f64);
     state.repeatability.covariance(&row.noise, counted.recip())
 }
 
-/// Covariance of the noise of each of these stations at its weight.
 pub(super) fn covariances(state: &State, rows: &[Row], stations: &[usize]) -> Vec<DMatrix<f64>> {
     let weighted = rows.par_iter().zip(stations).with_min_len(CHUNK);
     weighted.map(|(row, &station)| covariance(state, row, state.weights[station])).collect()

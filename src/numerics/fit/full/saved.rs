@@ -42,7 +42,6 @@ pub struct SavedFull {
     /// Offsets of the unknowns at which the columns are evaluated.
     pub offsets: Vec<f64>,
     pub blocks: Vec<SavedBlock>,
-    /// Posterior mean of every column.
     pub mean: Vec<f64>,
     /// Prior standard deviation of every column; 0 for parts that were dropped.
     pub scale: Vec<f64>,

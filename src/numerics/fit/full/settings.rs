@@ -31,22 +31,16 @@ fn is_usual_size(size_mm: &f64) -> bool {
 pub struct FullSettings {
     /// Whether the full error model is fitted at all.
     pub enabled: bool,
-    /// Whether joints deflect under gravity (needs the mounting).
     pub gravity: bool,
-    /// Whether gear lines are searched for.
     pub gear_lines: bool,
-    /// Whether the base drifts slowly.
     pub drift: bool,
     /// Whether a command–feedback weight is estimated (needs commanded orientations).
     pub command_weight: bool,
-    /// Length of the short kernel of the joint curves, degrees.
     pub short_length_deg: f64,
-    /// Length of the long kernel of the joint curves, degrees.
     pub long_length_deg: f64,
     /// Period of joint curves, in turns: 1 for gears that repeat with the joint, 2 or more for those that do not
     /// within the joint's range.
     pub curve_period_turns: u32,
-    /// Harmonics of the joint curves in one turn.
     pub harmonics: usize,
     /// Expected size of each kernel of the joint curves, rad.
     pub curve_sd_rad: f64,
@@ -67,11 +61,9 @@ pub struct FullSettings {
     pub drift_sd_mm: f64,
     /// Smoothness of the base drift, stations.
     pub drift_length_stations: f64,
-    /// Expected size of the command–feedback weight.
     pub command_weight_sd: f64,
     /// Expected size of the approach-direction offset, rad; m where the joint slides.
     pub approach_offset_sd_rad: f64,
-    /// Expected difference of the command–feedback weight between sessions.
     pub session_command_weight_sd: f64,
     /// Expected change of a joint's curve between sessions, rad.
     pub session_curve_sd_rad: f64,

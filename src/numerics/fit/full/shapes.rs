@@ -20,7 +20,6 @@ pub struct JointShapes {
     lines: Vec<f64>,
     /// Whether some curve has a constant; it comes last.
     has_constant: bool,
-    /// The columns that have them.
     pub runs: Vec<Run>,
 }
 
@@ -101,7 +100,6 @@ impl JointShapes {
         self.runs.iter().flat_map(of_run)
     }
 
-    /// The coefficient of each shape from those of the columns.
     pub fn gathered(&self, columns: &DVector<f64>) -> DVector<f64> {
         let mut gathered = DVector::zeros(self.count());
         for run in &self.runs {

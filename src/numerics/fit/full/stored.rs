@@ -31,9 +31,7 @@ use crate::kinematics::{Arm, Motion, Parameter};
 #[serde(deny_unknown_fields)]
 pub struct StoredFull {
     up: Option<Vector3<f64>>,
-    /// The frames that the unknowns of each session are relative to.
     starts: Vec<Frames>,
-    /// Whether the target's orientation is among the unknowns.
     turned: bool,
     layout: Layout,
     offsets: DVector<f64>,

@@ -17,7 +17,6 @@ const PASSES: usize = 30;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Tails {
     Normal,
-    /// Student t with these degrees of freedom.
     Student(f64),
 }
 

@@ -12,7 +12,6 @@ use super::regression::sessions::Adding;
 use super::rows::Row;
 use crate::linalg::{gram_of_columns, transposed};
 
-/// The whitened stations of one session that are summed.
 pub(super) struct Summing<'s> {
     seen: &'s Seen,
     stations: &'s [Whitened],
@@ -72,7 +71,6 @@ impl<'s> Summing<'s> {
         sums.squares(values.norm_squared(), ln_noise);
     }
 
-    /// The sums of the shapes of two joints, a pair.
     fn of_joints(&self, pair: usize, j: usize, l: usize) -> DMatrix<f64> {
         let stations = self.stations.len();
         let weights = &self.weights.as_slice()[pair * stations..][..stations];
@@ -111,7 +109,6 @@ pub(super) struct Whitened {
     /// Rows of the plain columns, transposed: a row of the regression in each column.
     pub plain: DMatrix<f64>,
     pub joints: DMatrix<f64>,
-    /// The values, less those expected.
     pub values: DVector<f64>,
     /// `ln |N|` of the station's noise.
     pub ln_noise: f64,

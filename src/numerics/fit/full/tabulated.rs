@@ -11,7 +11,6 @@ use nalgebra::DVector;
 use super::layout::{Block, Layout};
 
 const ENTRIES: usize = 4096;
-/// Entries that are summed side by side.
 const LANES: usize = 8;
 
 /// The curves of all joints: those common to all sessions, and those of each session of the training.
@@ -23,7 +22,6 @@ pub struct Tabulated {
     periods: Vec<f64>,
 }
 
-/// One joint's curve over a period.
 #[derive(Debug, Clone)]
 struct Curve {
     /// Value, and slope times the distance of entries, rad.

@@ -26,7 +26,6 @@ use crate::fit::problem::Problem;
 const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
 /// Those of a training that starts where another with more parts ended.
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
-/// Number of first rounds after which gear lines are searched for.
 const LINE_ROUNDS: usize = 3;
 
 #[derive(Debug, Clone)]
@@ -50,7 +49,6 @@ pub fn train(
 }
 
 impl Settled {
-    /// Leave-one-out residuals of the last round, station by station.
     pub(super) fn leave_one_out(
         &self,
         problem: &Problem<'_>,
@@ -74,7 +72,6 @@ impl Settled {
     }
 }
 
-/// The rounds of a training, each with so many steps of the variance components.
 fn settled(
     problem: &Problem<'_>,
     mut state: State,

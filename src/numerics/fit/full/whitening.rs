@@ -30,7 +30,6 @@ pub(super) fn sums(around: &Around<'_>, prior_mean: &DVector<f64>) -> Sums {
     summed(around, prior_mean).common
 }
 
-/// The sums of all stations' rows and of known distances.
 fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     let mut sums = SessionSums::zero(&around.partition);
     for (session, stations) in around.batches() {
@@ -149,7 +148,6 @@ fn whitening(noise: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
     (inverse, ln_noise)
 }
 
-/// Cholesky factor of a station's noise.
 pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     covariance
         .clone()

@@ -28,7 +28,6 @@ pub struct CameraUncertainty {
     /// middle of the image, which is near enough for narrow lenses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub looks_along: Option<[f64; 3]>,
-    /// Where the camera is.
     #[serde(default, skip_serializing_if = "Mounted::is_fixed")]
     pub mounted: Mounted,
     /// Factor on all standard deviations, those that readings state included: 1 before it is estimated.
@@ -191,12 +190,10 @@ impl CameraUncertainty {
     }
 }
 
-/// Direction of the ray to a position.
 fn along(position: &Vector3<f64>) -> Vector3<f64> {
     position.try_normalize(0.0).unwrap_or_else(Vector3::z)
 }
 
-/// Two directions across a direction.
 fn across(ahead: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let helper = if ahead.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let first = ahead.cross(&helper).normalize();

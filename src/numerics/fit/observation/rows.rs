@@ -39,7 +39,6 @@ pub struct Stations {
 #[derive(Debug, Clone, Default)]
 pub struct BlockRows {
     unknowns: Vec<usize>,
-    /// Length of a column.
     rows: usize,
     values: Vec<f64>,
     /// The chain's columns before whitening; the memory is reused.

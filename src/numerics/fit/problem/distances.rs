@@ -14,7 +14,6 @@ use crate::kinematics::{Axis, Motion, Parameter};
 /// Targets closer together than this have no direction between them, mm.
 const ONE_PLACE_MM: f64 = 1e-6;
 
-/// The row of a known distance in one session.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Row {
     /// Places of the two targets' shifts along x, y, z among the unknowns.
@@ -29,7 +28,6 @@ pub(super) struct Row {
 pub(in crate::fit) struct DistanceRow {
     /// Unknowns and the derivative of the predicted distance along each.
     pub(in crate::fit) entries: [(usize, f64); 6],
-    /// Known minus predicted.
     pub(in crate::fit) residual: f64,
 }
 

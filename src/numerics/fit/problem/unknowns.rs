@@ -50,7 +50,6 @@ impl Unknown {
     }
 }
 
-/// The parameters that a fit may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Freedom {
     BaseAndTarget,
@@ -68,7 +67,6 @@ pub struct KnownTarget {
     pub sd_mm: f64,
 }
 
-/// A measured distance between two targets, in every session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetDistance {
     pub between: [TargetId; 2],
@@ -76,7 +74,6 @@ pub struct TargetDistance {
     pub sd_mm: f64,
 }
 
-/// A measured distance as a pipeline file states it.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownDistance {
@@ -92,7 +89,6 @@ pub struct Prior {
     pub geometry: Option<(f64, f64)>,
     /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
-    /// Known distances between targets, in every session.
     pub distances: Vec<TargetDistance>,
     /// Stated place and offset of each source that reads a length, in every session, in the order of sources; sources after the
     /// last have no prior.

@@ -24,7 +24,6 @@ pub(super) const ABOUT: About = About {
 /// A saved identified geometry, without the covariance of its fit.
 #[derive(Debug, Clone)]
 pub struct IdentifiedGeometry {
-    /// The identified chain from base to flange.
     pub chain: Chain,
     pub frames: Vec<Frames>,
     /// Root mean square of measured minus predicted, per axis, mm.

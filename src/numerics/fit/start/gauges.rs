@@ -18,7 +18,6 @@ use crate::join::average::SIGMA_PER_MAD;
 use crate::kinematics::{Axis, GaugePart};
 use crate::units::MM_PER_M;
 
-/// Steps of damped least squares from each candidate.
 const STEPS: usize = 60;
 /// Standard deviation of a target's place on the flange that is not stated, mm: it keeps one tool orientation from running away.
 const TARGET_MM: f64 = 300.0;
@@ -26,7 +25,6 @@ const TARGET_MM: f64 = 300.0;
 const NOTHING: f64 = 1e-6;
 /// A later candidate has to be better by this share: normals of both signs explain readings that are all the same.
 const BETTER: f64 = 1e-6;
-/// Rounds in which readings that fit badly lose their weight.
 const ROUNDS: usize = 8;
 /// Cauchy's tuning constant, in standard deviations.
 const TUNING: f64 = 2.0;
@@ -130,7 +128,6 @@ fn best(
     Some((found.gauge, found.target))
 }
 
-/// Damped least squares of an instrument and a target's place.
 #[derive(Clone)]
 struct Solving<'s> {
     gauge: Gauge,

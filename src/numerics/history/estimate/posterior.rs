@@ -90,12 +90,10 @@ fn share(frames: &Frames) -> f64 {
     (3.0 / numbers as f64).min(1.0)
 }
 
-/// Values of a joint's curve.
 struct Values {
     columns: Vec<Column>,
     /// The values per unit of the model's columns.
     rows: DMatrix<f64>,
-    /// Precision of their prior.
     precision: DMatrix<f64>,
 }
 

@@ -7,10 +7,8 @@ use crate::history::compare::{ChiSquare, Comparison};
 const ADDS: f64 = 0.01;
 /// Twice the logarithm of the likelihood ratio that distinguishes two parts.
 const DISTINGUISHED: f64 = 6.0;
-/// The most parts that are named at once.
 const MOST_PARTS: usize = 4;
 
-/// Tests on one comparison.
 pub(super) struct TestOfAll<'c> {
     comparison: &'c Comparison,
     hypotheses: &'c [Hypothesis],

@@ -8,7 +8,6 @@ use super::{Buffer, reordered};
 
 #[derive(Debug)]
 pub struct JointBuffer {
-    /// Factor on the logged values of each joint.
     factors: Vec<f64>,
     stamps: Vec<i64>,
     angles: JointAngles,

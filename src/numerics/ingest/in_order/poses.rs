@@ -17,7 +17,6 @@ use crate::units::Stamp;
 pub struct PoseBuffer {
     clock: SpanClock,
     unit: LengthUnit,
-    /// Whether orientations are kept, where messages have them.
     wants_orientations: bool,
     wants_covariances: bool,
     /// Whether poses are inverted: of a camera on the flange.

@@ -85,7 +85,6 @@ pub struct NumberStamp {
     pub unit: TimeUnit,
 }
 
-/// Unit of a stamp that is one number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TimeUnit {
@@ -103,7 +102,6 @@ pub struct WrongFields {
 }
 
 impl TimeUnit {
-    /// Nanoseconds in one of this unit.
     pub const fn to_ns(self) -> i64 {
         match self {
             Self::S => 1_000_000_000,
@@ -205,7 +203,6 @@ impl PoseFields {
         self.pose_paths().into_iter().chain(stamp).chain(temperature).collect()
     }
 
-    /// Checks that the paths fit together.
     pub fn check(&self) -> Result<(), WrongFields> {
         let given =
             |fields: &[&Option<String>]| fields.iter().filter(|field| field.is_some()).count();

@@ -66,7 +66,6 @@ pub struct LoggedLength {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LengthSource<'s> {
     pub name: &'s str,
-    /// Kind of its readings.
     pub reads: LengthRead,
     pub sd_mm: f64,
     /// Name of the target that it reads; `None`: the main one.
@@ -79,7 +78,6 @@ pub struct LengthSource<'s> {
     pub offset: Option<KnownOffset>,
 }
 
-/// What an instrument of one length reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthRead {
@@ -87,7 +85,6 @@ pub enum LengthRead {
     Height,
 }
 
-/// A place in the base's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownPlace {
@@ -106,7 +103,6 @@ pub struct KnownOffset {
 }
 
 impl LengthRead {
-    /// The word in a pipeline file.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Distance => "distance",

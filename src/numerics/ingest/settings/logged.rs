@@ -81,7 +81,6 @@ impl TrackerSettings {
         own.map(|(place, _)| place).collect()
     }
 
-    /// The topics of instruments of one length, each once.
     pub fn length_topics(&self) -> Vec<&str> {
         let mut topics: Vec<&str> = Vec::new();
         for own in &self.lengths {

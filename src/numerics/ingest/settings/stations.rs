@@ -32,7 +32,6 @@ pub struct StationsSettings {
     pub header: Option<u64>,
     /// The value of each reported joint, from base to flange.
     pub joints: Vec<String>,
-    /// Unit of the joints that turn.
     pub joint_unit: AngleUnit,
     /// Unit of the joints that slide; absent for an arm without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -61,16 +60,13 @@ pub struct StationsSettings {
     /// Numbers that stand for a missing reading; so do blanks, and a position of three zeros.
     #[serde(default = "missing")]
     pub missing: Vec<f64>,
-    /// The commanded pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commanded: Option<PoseColumns>,
     /// The reading of the target, or of each of several, the main one first; empty where lengths alone are read.
     #[serde(default, deserialize_with = "one_or_several", skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<ReadingColumns>,
-    /// Reference reflectors on floor or base, which should not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<ReferenceColumns>,
-    /// Instruments that read one length of a target.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lengths: Vec<LengthColumns>,
 }
@@ -82,11 +78,9 @@ pub const MISSING: [f64; 2] = [9999.0, -9999.0];
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
     pub column: String,
-    /// Its unit, or how a date is written.
     pub unit: TableTime,
 }
 
-/// Unit of the times in a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TableTime {
@@ -108,7 +102,6 @@ pub struct PoseColumns {
     pub orientation: Option<OrientationColumns>,
 }
 
-/// Columns of the reading of a target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadingColumns {
@@ -186,7 +179,6 @@ pub struct ReferenceColumns {
     pub unit: Option<LengthUnit>,
 }
 
-/// What a reference reflector stands on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StandsOn {

@@ -40,7 +40,6 @@ const TOLD_BY: usize = 200;
 pub(in crate::join) struct Targets<'a> {
     /// Those of the main target, or of all that are not named.
     pub(in crate::join) main: Box<dyn Poses<Tracker> + 'a>,
-    /// Those of further targets.
     pub(in crate::join) others: Vec<Box<dyn Poses<Tracker> + 'a>>,
     parts: Arc<[Part]>,
     rejects: Vec<JoinReject>,
@@ -96,7 +95,6 @@ impl<'a> Targets<'a> {
     }
 }
 
-/// The part that a moment is in.
 fn part_of(parts: &[Part], at: Stamp<Tracker>) -> &Part {
     let begun = parts.partition_point(|part| part.from <= at);
     &parts[begun.saturating_sub(1)]
@@ -184,7 +182,6 @@ impl Poses<Tracker> for Carried<'_> {
     }
 }
 
-/// An orientation x y z w, turned.
 fn turned(by: &UnitQuaternion<f64>, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
     (by.quaternion() * Quaternion::new(w, x, y, z)).coords.into()
 }

@@ -19,10 +19,8 @@ const ROOM: usize = 5;
 /// Readings on each side of a reference's move at least.
 const FEWEST: usize = 4;
 
-/// Events that have been found.
 #[derive(Debug, Default)]
 pub(super) struct Events {
-    /// In the order in which they were found.
     pub all: Vec<Found>,
     sorted: BTreeSet<Found>,
     /// First looks of each reference in a new place.

@@ -14,7 +14,6 @@ use super::walk::{Look, Moves};
 pub(super) const ALL: usize = 4000;
 /// Stretches of consecutive looks.
 const STRETCHES: usize = 8;
-/// Looks of a stretch.
 const LONG: usize = 250;
 const MEANS: usize = 1000;
 /// One look of so many is in a mean.

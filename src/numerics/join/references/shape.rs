@@ -20,7 +20,6 @@ pub(super) struct Shape {
     pub middle: Vector3<f64>,
     /// Root mean square distance from the middle, mm; 1 where all are in one place.
     pub radius_mm: f64,
-    /// Whether the references tell rotations.
     pub moves: Moves,
 }
 
@@ -151,7 +150,6 @@ fn left_jacobian(turn: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * 0.5 + cross * cross / 6.0
 }
 
-/// The median along each axis.
 fn middle(all: &[Vector3<f64>]) -> Vector3<f64> {
     Vector3::from_fn(|axis, _| median(&mut all.iter().map(|at| at[axis]).collect::<Vec<f64>>()))
 }

@@ -15,7 +15,6 @@ const FAR: usize = 20;
 const FARTHER: usize = 50;
 /// Least ratio of a variance to the noise's: below it, nothing can be seen of it.
 const LEAST: f64 = 1e-6;
-/// Largest ratio.
 const MOST: f64 = 1e6;
 /// Noise below this is taken as this, mm: no instrument reads finer.
 const FINEST_MM: f64 = 1e-4;
@@ -113,7 +112,6 @@ fn golden(of: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// The readings of each reference with their times.
 fn by_reference(looks: &[Look]) -> Vec<Vec<(f64, Point3<f64>)>> {
     let mut each: BTreeMap<ReferenceId, Vec<(f64, Point3<f64>)>> = BTreeMap::new();
     for look in looks {

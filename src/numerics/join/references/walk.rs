@@ -19,7 +19,6 @@ use nalgebra::{Matrix6, Vector6};
 pub(super) struct Ratios {
     /// Walk of the shift and of the rotation, per second.
     pub walk: [f64; 2],
-    /// Shock of the shift and of the rotation.
     pub shock: [f64; 2],
 }
 
@@ -36,13 +35,11 @@ pub(super) struct Look {
     pub rows: usize,
     /// Number of looks that it is the mean of, each with a shock of its own.
     pub looks: f64,
-    /// Whether the walk jumps before it.
     pub jumps: bool,
     /// Whether it has a shock of unknown size.
     pub shaken: bool,
 }
 
-/// The walk's smoothed course.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Course {
     /// The state at each look, its shock included, and its covariance in units of the noise's variance.
@@ -60,13 +57,11 @@ pub(super) struct Course {
 /// What the filter keeps of a look.
 #[derive(Debug)]
 pub(super) struct Step {
-    /// Covariance of the predicted walk.
     predicted: Matrix6<f64>,
     mean: Vector6<f64>,
     /// Score of the look's innovation, and its variance.
     gain: Vector6<f64>,
     precision: Matrix6<f64>,
-    /// Variances of its shock.
     shock: Vector6<f64>,
 }
 

@@ -16,12 +16,10 @@ use crate::units::{NS_PER_S, round_ns};
 
 /// Number of samples from which the usual interval is found, and the longest window: a longer one would mean a broken clock.
 const OPENING: usize = 1 << 16;
-/// Number of samples processed together, few enough to stay in the processor's cache.
 const PIECE: usize = 2048;
 /// The least number of samples in which stationary is distinguished from motion.
 const MIN_WINDOW_SAMPLES: usize = 3;
 
-/// Finds the stationary stretches of samples given in order of time.
 #[derive(Debug, Clone)]
 pub struct Finder {
     rule: StationaryRule,
@@ -139,7 +137,6 @@ impl Finder {
         })
     }
 
-    /// The threshold for all samples so far.
     fn threshold(&self) -> f64 {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {

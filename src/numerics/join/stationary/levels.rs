@@ -41,12 +41,10 @@ impl Samples {
     }
 }
 
-/// The thresholds and the stationary stretches of each.
 #[derive(Debug, Clone)]
 pub struct Levels {
     thresholds: Vec<f64>,
     by: Vec<ByThreshold>,
-    /// Level of the previous window.
     level: usize,
     window: usize,
     min_stretch_ns: i64,
@@ -55,7 +53,6 @@ pub struct Levels {
     most_stretches: usize,
 }
 
-/// The stationary stretches of one threshold.
 #[derive(Debug, Clone, Default)]
 struct ByThreshold {
     open: Option<Open>,
@@ -65,7 +62,6 @@ struct ByThreshold {
     stretches: Vec<StationaryStretch>,
 }
 
-/// A stretch that may continue.
 #[derive(Debug, Clone, Copy)]
 struct Open {
     first: usize,
@@ -74,7 +70,6 @@ struct Open {
     end: Option<End>,
 }
 
-/// The end of a stretch unless it continues.
 #[derive(Debug, Clone, Copy)]
 struct End {
     last: usize,
@@ -177,13 +172,11 @@ impl Levels {
         self.thresholds.partition_point(|&t| t < threshold)
     }
 
-    /// Whether too many stretches are kept.
     pub(super) fn are_too_many(&self) -> bool {
         let stretches = self.by.iter().map(|by| by.stretches.len());
         stretches.sum::<usize>() > self.most_stretches
     }
 
-    /// Keeps only the stretches of the thresholds near this one.
     pub(super) fn forget_all_but(&mut self, threshold: f64) {
         let place = self.place(threshold);
         let near = place.saturating_sub(self.near)..place + self.near + 1;

@@ -10,11 +10,9 @@ const TOGETHER: usize = 16;
 /// A step below this share of the least one so far is a smaller quantum, not its rounding.
 const SMALLER: f64 = 0.99;
 
-/// The steps of each column.
 #[derive(Debug, Clone)]
 pub struct Quanta {
     of_columns: Vec<Steps>,
-    /// The last sample's values.
     before: Vec<f64>,
 }
 

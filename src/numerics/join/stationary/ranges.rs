@@ -5,7 +5,6 @@
 
 use super::pairs::{Pair, larger, largest, smallest, widest};
 
-/// Buffers that are kept from one piece to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Ranges {
     smooth: Vec<Pair>,

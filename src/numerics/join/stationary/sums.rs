@@ -20,7 +20,6 @@ impl Default for Sums {
 }
 
 impl Sums {
-    /// Adds the next values.
     pub fn push(&mut self, values: impl Iterator<Item = Pair>) {
         let Sum { mut high, mut low } = self.0[self.0.len() - 1];
         self.0.extend(values.map(|value| {

@@ -22,16 +22,13 @@ use crate::join::Value;
 use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
 use crate::units::NS_PER_S;
 
-/// The course of a session's references on floor or base.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceCourse {
     pub on: StandsOn,
-    /// Names of all references of the session, in order.
     pub names: Arc<[String]>,
     pub followed: Followed,
     /// The looks of the course, in order of time.
     pub looks: Vec<LookAt>,
-    /// Whether this motion was taken out of the readings.
     pub is_taken_out: bool,
     /// Whether the looks have times; otherwise they count as a second apart.
     pub is_timed: bool,
@@ -39,7 +36,6 @@ pub struct ReferenceCourse {
     pub is_logged: bool,
 }
 
-/// The moment of a look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LookAt {
     /// Line in the table, from 1; the number of the look in logs, from 1.
@@ -60,7 +56,6 @@ pub struct ReadReference {
     pub between: Option<[usize; 2]>,
 }
 
-/// What the references say of the rows.
 #[derive(Debug, Default)]
 pub(super) struct Carried {
     pub courses: Vec<ReferenceCourse>,
@@ -262,7 +257,6 @@ fn looks(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool) -> Vec<Look> 
     stops.iter().map(look).collect()
 }
 
-/// A reading of a reference that is left out.
 fn reject(stop: &Stop<'_>, line: u64, reason: String, file: &str) -> RowReject {
     RowReject {
         kind: RowItem::Reference,

@@ -36,7 +36,6 @@ impl Path {
         Self { points: poses.chain([times(home)]).collect() }
     }
 
-    /// Seconds from home through the poses.
     pub fn seconds(&self, order: &[usize]) -> f64 {
         let from = std::iter::once(&self.home()).chain(order).copied().collect::<Vec<_>>();
         from.windows(2).map(|pair| self.between(pair[0], pair[1])).sum()

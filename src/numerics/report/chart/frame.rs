@@ -26,9 +26,7 @@ struct Placed {
 }
 
 const RIGHT: f64 = WIDTH - 14.0;
-/// From the plot's lower edge to the paper's.
 const BELOW: f64 = 42.0;
-/// Height of a line of text.
 const LINE: f64 = 18.0;
 /// Width of a sample of a series in the legend, with its gaps.
 const SAMPLE: f64 = 34.0;
@@ -51,7 +49,6 @@ impl Frame {
         self.top + HEIGHT - BELOW - LINE
     }
 
-    /// The position of x, y on the paper.
     pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.across(x), self.down(y)]
     }
@@ -64,7 +61,6 @@ impl Frame {
         self.bottom() - self.y.share(y) * (self.bottom() - self.top)
     }
 
-    /// The path through points.
     pub(super) fn polyline(&self, points: impl Iterator<Item = [f64; 2]>) -> String {
         let step = |(place, point): (usize, [f64; 2])| {
             let [x, y] = self.at(point);
@@ -153,7 +149,6 @@ fn legend(drawn: &[Series]) -> Vec<Placed> {
     placed
 }
 
-/// The marks of a series in the legend.
 fn sample(series: &Series, x: f64, y: f64) -> Markup {
     let line = format!("M{} {}h26", px(x), px(y));
     let area = format!("M{} {}h26v10h-26z", px(x), px(y - 5.0));

@@ -7,9 +7,7 @@ use super::{LOOKS, px};
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Marks {
-    /// A line through points x, y.
     Line(Vec<[f64; 2]>),
-    /// A marker at each x, y.
     Points(Vec<[f64; 2]>),
     /// A ring around each x, y, to show a choice.
     Rings(Vec<[f64; 2]>),

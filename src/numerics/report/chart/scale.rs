@@ -33,7 +33,6 @@ impl Scale {
         self
     }
 
-    /// Keeps the ticks at whole numbers only.
     #[must_use]
     pub(super) fn in_whole_numbers(mut self) -> Self {
         self.ticks.retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);

@@ -11,13 +11,11 @@ use super::marks::Marks;
 pub struct Series {
     /// Name in the legend; an empty one is left out of it.
     pub name: String,
-    /// The marks, from back to front.
     pub marks: Vec<Marks>,
     /// Number of the look, from 0; `None`: its place among the series.
     pub look: Option<usize>,
 }
 
-/// Most points of an empirical distribution.
 const MOST_STEPS: usize = 240;
 
 impl Series {
@@ -33,7 +31,6 @@ impl Series {
         Self::new(name, vec![Marks::Points(points)])
     }
 
-    /// A line with a marker at each point.
     pub fn line_and_points(name: &str, points: Vec<[f64; 2]>) -> Self {
         Self::new(name, vec![Marks::Line(points.clone()), Marks::Points(points)])
     }

@@ -47,7 +47,6 @@ const LONG: f64 = 48.0;
 /// Space above and below the work space, for the name and the bars.
 const NAME: f64 = 18.0;
 const BARS: f64 = 44.0;
-/// Length of the base frame's axes, px.
 const AXIS: f64 = 26.0;
 /// The colours' limits, as multiples of the tolerance; errors above the last have a colour too.
 const LIMITS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
@@ -108,7 +107,6 @@ fn colour(error: &[f64; 3], tolerance_mm: f64) -> usize {
     LIMITS.iter().filter(|limit| norm > *limit * tolerance_mm).count()
 }
 
-/// Scales of all panels.
 struct Paper<'s> {
     scene: &'s Scene,
     middle: [f64; 3],
@@ -203,7 +201,6 @@ impl<'s> Paper<'s> {
         }
     }
 
-    /// The arm's base with the axes of its frame.
     fn base(&self, view: &View) -> Markup {
         let [x, y] = self.at(view, [0.0; 3]);
         let side = view.sign();

@@ -47,7 +47,6 @@ const TURN_DEG: f64 = 15.0;
 /// that the table states, this alone distinguishes a misuse from use as meant.
 const CLEARLY: f64 = 0.5;
 
-/// Finds how the corrections of these stations were applied.
 pub fn application(stations: &[DrivenStation]) -> Application {
     if stations.len() < LEAST_STATIONS {
         return Application::TooFew { stations: stations.len() };
@@ -69,7 +68,6 @@ struct Ways {
     stated: f64,
 }
 
-/// One way of applying a table.
 struct Way {
     application: Application,
     /// Sum of squares that it leaves of the corrections, mm².

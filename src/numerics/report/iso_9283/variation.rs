@@ -12,7 +12,6 @@ use nalgebra::Point3;
 
 use super::{Characteristic, Figure, VISITS, Visit, Visited, barycentre, positioning_accuracy};
 
-/// Number of approach directions that the standard asks for.
 const DIRECTIONS: usize = 3;
 /// Fewest visits that make a barycentre of their own.
 const GROUP: usize = 2;

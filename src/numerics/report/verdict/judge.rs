@@ -8,7 +8,6 @@ pub struct Judge {
     pub stations: Judging,
     /// What they say; a reason that is not shown is in `words` too.
     pub verdict: Verdict,
-    /// Figures or reason, in words.
     pub words: String,
     /// What else has to be known of it, in words: a session that the model does not fit.
     pub remark: Option<Remark>,
@@ -163,7 +162,6 @@ fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tole
     with_covered(figure(of, tolerance), covered)
 }
 
-/// Words with what a table answers for.
 fn with_covered(words: String, covered: Option<&Covered>) -> String {
     match covered {
         Some(covered) => format!("{words}; {}", covered.words()),

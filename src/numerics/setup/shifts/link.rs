@@ -85,7 +85,6 @@ const fn key(quantity: LinkQuantity) -> &'static str {
     }
 }
 
-/// The state of one search.
 struct Search<'a> {
     stated: &'a SetUp,
     evidence: &'a Evidence,

@@ -39,7 +39,6 @@ pub struct FewRoot {
     /// `Sᵀ`: a row of the regression in each column.
     transposed: DMatrix<f64>,
     columns: Arc<ByMotion>,
-    /// Cholesky factor of K.
     factor: Cholesky,
 }
 

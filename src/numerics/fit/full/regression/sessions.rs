@@ -23,7 +23,6 @@ use crate::linalg::{Cholesky, gram, gram_of_lower, mirror, subtract_gram, transp
 #[derive(Debug, Clone)]
 pub struct SessionSums {
     pub partition: Partition,
-    /// What each session says of its own columns.
     pub own: Vec<OwnSums>,
     /// What all say of the shared columns, with squares, rows and noise of all.
     pub common: Sums,
@@ -78,7 +77,6 @@ impl SessionSums {
         Adding { own: Some(&mut self.own[session]), common: &mut self.common, share }
     }
 
-    /// Makes the upper triangles those below.
     pub fn mirror(&mut self) {
         for own in &mut self.own {
             mirror(&mut own.information);
@@ -188,7 +186,6 @@ impl<'s> Adding<'s> {
         self.own.as_ref().map_or(0, |own| own.moment.len())
     }
 
-    /// Adds the moments of these columns, from those of their shapes.
     pub fn values(&mut self, columns: &[Run], moments: &DVector<f64>) {
         let first_shared = self.first_shared();
         for run in columns {

@@ -24,7 +24,6 @@ pub struct Shapes {
     pub columns: Vec<usize>,
     /// The numbers: a row for each of `columns`, a column for each station.
     pub numbers: DMatrix<f64>,
-    /// The whitened motion of each row by the joint.
     pub motions: DVector<f64>,
 }
 
@@ -112,7 +111,6 @@ impl ByMotion {
 }
 
 impl Shapes {
-    /// The numbers times the scale of their columns.
     fn scaled(&self, scale: &DVector<f64>) -> DMatrix<f64> {
         let own = scale.select_rows(&self.columns);
         let mut scaled = self.numbers.clone();
