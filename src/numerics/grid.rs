@@ -299,7 +299,7 @@ pub fn grids(
             choice.verdict = judged[row].verdict.clone();
         }
         judged[row].chosen = true;
-        table = table::table(&judging, &judged[row], progress);
+        table = table::table(&judging, &judged[row], &answers, progress);
     }
     Ok(Grids {
         answers,

@@ -67,6 +67,12 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         point.map_or_else(Matrix3::zeros, |point| point.factor * point.factor.transpose())
     }
 
+    /// Covariance of the arm's repeatability at one visit, tracker frame, mm²; zero where [`Self::spread`] has it, as of a model whose
+    /// spread is the misfit of its stations.
+    fn visit(&self, _query: &Query<'_>) -> Matrix3<f64> {
+        Matrix3::zeros()
+    }
+
     /// Variance per axis of the base's drift in an unseen session, mm²; 0 for a model without drift.
     fn drift_variance(&self) -> f64 {
         0.0

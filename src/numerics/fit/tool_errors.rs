@@ -49,7 +49,8 @@ impl<'m> ToolErrors<'m> {
         many.par_iter().zip(tools).map(in_error_frame).collect()
     }
 
-    /// [`Self::error`] with its covariance for a command used in another session, mm².
+    /// [`Self::error`] with the covariance of what one visit attains by a command used in another session, mm²: that of the error, and
+    /// [`Self::visit`].
     pub fn error_with_covariance(&self, joints: &[f64]) -> Result<ErrorWithCovariance, Gap> {
         let mut one = self.some(&[joints]);
         one.remove(0)
@@ -91,8 +92,15 @@ impl<'m> ToolErrors<'m> {
         let base = self.error_frame.frames().tracker_from_base.isometry();
         (
             self.in_error_frame(joints, &predicted.position),
-            spread.seen_from(&base.rotation.inverse()),
+            spread.seen_from(&base.rotation.inverse()) + self.visit(joints),
         )
+    }
+
+    /// Covariance of the arm's repeatability at one visit, base frame, mm².
+    pub fn visit(&self, joints: &[f64]) -> Matrix3<f64> {
+        let axes = self.error_frame.arm().axes(joints);
+        let base = self.error_frame.frames().tracker_from_base.isometry();
+        Spread::Of(self.model.visit(&self.query(&axes))).seen_from(&base.rotation.inverse())
     }
 
     /// The rotation about the base's axes from the commanded orientation to the attained one, where the readings show orientations:

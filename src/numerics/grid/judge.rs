@@ -149,8 +149,8 @@ pub struct LocalCell {
     station: usize,
     /// Place of the station in the cell along each axis, 0 to 1.
     fraction: Vector3<f64>,
-    /// Joint angles at the eight vertices, rad.
-    vertices: Result<Vec<Vec<f64>>, Refusal>,
+    /// Errors by the model of the station's fold at the eight vertices and at the station, mm.
+    errors: Result<(Vec<Vector3<f64>>, Vector3<f64>), Refusal>,
 }
 
 /// Places a cell of `pitch` (mm along each axis) around each station, at the table's `orientation` or else at the station's own.
@@ -160,6 +160,7 @@ pub struct LocalCell {
 pub(super) fn local_cells(
     reach: &Reach<'_>,
     stations: &[&GridStation],
+    folds: &[ToolErrors<'_>],
     pitch: [f64; 3],
     bounds: &WorkBox,
     orientation: Option<UnitQuaternion<f64>>,
@@ -201,7 +202,13 @@ pub(super) fn local_cells(
             || (fraction, vertices(&fraction)),
             |(fraction, vertices)| (fraction, Ok(vertices)),
         );
-        LocalCell { station, fraction, vertices }
+        let errors = vertices.and_then(|vertices| {
+            let error =
+                |joints: &Vec<f64>| folds[own.fold].error(joints).map_err(|gap| gap.refusal());
+            let at_vertices = vertices.iter().map(error).collect::<Result<_, _>>()?;
+            Ok((at_vertices, error(&own.joints)?))
+        });
+        LocalCell { station, fraction, errors }
     };
     stations.par_iter().enumerate().map(place).collect()
 }
@@ -223,35 +230,25 @@ pub(super) fn left_by_model(
 pub(super) fn by_local_cell(
     stations: &[&GridStation],
     cells: &[LocalCell],
-    folds: &[ToolErrors<'_>],
     pitch: &[f64; 3],
     (interpolation, power): (Interpolation, f64),
     measured: Option<&[Vector3<f64>]>,
 ) -> Answers {
-    let interpolated = |cell: &LocalCell| {
-        let station = stations[cell.station];
-        let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
-        let weights = interpolation.weights(&cell.fraction, pitch, power);
-        let error = |joints: &Vec<f64>| {
-            let error = folds[station.fold].error(joints);
-            error.map_err(|gap| gap.refusal())
-        };
-        let node = |(vertex, (joints, weight)): (usize, (&Vec<f64>, f64))| {
-            let added = measured.map_or_else(Vector3::zeros, |left| {
+    let mut answers = Answers::default();
+    for cell in cells {
+        let added = |vertex: usize| {
+            measured.map_or_else(Vector3::zeros, |left| {
                 let other = (8 * cell.station + vertex) % left.len();
                 left[if other == cell.station { (other + 1) % left.len() } else { other }]
-            });
-            Ok((error(joints)? + added) * weight)
+            })
         };
-        let nodes = vertices.iter().zip(weights).enumerate().map(node);
-        let interpolated = nodes.sum::<Result<Vector3<f64>, Refusal>>()?;
-        let predicted = measured.is_none().then(|| error(&station.joints));
-        Ok((interpolated, predicted.transpose()?))
-    };
-    let found: Vec<_> = cells.par_iter().map(interpolated).collect();
-    let mut answers = Answers::default();
-    for (cell, found) in cells.iter().zip(found) {
-        answers.add(stations[cell.station], found);
+        let weights = interpolation.weights(&cell.fraction, pitch, power);
+        let found = cell.errors.as_ref().map(|(at_vertices, predicted)| {
+            let nodes = at_vertices.iter().zip(weights).enumerate();
+            let weighted = nodes.map(|(vertex, (error, weight))| (error + added(vertex)) * weight);
+            (weighted.sum(), measured.is_none().then_some(*predicted))
+        });
+        answers.add(stations[cell.station], found.map_err(|refusal| *refusal));
     }
     answers
 }

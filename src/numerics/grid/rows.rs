@@ -115,8 +115,7 @@ impl Judging<'_> {
             }
         }
         if sources.contains(&Source::Measured) {
-            let rows_of = |&interpolation: &Interpolation| self.measured(step_mm, interpolation);
-            rows.extend(self.settings.interpolations.iter().flat_map(rows_of));
+            rows.extend(self.measured(step_mm));
         }
         rows
     }
@@ -179,7 +178,8 @@ impl Judging<'_> {
     /// A cell of these pitches around each station.
     fn local_cells(&self, pitch: [f64; 3]) -> Vec<LocalCell> {
         let orientation = self.is_judged().then_some(self.plan.orientation);
-        judge::local_cells(self.reach, &self.around(), pitch, &self.plan.bounds, orientation)
+        let folds = self.input.folds;
+        judge::local_cells(self.reach, &self.around(), folds, pitch, &self.plan.bounds, orientation)
     }
 
     /// What local cells answer, with node values of the model, or of measured stations (`measured`: what each adds to the model).
@@ -193,23 +193,27 @@ impl Judging<'_> {
         let around = self.around();
         let interpolation = (interpolation, self.settings.idw_power);
         let unlike = self.input.stations.len() - around.len();
-        let folds = self.input.folds;
-        Answers {
-            unlike,
-            ..judge::by_local_cell(&around, cells, folds, pitch, interpolation, measured)
-        }
+        Answers { unlike, ..judge::by_local_cell(&around, cells, pitch, interpolation, measured) }
     }
 
-    /// Second moment of what interpolation adds to the model inside the cells of a lattice, base frame, mm²; `None` where no local cell
-    /// has an answer.
+    /// Second moment of what interpolation adds to the model inside the cells of the `chosen` row's table, base frame, mm²; `None` where no
+    /// local cell has an answer. Local cells of model nodes have answered already.
     pub(super) fn interpolation(
         &self,
         lattice: &Lattice,
-        interpolation: Interpolation,
+        chosen: &Judged,
+        answers: &[StepAnswers],
     ) -> Option<Matrix3<f64>> {
+        let is_its = |own: &&StepAnswers| {
+            (own.judgement, own.source) == (Judgement::LocalCell, Source::Model)
+                && own.interpolation == chosen.interpolation
+                && own.pitch_mm == Some(lattice.step)
+        };
+        if let Some(own) = answers.iter().find(is_its) {
+            return own.answers.interpolation();
+        }
         let cells = self.local_cells(lattice.step);
-        let answers = self.by_cells(&lattice.step, &cells, interpolation, None);
-        answers.interpolation()
+        self.by_cells(&lattice.step, &cells, chosen.interpolation, None).interpolation()
     }
 
     /// The rows of a step that is not judged on model nodes, with the reason.
@@ -262,38 +266,52 @@ impl Judging<'_> {
 
     /// The rows of a step of measured nodes. Where the step is the pitch itself along an axis, no station lies between its nodes there,
     /// so local cells judge beside the decimated grids.
-    fn measured(&self, step_mm: f64, interpolation: Interpolation) -> Vec<StepAnswers> {
-        let row = |judgement| Row { step_mm, source: Source::Measured, interpolation, judgement };
-        let table = row(Judgement::Table);
+    fn measured(&self, step_mm: f64) -> Vec<StepAnswers> {
+        let each = |rows: &dyn Fn(Interpolation) -> Vec<StepAnswers>| {
+            self.settings.interpolations.iter().flat_map(|own| rows(*own)).collect()
+        };
+        let row = |interpolation, judgement| Row {
+            step_mm,
+            source: Source::Measured,
+            interpolation,
+            judgement,
+        };
+        let without =
+            |reason: String| each(&|own| vec![row(own, Judgement::Table).without(reason.clone())]);
         let own = match self.own {
             Ok(own) => own,
-            Err(reason) => {
-                return vec![table.without(format!("the session is not on a grid: {reason}"))];
-            }
+            Err(reason) => return without(format!("the session is not on a grid: {reason}")),
         };
         let Some(multiples) = own.multiples(step_mm) else {
             let [x, y, z] = own.lattice.step;
-            return vec![table.without(format!(
+            return without(format!(
                 "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
-            ))];
+            ));
         };
         let Some(first) = own.decimated(multiples, [0; 3]) else {
-            return vec![table.without("the decimated grid has no cell".to_owned())];
+            return without("the decimated grid has no cell".to_owned());
         };
-        let table = self.measured_row(table, own, multiples, &first);
         let is_judged = (0..3).all(|axis| multiples[axis] > 1 || own.lattice.counts[axis] == 2);
-        let local = (!is_judged).then(|| {
-            let row = row(Judgement::LocalCell);
+        let pitch = first.lattice.step;
+        let around = (!is_judged).then(|| {
             let left = judge::left_by_model(&self.around(), self.input.folds);
-            let Ok(left) = left else {
-                return row.without("the model has no value at some station".to_owned());
-            };
-            let pitch = first.lattice.step;
-            let cells = self.local_cells(pitch);
-            let answers = self.by_cells(&pitch, &cells, interpolation, Some(&left));
-            row.around(answers, pitch, cells.len())
+            left.map(|left| (left, self.local_cells(pitch)))
         });
-        local.into_iter().chain([table]).collect()
+        let local = |interpolation| {
+            let row = row(interpolation, Judgement::LocalCell);
+            around.as_ref().map(|around| match around {
+                Err(_) => row.without("the model has no value at some station".to_owned()),
+                Ok((left, cells)) => {
+                    let answers = self.by_cells(&pitch, cells, interpolation, Some(left));
+                    row.around(answers, pitch, cells.len())
+                }
+            })
+        };
+        each(&|own_interpolation| {
+            let table = row(own_interpolation, Judgement::Table);
+            let table = self.measured_row(table, own, multiples, &first);
+            local(own_interpolation).into_iter().chain([table]).collect()
+        })
     }
 
     fn measured_row(

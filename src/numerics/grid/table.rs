@@ -6,7 +6,7 @@ use super::answers::{Answers, by_number};
 use super::judge::HeldOut;
 use super::lattice::{InCell, Lattice};
 use super::node::{GridStation, Refusal, on_one_branch};
-use super::rows::Judging;
+use super::rows::{Judging, StepAnswers};
 use super::{Judged, Source, Table, TableNode};
 use crate::fit::{Gap, ToolErrors};
 use crate::progress::Progress;
@@ -15,6 +15,7 @@ use crate::progress::Progress;
 pub(super) fn table(
     judging: &Judging<'_>,
     chosen: &Judged,
+    answers: &[StepAnswers],
     progress: &dyn Progress,
 ) -> Option<Table> {
     let lattice = chosen.lattice?;
@@ -33,7 +34,7 @@ pub(super) fn table(
         idw_power: settings.idw_power,
         orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
         counted: judging.reach.counted().to_vec(),
-        interpolation_mm2: judging.interpolation(&lattice, chosen.interpolation),
+        interpolation_mm2: judging.interpolation(&lattice, chosen, answers),
         nodes,
     })
 }
@@ -129,7 +130,7 @@ fn measured_nodes(judging: &Judging<'_>, step_mm: f64) -> Option<(Lattice, Vec<T
     let (input, plan) = (judging.input, judging.plan);
     let own = judging.own.as_ref().ok()?;
     let grid = own.decimated(own.multiples(step_mm)?, [0; 3])?;
-    let variance = (input.guard_mm / 2.0).powi(2);
+    let instrument = Matrix3::identity() * (input.guard_mm / 2.0).powi(2);
     let refused = |refusal: Refusal, nearest_mm: f64| TableNode {
         joints: Err(refusal),
         error: Err(refusal),
@@ -142,7 +143,8 @@ fn measured_nodes(judging: &Judging<'_>, step_mm: f64) -> Option<(Lattice, Vec<T
         }
         Some(station) => TableNode {
             joints: Ok(station.joints.clone()),
-            error: Ok((station.error, Matrix3::identity() * variance)),
+            // The visit that was measured, and the visit of a target.
+            error: Ok((station.error, instrument + input.model.visit(&station.joints) * 2.0)),
             nearest_mm: 0.0,
         },
     };

@@ -106,6 +106,10 @@ impl PoseModel for FullModel {
         self.noise(observation, session)
     }
 
+    fn visit(&self, query: &Query<'_>) -> Matrix3<f64> {
+        self.visit_covariance(query)
+    }
+
     fn drift_variance(&self) -> f64 {
         self.drift_variance()
     }
