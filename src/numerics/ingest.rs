@@ -33,7 +33,6 @@ pub use settings::{
     StandsOn, StationsSettings, TableTime, TargetName, TimeColumn, TimeSource, TimeUnit,
     TrackerSettings, WrongFields, is_length,
 };
-pub use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use summary::{IngestError, StreamSummary};
 
 use serde::{Deserialize, Serialize};

@@ -253,7 +253,6 @@ pub struct JoinInput {
 /// Every dwell of the arm becomes a station with a verdict, every reading gets a disposition: `counts` sums to the number of
 /// readings, and `rejects` names all that were not kept.
 pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joined, JoinError> {
-    settings.check()?;
     observe::check_joints(&input.joints, arm)?;
     observe::check_temperatures(&input.temperatures)?;
     let targets = Targets::of(input, settings)?;

@@ -287,7 +287,8 @@ fn a_wrong_section_is_told_with_the_remedy() {
     told("\"A1\", ", "\"A7\", ")
         .expect(1, &["[stations] joints", "\"A7\"", "A1", "posegrid inspect"]);
     told("joint_unit = \"deg\"", "joint_unit = \"grad\"").expect(2, &["grad"]);
-    told("stations = \"measured.csv\"", "").expect(2, &["[input] has no `stations`"]);
+    told("stations = \"measured.csv\"", "")
+        .expect(2, &["needs stations, such as stations = \"measured.csv\""]);
     told("[stations]\n", "[stations]\ntopic = \"/x\"\n").expect(2, &["topic"]);
     // Degrees taken for radians: the same check as with logs names the key.
     told("joint_unit = \"deg\"", "joint_unit = \"rad\"")

@@ -22,7 +22,7 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::keys::{KeyReference, estimate_settings, grids_settings, join_settings, missing};
+use super::keys::{estimate_settings, grids_settings, join_settings};
 use super::robot_file;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
@@ -183,7 +183,8 @@ impl Configuration {
         let Files { file, robot_file, arm, lake, .. } = files;
         let placed = Placed::new(path, &file)?;
         let lake = usable(overrides.lake.as_deref(), lake)?;
-        let join_settings = settings_of_join(&file)?;
+        let settings = serde_json::to_value(&file).map_err(ManifestError::from)?;
+        let join_settings = manifest::canonical(&join_settings(&settings))?;
         let listed = if overrides.from_joined {
             joined_sessions(path, &file, (&robot_file, &join_settings), &lake, overrides)?
         } else {
@@ -196,10 +197,10 @@ impl Configuration {
             robot: file.robot.name.clone(),
             robot_file,
             reads: reads(path, &file, &arm)?,
-            settings: manifest::canonical(&file)?,
+            estimate_settings: manifest::canonical(&estimate_settings(&settings))?,
+            grids_settings: manifest::canonical(&grids_settings(&settings))?,
+            settings: manifest::canonical(&settings)?,
             join_settings,
-            estimate_settings: settings_of_training(&file)?,
-            grids_settings: settings_of_grids(&file)?,
             from_estimates: overrides.from_estimates,
             from_grids: overrides.from_grids,
             remarks: remarks(&file),
@@ -250,27 +251,6 @@ fn joined_sessions(
     let wanted =
         Wanted { robot: file.robot.name.as_deref(), robot_digest: &robot_digest, settings };
     sessions::list_joined(&Lake::at(lake)?, &wanted, &file.input, overrides)
-}
-
-/// The settings of a pipeline file that ingest and join read, as canonical JSON.
-fn settings_of_join(file: &PipelineFile) -> Result<String, ManifestError> {
-    manifest::canonical(&join_settings(&serde_json::to_value(file)?))
-}
-
-/// The settings of a pipeline file that training reads, as canonical JSON.
-fn settings_of_training(file: &PipelineFile) -> Result<String, ManifestError> {
-    manifest::canonical(&estimate_settings(&serde_json::to_value(file)?))
-}
-
-/// The settings of a pipeline file that the grids of an estimate read, as canonical JSON.
-fn settings_of_grids(file: &PipelineFile) -> Result<String, ManifestError> {
-    manifest::canonical(&grids_settings(&serde_json::to_value(file)?))
-}
-
-/// The error of a file with several keys that are missing or not known; `None` of another one.
-fn incomplete(path: &Path, text: &str) -> Option<ConfigurationError> {
-    let source = missing::told_at_once(KeyReference::pipeline(), text)?;
-    Some(ConfigurationErrorKind::Incomplete(Box::new(source)).at(path))
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.

@@ -1,29 +1,25 @@
 //! The pipeline file as written: sections, keys and their defaults.
 //!
-//! Unknown keys are refused, and what no log states (units, frames, time sources, the order of angles) has no default.
-//! What the file says is checked in [`super::configuration`]; the settings that a run's name follows from are this file without
-//! its paths and names.
+//! Missing and unknown keys and values out of range are refused before it is read ([`super::keys::door`]); what keys say together is checked
+//! in [`super::configuration`]. What no log states (units, frames, time sources, the order of angles) has no default. The settings that a
+//! run's name follows from are this file without its paths and names.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use thiserror::Error;
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::robot_entry::RobotEntry;
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
-use crate::fit::{
-    CameraUncertainty, FitSettings, Mounted, Noise, Source, TrackerUncertainty, Uncertainty,
-};
+use crate::fit::{FitSettings, Mounted, Noise, Source, Uncertainty};
 use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
-    CommandedFile, CommandedSettings, ControllerSettings, LengthColumns, LengthRead, LengthSource,
-    LengthUnit, LoggedLength, LoggedReference, LoggedTarget, MissingConvention, PoseFields,
-    StationsSettings, TimeSource, TrackerFile, TrackerSettings,
+    CommandedSettings, ControllerSettings, LengthColumns, LengthRead, LengthSource, LoggedLength,
+    StationsSettings, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::io::robot::Selection;
@@ -34,7 +30,7 @@ use crate::similarity::SimilaritySettings;
 
 /// A whole pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, remote = "Self")]
+#[serde(deny_unknown_fields)]
 pub struct PipelineFile {
     /// `[robot]`: the arm, and the conditions that its results are valid for.
     pub robot: RobotSection,
@@ -77,52 +73,6 @@ pub struct PipelineFile {
     pub plan: Option<PlanSection>,
     /// `[output]`.
     pub output: OutputSection,
-}
-
-impl<'de> Deserialize<'de> for PipelineFile {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let file = Self::deserialize(from)?;
-        recorded_one_way(&file).map_err(D::Error::custom)?;
-        Ok(file)
-    }
-}
-
-impl Serialize for PipelineFile {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        Self::serialize(self, to)
-    }
-}
-
-/// Checks that a file is about logs or about tables of stations, with all that either needs.
-fn recorded_one_way(file: &PipelineFile) -> Result<(), String> {
-    let tracker = file.tracker.mapping.is_some();
-    let commanded = file.commanded.as_ref().map(|section| section.mapping.is_some());
-    if file.stations.is_none() {
-        let topic = "has no `topic`, which logs need; for a table of stations write [stations]";
-        return match (&file.controller, tracker, commanded) {
-            _ if file.input.stations.is_some() => {
-                Err("[input] stations names a table, so there has to be a section [stations] with its columns".to_owned())
-            }
-            (None, ..) => Err("missing section [controller]; for a table of stations write [stations]".to_owned()),
-            (_, false, _) => Err(format!("[tracker] {topic}")),
-            (_, _, Some(false)) => Err(format!("[commanded] {topic}")),
-            _ => Ok(()),
-        };
-    }
-    let unused = [
-        (file.controller.is_some(), "[controller]"),
-        (tracker, "[tracker] topic"),
-        (commanded == Some(true), "[commanded] topic"),
-    ];
-    if let Some((_, key)) = unused.iter().find(|(is_there, _)| *is_there) {
-        return Err(format!(
-            "{key} is for logs, and sessions are tables of stations here: leave it out"
-        ));
-    }
-    if file.input.stations.is_none() {
-        return Err("[input] has no `stations`, the table of a session: a name or pattern like \"measured.csv\"".to_owned());
-    }
-    Ok(())
 }
 
 impl PipelineFile {
@@ -212,54 +162,80 @@ impl RobotSection {
 
 /// `[input]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct InputSection {
     /// The folder with the sessions, relative to the pipeline file.
     #[serde(skip_serializing)]
     pub folder: PathBuf,
     /// The way in which files belong to sessions.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub sessions_by: SessionsBy,
     /// The way in which sessions belong to robots, where the file has several.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub robots_by: RobotsBy,
     /// The table of the robots, instead of `[[robots]]`.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub robots: Option<PathBuf>,
     /// Sessions to learn from. Absent: every one that has both logs.
     #[serde(skip_serializing)]
     pub sessions: Option<Vec<String>>,
     /// Sessions that only judge.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub test: Vec<String>,
     /// The controller's log: a name in the session's folder, a pattern with `*` or `?`, or a list of them.
-    #[serde(default = "controller_log", skip_serializing)]
+    #[serde(skip_serializing)]
     pub controller: LogNames,
     /// The tracker's log; it may be the same file.
-    #[serde(default = "tracker_log", skip_serializing)]
+    #[serde(skip_serializing)]
     pub tracker: LogNames,
     /// The table of stations, instead of the two logs: a name in the session's folder or a pattern.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub stations: Option<LogNames>,
     /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session
     /// whose folder has one is also judged by it.
-    #[serde(default = "corrected_targets", skip_serializing)]
+    #[serde(skip_serializing)]
     pub corrected_targets: LogNames,
     /// The sessions that are learnt from together.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub pool: Pool,
     /// The most sessions that a pool learns from, the latest of them; absent: all.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
     pub pool_latest: Option<usize>,
     /// Time for which a log without an end must not have changed to be taken as damaged, s; until then its session waits.
-    #[serde(default = "settle_s", skip_serializing)]
+    #[serde(skip_serializing)]
     pub settle_s: u64,
     /// Share of a log's bytes or messages, or of those of a topic that is read, that may be lost before its session fails.
-    #[serde(default = "max_lost_share")]
     pub max_lost_share: f64,
     /// Share of a topic's messages that may be rejected before a result does not count as good.
-    #[serde(default = "max_rejected_share")]
     pub max_rejected_share: f64,
+}
+
+impl Default for InputSection {
+    fn default() -> Self {
+        let log = |side: &str| LogNames::One(format!("{side}.mcap"));
+        let corrected = ["csv", "parquet", "json"].map(|form| format!("corrected*.{form}"));
+        Self {
+            folder: PathBuf::new(),
+            sessions_by: SessionsBy::Folder,
+            robots_by: RobotsBy::Folder,
+            robots: None,
+            sessions: None,
+            test: Vec::new(),
+            controller: log("controller"),
+            tracker: log("tracker"),
+            stations: None,
+            corrected_targets: LogNames::Several(corrected.into()),
+            pool: Pool::Each,
+            pool_latest: None,
+            // Recorders write whole chunks. The slowest log is the tracker's: 20 readings a second of 100 bytes fill a chunk of
+            // 1 MiB in nine minutes, during which its file does not change.
+            settle_s: 600,
+            // A log that lost more no longer shows the whole session.
+            max_lost_share: 0.01,
+            // Where one message in twenty cannot be used, the cell or the pipeline file has a fault.
+            max_rejected_share: 0.05,
+        }
+    }
 }
 
 /// The files that one side of a session was recorded into, in any order: they are ordered by the times in them.
@@ -370,46 +346,36 @@ pub enum Pool {
 
 /// `[commanded]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(try_from = "CommandedKeys")]
 pub struct CommandedSection {
-    /// Topic, time source, unit and fields; absent where sessions are tables.
-    #[serde(flatten)]
-    pub mapping: Option<CommandedSettings>,
     /// The frame commands are stated in, in the base frame of the robot file.
     pub base_from_command: Placement,
     /// The controller's tool at the flange.
     pub flange_from_tool: Option<Placement>,
     /// Whether the commanded point is the measured target.
     pub target_is_tool: bool,
-}
-
-/// `[commanded]` as written in the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CommandedKeys {
-    topic: Option<String>,
-    time: Option<TimeSource>,
-    unit: Option<LengthUnit>,
-    #[serde(default)]
-    fields: PoseFields,
-    frame: Option<String>,
-    base_from_command: Option<Placement>,
-    flange_from_tool: Option<Placement>,
-    target_is_tool: Option<bool>,
+    /// Topic, time source, unit and fields; absent where sessions are tables.
+    #[serde(flatten, deserialize_with = "of_log")]
+    pub mapping: Option<CommandedSettings>,
 }
 
 /// `[tracker]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(try_from = "TrackerKeys")]
 pub struct TrackerSection {
-    /// Topic, time source, unit and fields; absent where sessions are tables.
-    #[serde(flatten)]
-    pub mapping: Option<TrackerSettings>,
     /// The instrument's uncertainty: `uncertainty`, or `camera`.
     #[serde(flatten)]
     pub uncertainty: Uncertainty,
     /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
     pub tracker_from_base: Option<TrackerFromBase>,
+    /// Topic, time source, unit and fields; absent where sessions are tables.
+    #[serde(flatten, deserialize_with = "of_log")]
+    pub mapping: Option<TrackerSettings>,
+}
+
+/// The keys of a section that are about a log; `None` without a `topic`, where sessions are tables.
+fn of_log<'de, D: Deserializer<'de>, T: DeserializeOwned>(from: D) -> Result<Option<T>, D::Error> {
+    let keys = toml::Table::deserialize(from)?;
+    let settings = keys.contains_key("topic").then(|| keys.try_into());
+    settings.transpose().map_err(D::Error::custom)
 }
 
 impl TrackerSection {
@@ -418,30 +384,6 @@ impl TrackerSection {
         let camera = self.uncertainty.camera();
         camera.is_some_and(|camera| camera.mounted == Mounted::Flange)
     }
-}
-
-/// `[tracker]` as written in the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TrackerKeys {
-    topic: Option<String>,
-    time: Option<TimeSource>,
-    unit: Option<LengthUnit>,
-    #[serde(default)]
-    fields: PoseFields,
-    frame: Option<String>,
-    temperature: Option<String>,
-    #[serde(default)]
-    ignore_orientation: bool,
-    #[serde(default)]
-    targets: Vec<LoggedTarget>,
-    #[serde(default)]
-    references: Vec<LoggedReference>,
-    #[serde(default)]
-    lengths: Vec<LoggedLength>,
-    uncertainty: Option<TrackerUncertainty>,
-    camera: Option<CameraUncertainty>,
-    tracker_from_base: Option<TrackerFromBase>,
 }
 
 /// Pose of the arm's base in the tracker's frame.
@@ -552,124 +494,6 @@ impl Default for ReportSection {
         Self { locate: Locate::default(), leave_sessions_out: true, plan: None, tool_tip: None }
     }
 }
-
-fn controller_log() -> LogNames {
-    LogNames::One("controller.mcap".to_owned())
-}
-
-fn tracker_log() -> LogNames {
-    LogNames::One("tracker.mcap".to_owned())
-}
-
-/// Recorders write whole chunks. The slowest log is the tracker's: 20 readings a second of 100 bytes fill a chunk of 1 MiB in
-/// nine minutes, during which its file does not change.
-const fn settle_s() -> u64 {
-    600
-}
-
-fn corrected_targets() -> LogNames {
-    LogNames::Several(["csv", "parquet", "json"].map(|form| format!("corrected*.{form}")).into())
-}
-
-/// A log that lost more than a hundredth of its bytes or messages no longer shows the whole session.
-const fn max_lost_share() -> f64 {
-    0.01
-}
-
-/// Where one message in twenty cannot be used, the cell or the pipeline file has a fault.
-const fn max_rejected_share() -> f64 {
-    0.05
-}
-
-impl TryFrom<CommandedKeys> for CommandedSection {
-    type Error = MissingConvention;
-    fn try_from(keys: CommandedKeys) -> Result<Self, MissingConvention> {
-        let missing = |key, choices| MissingConvention::new("commanded", key, choices);
-        let of_topic = |topic| CommandedFile {
-            topic,
-            time: keys.time,
-            unit: keys.unit,
-            fields: keys.fields,
-            frame: keys.frame,
-        };
-        Ok(Self {
-            mapping: keys.topic.map(|topic| of_topic(topic).try_into()).transpose()?,
-            base_from_command: keys
-                .base_from_command
-                .ok_or(missing("base_from_command", PLACED))?,
-            flange_from_tool: keys.flange_from_tool,
-            target_is_tool: keys.target_is_tool.ok_or(missing("target_is_tool", SAME_POINT))?,
-        })
-    }
-}
-
-/// The fault of a section `[tracker]`.
-#[derive(Debug, Error)]
-pub enum TrackerSectionError {
-    /// It leaves out what has no default.
-    #[error(transparent)]
-    Missing(#[from] MissingConvention),
-    /// It states two kinds of instrument.
-    #[error(
-        "[tracker] has `uncertainty` and `camera`: keep the one of the instrument that measured"
-    )]
-    Both,
-    /// It states what is in a log, and names no topic.
-    #[error(
-        "[tracker] has `{key}` and no `topic`: {key} are of a log; a table of stations has them in [stations]"
-    )]
-    OfNoLog { key: &'static str },
-}
-
-impl TryFrom<TrackerKeys> for TrackerSection {
-    type Error = TrackerSectionError;
-    fn try_from(keys: TrackerKeys) -> Result<Self, TrackerSectionError> {
-        let of_logs = [
-            ("targets", keys.targets.is_empty()),
-            ("references", keys.references.is_empty()),
-            ("lengths", keys.lengths.is_empty()),
-        ];
-        if let Some((key, _)) = of_logs.into_iter().find(|(_, is_empty)| !is_empty)
-            && keys.topic.is_none()
-        {
-            return Err(TrackerSectionError::OfNoLog { key });
-        }
-        let of_topic = |topic| TrackerFile {
-            topic,
-            time: keys.time,
-            unit: keys.unit,
-            fields: keys.fields,
-            frame: keys.frame,
-            temperature: keys.temperature,
-            ignore_orientation: keys.ignore_orientation,
-            targets: keys.targets,
-            references: keys.references,
-            lengths: keys.lengths,
-        };
-        Ok(Self {
-            mapping: keys.topic.map(|topic| of_topic(topic).try_into()).transpose()?,
-            uncertainty: match (keys.uncertainty, keys.camera) {
-                (Some(tracker), None) => Uncertainty::Tracker(tracker),
-                (None, Some(camera)) => Uncertainty::Camera(camera),
-                (Some(_), Some(_)) => return Err(TrackerSectionError::Both),
-                (None, None) => {
-                    return Err(MissingConvention::new("tracker", "uncertainty", DATA_SHEET).into());
-                }
-            },
-            tracker_from_base: keys.tracker_from_base,
-        })
-    }
-}
-
-/// Choices for `base_from_command`.
-const PLACED: &str = "{ xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] } where commands are stated in the robot \
-     file's base frame, or where their frame lies in it";
-/// Choices for `target_is_tool`.
-const SAME_POINT: &str =
-    "true where the commanded point is the measured target, false where it is another";
-/// Choices for `uncertainty`.
-const DATA_SHEET: &str = "the values of the data sheet, for example { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, \
-     transverse_um_per_m = 6, divisor = 2 }, or of a camera `camera` in its place: { focal_px = 1500, noise_px = 0.2, target_mm = 100 }";
 
 impl TryFrom<BTreeMap<String, toml::Value>> for FitSection {
     type Error = toml::de::Error;

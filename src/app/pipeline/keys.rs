@@ -1,12 +1,12 @@
 //! Every key of pipeline and robot files: section, type, unit, allowed words, default, and a sentence.
 //!
-//! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and an
-//! incomplete file is held against them, so that all missing keys are told at once ([`missing`]). Keys that were retired are answered with
-//! what to do instead ([`mod@retired`]). What is read is decided by the
-//! structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds keys, words and defaults of both against each other.
+//! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and a file is held
+//! against them before it is read, so that all faults are told at once ([`door`]). Keys that were retired are answered with what to do
+//! instead ([`mod@retired`]). What is read is decided by the structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds
+//! keys, words and defaults of both against each other.
 
+pub mod door;
 mod joins;
-pub mod missing;
 pub mod retired;
 #[cfg(test)]
 mod tests;
@@ -36,6 +36,28 @@ pub struct KeyReference {
     pub sections: Vec<KeySection>,
 }
 
+/// What a section and a key state alike.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+pub struct Common {
+    /// Whether the file, or the section that it stands in, is not read without it.
+    #[serde(default)]
+    pub required: bool,
+    /// The section or key that takes its place: a file has one of the two.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unless: Option<String>,
+    /// Whether ingest and join read it, so that it is a setting of a session as joined; of a key where that differs from its section.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joins: Option<bool>,
+    /// Whether training reads it, which reads everything that does not say otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimates: Option<bool>,
+    /// Whether the grids of an estimate read it, beside what training reads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grids: Option<bool>,
+    /// What it means, in a sentence.
+    pub about: String,
+}
+
 /// A section of a file, or the keys inside a value.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -45,29 +67,14 @@ pub struct KeySection {
     /// The keys whose values have these keys; empty for a section of its own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub at: Vec<String>,
-    /// Whether a file without the section is not read.
-    #[serde(default)]
-    pub required: bool,
-    /// The section with which a file is read without this one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unless: Option<String>,
-    /// Whether ingest and join read its keys: they are settings of a session as joined.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub joins: Option<bool>,
-    /// Whether training reads its keys; it reads those of every section that does not say otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub estimates: Option<bool>,
-    /// Whether the grids of an estimate read its keys; beside those that training reads.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub grids: Option<bool>,
+    #[serde(flatten)]
+    pub common: Common,
     /// Whether it may stand several times, as `[[name]]`.
     #[serde(default)]
     pub repeated: bool,
     /// Whether the value may be something else than a table with these keys.
     #[serde(default)]
     pub open: bool,
-    /// What the section says.
-    pub about: String,
     pub keys: Vec<Key>,
 }
 
@@ -75,7 +82,6 @@ pub struct KeySection {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
-    /// Its name.
     pub key: String,
     /// Type of its value, in words.
     #[serde(rename = "type")]
@@ -83,25 +89,18 @@ pub struct Key {
     /// Unit of a number, `1` without dimension; absent for other values and plain counts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
+    /// The range of a number, or of each in a list, as a person reads it: `0 or more`, `above 0 and at most 180`, `1 to 10`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
+    /// Whether a list has a value at least.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub filled: bool,
     /// The words allowed; empty where there are others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub values: Vec<String>,
-    /// Whether its section is not read without it.
-    #[serde(default)]
-    pub required: bool,
-    /// The section with which its own is read without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unless: Option<String>,
-    /// Whether ingest and join read it, where that differs from its section.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub joins: Option<bool>,
-    /// Whether training reads it, where that differs from its section.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub estimates: Option<bool>,
-    /// Whether grids read it, where that differs from its section.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub grids: Option<bool>,
-    /// The section that has to be in the file with it.
+    #[serde(flatten)]
+    pub common: Common,
+    /// The section that has to be in the file with it, and needs it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub with: Option<String>,
     /// Whether its word decides which of the other keys of the section there are.
@@ -119,8 +118,6 @@ pub struct Key {
     /// A value that is allowed, where there is no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub example: Option<toml::Value>,
-    /// What the value means, in a sentence.
-    pub about: String,
 }
 
 static PIPELINE: LazyLock<KeyReference> =
@@ -142,6 +139,11 @@ impl KeyReference {
     /// The keys of the file of that name in [`FILES`]; `None` for any other name.
     pub fn find(name: &str) -> Option<&'static Self> {
         [Self::pipeline(), Self::robot()].into_iter().find(|reference| reference.file == name)
+    }
+
+    /// The section of that path; `None` where the file has none.
+    pub fn section(&self, path: &str) -> Option<&KeySection> {
+        self.sections.iter().find(|own| own.at.is_empty() && own.name == path)
     }
 
     fn parse(text: &str) -> Self {

@@ -6,24 +6,6 @@ use toml::{Table, Value};
 
 use super::keys::KeyReference;
 
-/// The keys of a robot: its own, and the sections that it may have keys of.
-const KEYS: [&str; 14] = [
-    "name",
-    "folder",
-    "robot",
-    "controller",
-    "stations",
-    "commanded",
-    "tracker",
-    "join",
-    "fit",
-    "similarity",
-    "grid",
-    "tolerance",
-    "report",
-    "plan",
-];
-
 /// A robot of a pipeline file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotEntry {
@@ -41,9 +23,10 @@ impl RobotEntry {
     /// # Errors
     /// The key that is missing, not known or no text, in words.
     pub fn of(mut table: Table) -> Result<Self, String> {
-        if let Some(strange) = table.keys().find(|key| !KEYS.contains(&key.as_str())) {
-            let error: toml::de::Error = toml::de::Error::unknown_field(strange, &KEYS);
-            return Err(error.message().to_owned());
+        let keys = KeyReference::pipeline().section("robots").map_or(&[][..], |own| &own.keys);
+        if let Some(strange) = table.keys().find(|own| keys.iter().all(|key| key.key != **own)) {
+            let keys: Vec<String> = keys.iter().map(|key| format!("`{}`", key.key)).collect();
+            return Err(format!("unknown field `{strange}`, expected one of {}", keys.join(", ")));
         }
         let name = text(&mut table, "name")?.ok_or("missing field `name`")?;
         let folder = text(&mut table, "folder")?;
@@ -90,16 +73,11 @@ fn put_at(place: &str, settings: &Table, into: &mut Table) {
     }
 }
 
-/// Whether a table at this path is a section with keys of its own, and no value.
+/// Whether a table at this path is a section with keys of its own, and no value: one of the file itself, or one without required keys.
 fn is_section(place: &str) -> bool {
-    let sections = &KeyReference::pipeline().sections;
-    let mut named = sections.iter().filter(|own| own.name == place);
-    named.any(|own| own.at.is_empty() && !own.keys.iter().any(|key| key.required) || top(place))
-}
-
-/// Whether it is a section of the file itself.
-fn top(place: &str) -> bool {
-    !place.contains('.')
+    let section = KeyReference::pipeline().section(place);
+    section
+        .is_some_and(|own| !place.contains('.') || own.keys.iter().all(|key| !key.common.required))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::path::Path;
 use thiserror::Error;
 
 use super::keys::KeyReference;
-use super::keys::missing::{self, Incomplete};
+use super::keys::door::{self, Faults};
 use crate::at::At;
 use crate::io::robot::{self, Read, RobotFault, Selection};
 use crate::kinematics::{Arm, ArmError, RobotFile};
@@ -14,9 +14,9 @@ use crate::kinematics::{Arm, ArmError, RobotFile};
 /// A reason why a text is no robot file.
 #[derive(Debug, Error)]
 pub enum NoRobotFile {
-    /// Several keys are missing, or not known.
+    /// Keys are missing, or not known.
     #[error(transparent)]
-    Incomplete(Box<Incomplete>),
+    Keys(Faults),
     /// Another fault.
     #[error(transparent)]
     Fault(RobotFault),
@@ -44,7 +44,7 @@ impl NoRobotFile {
 /// Reads the text of the file at `path`.
 pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, NoRobotFile> {
     robot::read(path, text, selection).map_err(|fault| match &fault {
-        RobotFault::Toml(_) => incomplete(text).unwrap_or(NoRobotFile::Fault(fault)),
+        RobotFault::Toml(_) => faults(text).unwrap_or(NoRobotFile::Fault(fault)),
         _ => NoRobotFile::Fault(fault),
     })
 }
@@ -59,14 +59,13 @@ pub fn arm(path: &Path, text: &str, selection: &Selection) -> Result<Arm, Box<At
 pub fn arm_of(file: &RobotFile, text: &str) -> Result<Arm, NoRobotFile> {
     file.arm().map_err(|source| {
         let joint = source.joint();
-        incomplete(text).unwrap_or_else(|| NoRobotFile::Arm {
-            line: joint.and_then(|joint| missing::line_of_joint(text, joint)),
+        faults(text).unwrap_or_else(|| NoRobotFile::Arm {
+            line: joint.and_then(|joint| door::line_of_joint(text, joint)),
             source: Box::new(source.clone()),
         })
     })
 }
 
-fn incomplete(text: &str) -> Option<NoRobotFile> {
-    let own = missing::told_at_once(KeyReference::robot(), text)?;
-    Some(NoRobotFile::Incomplete(Box::new(own)))
+fn faults(text: &str) -> Option<NoRobotFile> {
+    door::check(KeyReference::robot(), text, true).err().map(NoRobotFile::Keys)
 }

@@ -14,37 +14,47 @@ use crate::kinematics::Configuration;
 
 /// The `[grid]` section of a pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct GridSettings {
-    /// Steps to judge, mm.
+    /// Steps to judge, mm; none by default, so that a pipeline file has to state them.
     pub steps_mm: Vec<f64>,
     /// The box in the base frame. Absent: the box around the stations with the table's configuration and about its
     /// orientation.
-    #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub bounds: Option<WorkBox>,
     /// The tool's orientation in the base frame as a quaternion x y z w. Absent: the mean of the most frequent
     /// configuration's stations.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub orientation_xyzw: Option<[f64; 4]>,
     /// Largest difference of a target's orientation from the table's, degrees.
-    #[serde(default = "default_orientation_tolerance")]
     pub orientation_tolerance_deg: f64,
     /// Interpolations inside a cell.
-    #[serde(default = "default_interpolations")]
     pub interpolations: Vec<Interpolation>,
     /// Sources of node values.
-    #[serde(default = "default_sources")]
     pub sources: Vec<Source>,
     /// The power p of `idw`.
-    #[serde(default = "default_power")]
     pub idw_power: f64,
     /// The rule for choosing the published step.
-    #[serde(default)]
     pub choose: Rule,
     /// A table of model nodes may have a bound above the model's own by this share of it, or by
     /// [`WITHIN_MM`](super::choose::WITHIN_MM) where that is more.
-    #[serde(default = "default_within")]
     pub within: f64,
+}
+
+impl Default for GridSettings {
+    fn default() -> Self {
+        Self {
+            steps_mm: Vec::new(),
+            bounds: None,
+            orientation_xyzw: None,
+            orientation_tolerance_deg: 5.0,
+            interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
+            sources: vec![Source::Measured, Source::Model],
+            idw_power: 2.0,
+            choose: Rule::Within,
+            within: WITHIN,
+        }
+    }
 }
 
 /// The rules for choosing the published step among the judged ones.
@@ -59,28 +69,8 @@ pub enum Rule {
     FewestNodes,
 }
 
-fn default_orientation_tolerance() -> f64 {
-    5.0
-}
-
-fn default_interpolations() -> Vec<Interpolation> {
-    vec![Interpolation::Idw, Interpolation::Trilinear]
-}
-
-fn default_sources() -> Vec<Source> {
-    vec![Source::Measured, Source::Model]
-}
-
-fn default_power() -> f64 {
-    2.0
-}
-
 /// Share of the model's own error by which a table may exceed it and still be near.
 pub const WITHIN: f64 = 0.05;
-
-const fn default_within() -> f64 {
-    WITHIN
-}
 
 /// The table's box, orientation and configuration.
 #[derive(Debug, Clone, PartialEq)]

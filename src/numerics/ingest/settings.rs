@@ -12,7 +12,6 @@ use std::f64::consts::PI;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
 
@@ -30,7 +29,7 @@ pub use stations::{
 
 /// `[controller]`: joint angles.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "ControllerFile")]
+#[serde(deny_unknown_fields)]
 pub struct ControllerSettings {
     /// Topic of the joint states.
     pub topic: String,
@@ -42,13 +41,13 @@ pub struct ControllerSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_unit: Option<LengthUnit>,
     /// Paths of the fields in a message; empty for a common message type.
-    #[serde(skip_serializing_if = "JointFields::is_empty")]
+    #[serde(default, skip_serializing_if = "JointFields::is_empty")]
     pub fields: JointFields,
 }
 
 /// `[commanded]`: commanded poses, in the controller's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "CommandedFile")]
+#[serde(deny_unknown_fields)]
 pub struct CommandedSettings {
     /// Topic of the commanded poses.
     pub topic: String,
@@ -57,7 +56,7 @@ pub struct CommandedSettings {
     /// Unit of the positions.
     pub unit: LengthUnit,
     /// Paths of the fields in a message; empty for a common message type.
-    #[serde(skip_serializing_if = "PoseFields::is_empty")]
+    #[serde(default, skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
     /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -66,7 +65,7 @@ pub struct CommandedSettings {
 
 /// `[tracker]`: readings of the measured target, in the tracker's log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "TrackerFile")]
+#[serde(deny_unknown_fields)]
 pub struct TrackerSettings {
     /// Topic of the readings.
     pub topic: String,
@@ -77,26 +76,27 @@ pub struct TrackerSettings {
     /// Topic of the temperatures (°C, with the time source of the readings); absent without temperatures.
     pub temperature: Option<String>,
     /// Leave orientations out: for a plain reflector whose driver nevertheless writes whole pose messages.
+    #[serde(default)]
     pub ignore_orientation: bool,
     /// Paths of the fields in a message; empty for a common message type.
-    #[serde(skip_serializing_if = "PoseFields::is_empty")]
+    #[serde(default, skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
     /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
     /// The targets at the flange, the main one first, where there are several or one is told by its name; otherwise all readings are of
     /// one.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<LoggedTarget>,
     /// Reference reflectors on floor or base, which should not move.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<LoggedReference>,
     /// Instruments of one length whose readings are in the tracker's log, by its clock.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lengths: Vec<LoggedLength>,
     /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
     /// states it.
-    #[serde(skip_serializing)]
+    #[serde(skip)]
     pub eye_in_hand: bool,
 }
 
@@ -187,117 +187,22 @@ impl LengthUnit {
     }
 }
 
-/// `[controller]` as written in the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ControllerFile {
-    topic: String,
-    time: Option<TimeSource>,
-    unit: Option<AngleUnit>,
-    length_unit: Option<LengthUnit>,
-    #[serde(default)]
-    fields: JointFields,
-}
-
-/// `[commanded]` as written in the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CommandedFile {
-    pub topic: String,
-    pub time: Option<TimeSource>,
-    pub unit: Option<LengthUnit>,
-    #[serde(default)]
-    pub fields: PoseFields,
-    pub frame: Option<String>,
-}
-
-/// `[tracker]` as written in the file.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrackerFile {
-    pub topic: String,
-    pub time: Option<TimeSource>,
-    pub unit: Option<LengthUnit>,
-    pub temperature: Option<String>,
-    #[serde(default)]
-    pub ignore_orientation: bool,
-    #[serde(default)]
-    pub fields: PoseFields,
-    pub frame: Option<String>,
-    #[serde(default)]
-    pub targets: Vec<LoggedTarget>,
-    #[serde(default)]
-    pub references: Vec<LoggedReference>,
-    #[serde(default)]
-    pub lengths: Vec<LoggedLength>,
-}
-
-/// A convention that the pipeline file leaves out.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("[{section}] has no `{key}`: no log states it and it has no default; choose {choices}")]
-pub struct MissingConvention {
-    section: &'static str,
-    key: &'static str,
-    choices: &'static str,
-}
-
-impl MissingConvention {
-    /// The error that `[section]` leaves out `key`, with the choices for it.
-    pub const fn new(section: &'static str, key: &'static str, choices: &'static str) -> Self {
-        Self { section, key, choices }
-    }
-}
-
-/// Choices for `time`.
-const TIMES: &str =
-    "\"header\" (the message's own stamp), \"publish\" or \"log\" (when it was recorded)";
-/// Choices for `unit` of angles.
-const ANGLES: &str = "\"rad\" or \"deg\"";
-/// Choices for `unit` of lengths.
-const LENGTHS: &str = "\"m\" or \"mm\"";
-
-impl TryFrom<ControllerFile> for ControllerSettings {
-    type Error = MissingConvention;
-    fn try_from(file: ControllerFile) -> Result<Self, MissingConvention> {
-        Ok(Self {
-            topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("controller", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
-            length_unit: file.length_unit,
-            fields: file.fields,
-        })
-    }
-}
-
-impl TryFrom<CommandedFile> for CommandedSettings {
-    type Error = MissingConvention;
-    fn try_from(file: CommandedFile) -> Result<Self, MissingConvention> {
-        Ok(Self {
-            topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("commanded", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
-            fields: file.fields,
-            frame: file.frame,
-        })
-    }
-}
-
-impl TryFrom<TrackerFile> for TrackerSettings {
-    type Error = MissingConvention;
-    fn try_from(file: TrackerFile) -> Result<Self, MissingConvention> {
-        Ok(Self {
-            topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("tracker", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
-            temperature: file.temperature,
-            ignore_orientation: file.ignore_orientation,
-            fields: file.fields,
-            frame: file.frame,
-            targets: file.targets,
-            references: file.references,
-            lengths: file.lengths,
+impl TrackerSettings {
+    /// Readings of one target on a topic, without temperatures.
+    pub fn new(topic: &str, time: TimeSource, unit: LengthUnit) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            time,
+            unit,
+            temperature: None,
+            ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
+            targets: Vec::new(),
+            references: Vec::new(),
+            lengths: Vec::new(),
             eye_in_hand: false,
-        })
+        }
     }
 }
 

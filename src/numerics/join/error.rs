@@ -6,8 +6,6 @@ use crate::ingest::PosesError;
 
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum JoinError {
-    #[error("[join] {key} = {found}, but it has to be {wanted}")]
-    Setting { key: &'static str, found: String, wanted: &'static str },
     #[error(
         "the recording has {found} joint columns, but the arm {model:?} has {expected} joints: check [robot]"
     )]

@@ -1,8 +1,7 @@
-//! The settings of the join, their defaults and their checks, in one place.
+//! The settings of the join and their defaults.
 
 use serde::{Deserialize, Serialize};
 
-use super::JoinError;
 use super::stationary::StationaryRule;
 
 /// `[join]` of a pipeline file. Every key has a default; none was fitted to any recording.
@@ -56,31 +55,6 @@ const FLOOR_RAD: f64 = 1e-7;
 const FLOOR_MM: f64 = 1e-3;
 
 impl JoinSettings {
-    pub fn check(&self) -> Result<(), JoinError> {
-        if let Some(settle_s) = self.settle_s {
-            positive_or_zero("settle_s", settle_s)?;
-        }
-        for (key, value) in [
-            ("min_dwell_s", Some(self.min_dwell_s)),
-            ("window_s", Some(self.window_s)),
-            ("gap_s", Some(self.gap_s)),
-            ("mad_factor", Some(self.mad_factor)),
-            ("geometry_gate_mm", Some(self.geometry_gate_mm)),
-            ("stationary_rad", self.stationary_rad),
-            ("stationary_mm", self.stationary_mm),
-        ] {
-            value.map_or(Ok(()), |value| positive(key, value))?;
-        }
-        if self.min_readings < 2 {
-            return Err(JoinError::Setting {
-                key: "min_readings",
-                found: self.min_readings.to_string(),
-                wanted: "2 or more: one reading has no scatter",
-            });
-        }
-        Ok(())
-    }
-
     pub fn arm_rule(&self) -> StationaryRule {
         StationaryRule {
             window_s: self.window_s,
@@ -102,15 +76,4 @@ impl JoinSettings {
             floor: FLOOR_MM,
         }
     }
-}
-
-fn positive(key: &'static str, found: f64) -> Result<(), JoinError> {
-    if found.is_finite() && found > 0.0 {
-        return Ok(());
-    }
-    Err(JoinError::Setting { key, found: found.to_string(), wanted: "a finite number above 0" })
-}
-
-fn positive_or_zero(key: &'static str, found: f64) -> Result<(), JoinError> {
-    if found == 0.0 { Ok(()) } else { positive(key, found) }
 }

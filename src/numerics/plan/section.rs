@@ -12,66 +12,78 @@ use crate::simulate::settings::{
 };
 
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct PlanSection {
     /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees (mm of a joint that slides). Where `[grid]` states no
     /// orientation, the target's orientation there is the table's.
     pub home_deg: Vec<f64>,
     /// Intended place of the tracker: the arm's base in its frame, to the decimetre.
     pub tracker_from_base: Placement,
-    #[serde(default = "seed")]
     pub seed: u64,
-    #[serde(default = "robots")]
     pub robots: usize,
-    #[serde(default = "whole_model_robots")]
     pub whole_model_robots: usize,
-    #[serde(default = "test_poses")]
     pub test_poses: usize,
     /// Share of robots that has to meet the tolerance, and the confidence of that.
-    #[serde(default = "robots_meet")]
     pub robots_meet: Coverage,
-    #[serde(default = "candidates")]
     pub candidates: usize,
     /// Numbers of poses at which designs are compared; the smallest that meets the tolerance becomes the plan.
-    #[serde(default = "poses")]
     pub poses: Vec<usize>,
     /// Random poses are turned away from the table's orientation by up to this angle, degrees.
-    #[serde(default)]
     pub cone_deg: f64,
     /// Number of stations after which a few early poses are visited again, which shows the drift of the base; 0 for never.
-    #[serde(default = "drift_check_every")]
     pub drift_check_every: usize,
-    #[serde(default = "verify_poses")]
     pub verify_poses: usize,
     /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: a larger angle gives
     /// more information. Never less than `cone_deg`.
-    #[serde(default = "candidate_cone_deg")]
     pub candidate_cone_deg: f64,
     /// `[plan.constraints]`: the constraints on measured poses.
-    #[serde(default)]
     pub constraints: ConstraintsSection,
     /// `[plan.known]`: a past session that identified this arm, instead of the expected robots.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<KnownSection>,
     /// `[plan.expect]`: the expected robots.
-    #[serde(default)]
     pub expect: Expect,
+}
+
+/// What a pipeline file may leave out; it has to state `home_deg` and `tracker_from_base`.
+impl Default for PlanSection {
+    fn default() -> Self {
+        Self {
+            home_deg: Vec::new(),
+            tracker_from_base: Placement::default(),
+            seed: 1,
+            robots: 200,
+            // One more than the 59 that 95 % of robots with 95 % confidence need.
+            whole_model_robots: 60,
+            test_poses: 200,
+            robots_meet: Coverage { share: 0.95, confidence: 0.95 },
+            candidates: 1000,
+            poses: vec![25, 50, 100],
+            cone_deg: 0.0,
+            drift_check_every: 25,
+            // 95 % of errors with 95 % confidence need 59.
+            verify_poses: 60,
+            // Most reflectors accept this angle from a tracker.
+            candidate_cone_deg: 30.0,
+            constraints: ConstraintsSection::default(),
+            known: None,
+            expect: Expect::default(),
+        }
+    }
 }
 
 /// A past session that identified the arm: its posterior takes the place of geometry, curves, gravity, gear lines,
 /// backlash and repeatability in [`Expect`].
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct KnownSection {
     /// A `calibrations` table of the run that identified it, relative to the pipeline file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub calibrations: Option<PathBuf>,
     /// Or a session (or `pooled`) of the same robot, whose current run in the lake is taken.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
-    #[serde(default)]
     pub base: BaseMounted,
-    #[serde(default)]
     pub target: TargetMounted,
 }
 
@@ -223,47 +235,4 @@ impl Expect {
             ..SimulateSettings::exact(0, Vec::new(), no_poses)
         }
     }
-}
-
-const fn seed() -> u64 {
-    1
-}
-
-const fn robots() -> usize {
-    200
-}
-
-/// One more than the 59 that 95 % of robots with 95 % confidence need.
-const fn whole_model_robots() -> usize {
-    60
-}
-
-const fn test_poses() -> usize {
-    200
-}
-
-const fn robots_meet() -> Coverage {
-    Coverage { share: 0.95, confidence: 0.95 }
-}
-
-const fn candidates() -> usize {
-    1000
-}
-
-fn poses() -> Vec<usize> {
-    vec![25, 50, 100]
-}
-
-/// Most reflectors accept this angle from a tracker.
-const fn candidate_cone_deg() -> f64 {
-    30.0
-}
-
-const fn drift_check_every() -> usize {
-    25
-}
-
-/// 95 % of errors with 95 % confidence need 59.
-const fn verify_poses() -> usize {
-    60
 }

@@ -1,4 +1,4 @@
-//! Invalid numbers of a pipeline file, found before a log is opened.
+//! Values of a pipeline file that do not go together, found before a log is opened; the reference of keys has the range of each by itself.
 //!
 //! Each check is a key, its value and the allowed values; the first that fails is the error.
 
@@ -8,17 +8,13 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{ConfigurationError, ConfigurationErrorKind, lengths};
-use crate::fit::full::FullSettings;
-use crate::fit::{CameraUncertainty, FitSettings, Loss, TrackerUncertainty, Uncertainty};
-use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
+use crate::fit::Uncertainty;
+use crate::grid::{GridSettings, Lattice, WorkBox};
 use crate::ingest::{StationsSettings, WrongFields};
 use crate::io::lake;
-use crate::io::log::Limits;
 use crate::io::message;
 use crate::kinematics::Arm;
-use crate::pipeline::file::{PipelineFile, Pool, TrackerFromBase};
-use crate::report::locate::{LEAST_STATIONS, Locate};
-use crate::similarity::SimilaritySettings;
+use crate::pipeline::file::{PipelineFile, Pool};
 
 /// A key with an invalid value.
 pub(in crate::pipeline) struct Wrong {
@@ -37,7 +33,6 @@ pub(super) fn check(
     joints: usize,
 ) -> Result<(), ConfigurationError> {
     numbers(file, joints).map_err(|wrong| told(path, wrong))?;
-    file.join.check().map_err(|source| ConfigurationErrorKind::Join(Box::new(source)).at(path))?;
     commands(path, file)?;
     own_rows(path, file)?;
     let states_orientations = match &file.tracker.uncertainty {
@@ -125,12 +120,6 @@ pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {
-    for (key, share) in [
-        ("[input] max_lost_share", file.input.max_lost_share),
-        ("[input] max_rejected_share", file.input.max_rejected_share),
-    ] {
-        wrong_unless((0.0..=1.0).contains(&share), key, share, "a share from 0 to 1")?;
-    }
     if let Some(latest) = file.input.pool_latest {
         wrong_unless(
             matches!(file.input.pool, Pool::All | Pool::Until),
@@ -138,10 +127,6 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
             latest,
             "left out where each session is learnt from by itself; pool = \"until\" or \"all\" has pools",
         )?;
-        wrong_unless(latest > 1, "[input] pool_latest", latest, "2 or more")?;
-    }
-    if let Some(kg) = file.robot.valid_for.payload_kg {
-        not_negative("[robot.valid_for] payload_kg", kg)?;
     }
     if let Some(name) = &file.robot.name {
         let refused =
@@ -149,28 +134,31 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;
-    match &file.tracker.uncertainty {
-        Uncertainty::Tracker(tracker) => uncertainty(tracker),
-        Uncertainty::Camera(own) => camera(own),
-    }?;
-    survey(file.tracker.tracker_from_base.as_ref())?;
-    geometric(&file.fit.geometric)?;
-    full(&file.fit.full, joints)?;
-    similarity(&file.similarity, joints)?;
-    grid(&file.grid)?;
-    tolerance(&file.tolerance)?;
-    locate(&file.report.locate)?;
-    limits(&file.limits)
-}
-
-fn locate(locate: &Locate) -> Check {
-    let stations = locate.stations.unwrap_or(LEAST_STATIONS);
+    if let Uncertainty::Camera(own) = &file.tracker.uncertainty {
+        let axis = own.looks_along.map(Vector3::from);
+        wrong_unless(
+            axis.is_none_or(|axis| axis.norm() > 1e-6),
+            "[tracker] camera.looks_along",
+            format!("{:?}", own.looks_along),
+            "a direction, for example [0, 0, 1]",
+        )?;
+    }
+    each(&file.fit.full.repaired, |repair| {
+        wrong_unless(
+            (1..=joints).contains(&repair.joint),
+            "[[fit.full.repaired]] joint",
+            repair.joint,
+            format!("1 to {joints}, from the base"),
+        )
+    })?;
+    let weights = file.similarity.joint_weights.as_ref().map_or(joints, Vec::len);
     wrong_unless(
-        stations >= LEAST_STATIONS,
-        "[report] locate.stations",
-        stations,
-        format!("{LEAST_STATIONS} or more: fewer do not determine a base"),
-    )
+        weights == joints,
+        "[similarity] joint_weights",
+        format!("{weights} weights"),
+        format!("one for each of the arm's {joints} joints"),
+    )?;
+    grid(&file.grid)
 }
 
 /// Checks the fields of messages that are named.
@@ -261,15 +249,7 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         "a column of targets",
         "beside `station`, the column that says which rows belong together, and one [stations.measured] where any row has a position",
     )?;
-    references(stations)?;
-    each(stations.missing.iter(), |number| {
-        wrong_unless(
-            number.is_finite(),
-            "[stations] missing",
-            number,
-            "finite numbers; blanks and NaN are missing anyway",
-        )
-    })
+    references(stations)
 }
 
 /// Checks the references of a table: names of their own, and columns where the table is not long.
@@ -308,141 +288,8 @@ pub(super) fn paths(key: &str, paths: &[&str]) -> Check {
     })
 }
 
-fn uncertainty(u: &TrackerUncertainty) -> Check {
-    let key = |key: &str| format!("[tracker] uncertainty.{key}");
-    not_negative(key("range_um"), u.range_um)?;
-    not_negative(key("range_um_per_m"), u.range_um_per_m)?;
-    not_negative(key("transverse_um"), u.transverse_um)?;
-    not_negative(key("transverse_um_per_m"), u.transverse_um_per_m)?;
-    positive(key("divisor"), u.divisor)?;
-    u.orientation_rad.map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
-}
-
-fn camera(own: &CameraUncertainty) -> Check {
-    let axis = own.looks_along.map(Vector3::from);
-    wrong_unless(
-        axis.is_none_or(|axis| axis.norm() > 1e-6 && axis.norm().is_finite()),
-        "[tracker] camera.looks_along",
-        format!("{:?}", own.looks_along),
-        "a direction, for example [0, 0, 1]",
-    )?;
-    positive("[tracker] camera.focal_px", own.focal_px)?;
-    positive("[tracker] camera.noise_px", own.noise_px)?;
-    positive("[tracker] camera.target_mm", own.target_mm)?;
-    wrong_unless(
-        own.corners >= 2,
-        "[tracker] camera.corners",
-        own.corners,
-        "2 corners along an edge of a marker, more of a board",
-    )
-}
-
-fn survey(base: Option<&TrackerFromBase>) -> Check {
-    let Some(TrackerFromBase::Surveyed(survey)) = base else {
-        return Ok(());
-    };
-    let key = |key: &str| format!("[tracker] tracker_from_base.surveyed.{key}");
-    let sizes = [("sd_mm", survey.sd_mm), ("sd_deg", survey.sd_deg)];
-    let stated = sizes.into_iter().filter_map(|(name, sd)| Some((name, sd?)));
-    each(stated, |(name, sd)| not_negative(key(name), sd))
-}
-
-fn geometric(fit: &FitSettings) -> Check {
-    not_negative("[fit] repeatability_mm", fit.repeatability_mm)?;
-    not_negative("[fit] prior_length_mm", fit.prior_length_mm)?;
-    not_negative("[fit] prior_angle_mrad", fit.prior_angle_mrad)?;
-    positive("[fit] length_tolerance_mm", fit.length_tolerance_mm)?;
-    if let Loss::Huber { tuning } | Loss::Cauchy { tuning } = fit.loss {
-        positive("[fit] loss.tuning", tuning)?;
-    }
-    if let Some(target) = fit.target {
-        positive("[fit] target.sd_mm", target.sd_mm)?;
-    }
-    each(&fit.targets, |(name, target)| {
-        positive(format!("[fit] targets.{name}.sd_mm"), target.sd_mm)
-    })?;
-    each(&fit.target_distances, |known| {
-        positive("[fit] target_distances.mm", known.mm)?;
-        positive("[fit] target_distances.sd_mm", known.sd_mm)
-    })?;
-    let sizes = fit.blocks.size_mm.into_iter().flatten();
-    each(sizes, |size| positive("[fit] blocks.size_mm", size))
-}
-
-fn full(full: &FullSettings, joints: usize) -> Check {
-    each(&full.repaired, |repair| {
-        wrong_unless(
-            (1..=joints).contains(&repair.joint),
-            "[[fit.full.repaired]] joint",
-            repair.joint,
-            format!("1 to {joints}, from the base"),
-        )
-    })?;
-    let positives = [
-        ("short_length_deg", full.short_length_deg),
-        ("long_length_deg", full.long_length_deg),
-        ("curve_sd_rad", full.curve_sd_rad),
-        ("slide_length_mm", full.slide_length_mm[0]),
-        ("slide_length_mm", full.slide_length_mm[1]),
-        ("slide_sd_mm", full.slide_sd_mm),
-        ("gravity_sd", full.gravity_sd),
-        ("line_sd_rad", full.line_sd_rad),
-        ("drift_sd_mm", full.drift_sd_mm),
-        ("drift_length_stations", full.drift_length_stations),
-        ("command_weight_sd", full.command_weight_sd),
-        ("approach_offset_sd_rad", full.approach_offset_sd_rad),
-        ("session_command_weight_sd", full.session_command_weight_sd),
-        ("session_curve_sd_rad", full.session_curve_sd_rad),
-        ("session_length_deg", full.session_length_deg),
-        ("noise_mm", full.noise_mm),
-        ("joint_noise_rad", full.joint_noise_rad),
-    ];
-    each(positives, |(key, value)| positive(format!("[fit.full] {key}"), value))?;
-    not_negative("[fit.full] session_scale_ppm", full.session_scale_ppm)?;
-    not_negative("[fit.full] line_threshold", full.line_threshold)?;
-    not_negative("[fit.full] student_t", full.student_t)?;
-    wrong_unless(
-        (1..=1000).contains(&full.harmonics),
-        "[fit.full] harmonics",
-        full.harmonics,
-        "1 to 1000",
-    )?;
-    wrong_unless(
-        (1..=10).contains(&full.curve_period_turns),
-        "[fit.full] curve_period_turns",
-        full.curve_period_turns,
-        "1 to 10",
-    )
-}
-
-fn similarity(similarity: &SimilaritySettings, joints: usize) -> Check {
-    wrong_unless(
-        (1..=1000).contains(&similarity.bins),
-        "[similarity] bins",
-        similarity.bins,
-        "1 to 1000; models are fitted from four on",
-    )?;
-    let Some(weights) = &similarity.joint_weights else {
-        return Ok(());
-    };
-    wrong_unless(
-        weights.len() == joints,
-        "[similarity] joint_weights",
-        format!("{} weights", weights.len()),
-        format!("one for each of the arm's {joints} joints"),
-    )?;
-    each(weights.iter().copied(), |weight| not_negative("[similarity] joint_weights", weight))
-}
-
 fn grid(grid: &GridSettings) -> Check {
     let steps = &grid.steps_mm;
-    wrong_unless(
-        !steps.is_empty(),
-        "[grid] steps_mm",
-        "[]",
-        "one step or more, for example [50, 100, 200]",
-    )?;
-    each(steps.iter().copied(), |step| positive("[grid] steps_mm", step))?;
     let twice = |place: &usize| steps[..*place].contains(&steps[*place]);
     if let Some(place) = (0..steps.len()).find(twice) {
         return Err(wrong("[grid] steps_mm", steps[place], "given once"));
@@ -460,26 +307,7 @@ fn grid(grid: &GridSettings) -> Check {
             wanted,
         )?;
     }
-    wrong_unless(
-        grid.orientation_tolerance_deg > 0.0 && grid.orientation_tolerance_deg <= 180.0,
-        "[grid] orientation_tolerance_deg",
-        grid.orientation_tolerance_deg,
-        "above 0 and at most 180",
-    )?;
-    wrong_unless(
-        !grid.interpolations.is_empty(),
-        "[grid] interpolations",
-        "[]",
-        "\"idw\", \"trilinear\" or both",
-    )?;
-    wrong_unless(
-        !grid.sources.is_empty(),
-        "[grid] sources",
-        "[]",
-        "\"measured\", \"model\" or both",
-    )?;
-    positive("[grid] idw_power", grid.idw_power)?;
-    not_negative("[grid] within", grid.within)
+    Ok(())
 }
 
 fn work_box(bounds: &WorkBox) -> Check {
@@ -493,72 +321,11 @@ fn work_box(bounds: &WorkBox) -> Check {
     )
 }
 
-fn tolerance(tolerance: &Tolerance) -> Check {
-    positive("[tolerance] mm", tolerance.mm)?;
-    for (key, found) in
-        [("[tolerance] share", tolerance.share), ("[tolerance] confidence", tolerance.confidence)]
-    {
-        wrong_unless(found > 0.0 && found < 1.0, key, found, "between 0 and 1, for example 0.95")?;
-    }
-    Ok(())
-}
-
-fn limits(limits: &Limits) -> Check {
-    for (key, bytes) in [
-        ("[limits] record_bytes", limits.record_bytes),
-        ("[limits] chunk_bytes", limits.chunk_bytes),
-        ("[limits] batch_bytes", limits.batch_bytes),
-        ("[limits] unpacked_bytes", limits.unpacked_bytes),
-        ("[limits] file_bytes", limits.file_bytes),
-    ] {
-        wrong_unless(bytes > 0, key, bytes, "above 0")?;
-    }
-    Ok(())
-}
-
-/// Checks that every number of a file is finite.
-pub(super) fn finite(path: &Path, values: &toml::Table) -> Result<(), ConfigurationError> {
-    let Some((key, found)) = not_a_number(&toml::Value::Table(values.clone())) else {
-        return Ok(());
-    };
-    let wrong = ConfigurationErrorKind::Setting {
-        key,
-        found: found.to_string(),
-        wanted: "a finite number".to_owned(),
-    };
-    Err(wrong.at(path))
-}
-
-/// The key of the first number in a file that is not finite: TOML allows `nan` and `inf`, settings do not.
-fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
-    let inside = |key: String, value: &toml::Value| {
-        let (inner, found) = not_a_number(value)?;
-        let dot = if inner.is_empty() { "" } else { "." };
-        Some((format!("{key}{dot}{inner}"), found))
-    };
-    match value {
-        toml::Value::Float(float) => (!float.is_finite()).then_some((String::new(), *float)),
-        toml::Value::Array(values) => values.iter().find_map(not_a_number),
-        toml::Value::Table(table) => {
-            table.iter().find_map(|(key, value)| inside(key.clone(), value))
-        }
-        _ => None,
-    }
-}
-
 pub(in crate::pipeline) fn each<T>(
     values: impl IntoIterator<Item = T>,
     check: impl Fn(T) -> Check,
 ) -> Check {
     values.into_iter().try_for_each(check)
-}
-
-fn positive(key: impl Into<String>, found: f64) -> Check {
-    wrong_unless(found > 0.0, key, found, "above 0")
-}
-
-pub(in crate::pipeline) fn not_negative(key: impl Into<String>, found: f64) -> Check {
-    wrong_unless(found >= 0.0, key, found, "0 or more")
 }
 
 pub(in crate::pipeline) fn wrong_unless(

@@ -10,9 +10,8 @@ use crate::geometry::PlacementError;
 use crate::io::input::toml_problem;
 use crate::io::lake::LakeError;
 use crate::io::store::StoreError;
-use crate::join::JoinError;
 use crate::manifest::ManifestError;
-use crate::pipeline::keys::missing::Incomplete;
+use crate::pipeline::keys::door::Faults;
 use crate::pipeline::keys::retired::Retired;
 use crate::pipeline::robot_file::NoRobotFile;
 
@@ -88,8 +87,8 @@ pub enum ConfigurationErrorKind {
     Read(io::Error),
     /// The pipeline file is no pipeline file.
     Parse(Box<toml::de::Error>),
-    /// Several keys of the pipeline file are missing, or not known.
-    Incomplete(Box<Incomplete>),
+    /// Keys are missing or not known, or their values are out of range.
+    Keys(Faults),
     /// The pipeline file has a key that was retired.
     Retired(Retired),
     /// An invalid value.
@@ -132,8 +131,6 @@ pub enum ConfigurationErrorKind {
         key: &'static str,
         source: PlacementError,
     },
-    /// An invalid setting of the join.
-    Join(Box<JoinError>),
     /// The robot file cannot be read.
     Robot {
         /// The robot file.
@@ -158,7 +155,7 @@ impl ConfigurationErrorKind {
                 "cannot read the pipeline file {path}: {source}; give the path of a TOML file like pipelines/quickstart.toml"
             ),
             Self::Parse(source) => format!("{path}: {}", toml_problem(source)),
-            Self::Incomplete(source) => format!("{path}: {source}"),
+            Self::Keys(source) => format!("{path}: {source}"),
             Self::Retired(source) => format!("{path}: {source}"),
             Self::Setting { key, found, wanted } => {
                 format!("{path}: {key} = {found}, but it has to be {wanted}")
@@ -181,7 +178,6 @@ impl ConfigurationErrorKind {
             ),
             Self::Missing { key, reason } => format!("{path}: {key} is missing: {reason}"),
             Self::Placement { key, source } => format!("{path}: {key}: {source}"),
-            Self::Join(source) => format!("{path}: {source}"),
             Self::Robot { robot, source } => format!(
                 "cannot read the robot file {}, which {path} names under [robot] file: {source}; nominal arms are in \
                  pipelines/robots/",

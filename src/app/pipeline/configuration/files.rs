@@ -7,14 +7,14 @@ use toml::Table;
 use super::robots::{Robots, StatedRobot};
 use super::tree::Tree;
 use super::{
-    ConfigurationError, ConfigurationErrorKind, checks, folder_of, incomplete, placed_at, read_arm,
-    resolved,
+    ConfigurationError, ConfigurationErrorKind, checks, folder_of, placed_at, read_arm, resolved,
 };
 use crate::io::input::{self, Bound};
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
 use crate::pipeline::keys::retired::retired;
+use crate::pipeline::keys::{KeyReference, door};
 
 /// The contents of the files.
 #[derive(Debug)]
@@ -62,23 +62,23 @@ impl Source {
         if let Some(own) = retired(&values) {
             return Err(ConfigurationErrorKind::Retired(own).at(path));
         }
-        checks::finite(path, &values)?;
         let base = folder_of(path)?;
         Ok(Self { robots: Robots::of(path, &base, &values)?, path: path.to_owned(), base, text })
     }
 
     /// The files of the only robot.
     pub fn alone(&self) -> Result<Files, ConfigurationError> {
-        let file = toml::from_str(&self.text).map_err(|source| {
-            incomplete(&self.path, &self.text).unwrap_or_else(|| unread(&self.path, source))
-        })?;
-        self.checked(file)
+        self.keys(&self.text, true)?;
+        self.checked(toml::from_str(&self.text).map_err(|source| unread(&self.path, source))?)
     }
 
     /// The files of one of several robots.
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
         let values = robots.file_of(&robot.entry);
-        self.of_values(&values).map_err(|source| robot.fault(source))
+        let files = self.keys(&values.to_string(), false).and_then(|()| {
+            self.checked(values.try_into().map_err(|source| unread(&self.path, source))?)
+        });
+        files.map_err(|source| robot.fault(source))
     }
 
     /// The pipeline file of a robot that stands for all of them: its sessions are those of every robot.
@@ -112,10 +112,10 @@ impl Source {
         first.or_else(|error| each.find_map(Result::ok).map(drop).ok_or(error))
     }
 
-    fn of_values(&self, values: &Table) -> Result<Files, ConfigurationError> {
-        checks::finite(&self.path, values)?;
-        let file = values.clone().try_into();
-        self.checked(file.map_err(|source| unread(&self.path, source))?)
+    /// Checks keys and ranges of a file with this text, whose lines are told where the text `is_written` by a person.
+    fn keys(&self, text: &str, is_written: bool) -> Result<(), ConfigurationError> {
+        let checked = door::check(KeyReference::pipeline(), text, is_written);
+        checked.map_err(|faults| ConfigurationErrorKind::Keys(faults).at(&self.path))
     }
 
     fn checked(&self, file: PipelineFile) -> Result<Files, ConfigurationError> {

@@ -83,18 +83,6 @@ fn sources(
     )?;
     each(own.iter(), |length| {
         let name = length.name;
-        let sizes = [
-            Some(length.sd_mm),
-            length.place.map(|place| place.sd_mm),
-            length.offset.map(|offset| offset.sd_mm),
-        ];
-        let wrong = sizes.into_iter().flatten().find(|sd| *sd <= 0.0);
-        wrong_unless(
-            wrong.is_none(),
-            key("sd_mm"),
-            wrong.map_or_else(String::new, |sd| format!("{sd} of {name:?}")),
-            "a standard deviation above zero",
-        )?;
         let is_anchored = length.place.is_some() || length.offset.is_some();
         wrong_unless(
             length.reads == LengthRead::Distance || !is_anchored,

@@ -3,86 +3,72 @@
 
 use serde_json::{Map, Value};
 
-use super::{Key, KeyReference, KeySection};
+use super::{Common, KeyReference, KeySection};
 
-/// Whether a stage reads the keys of a section, and whether it reads a key; `None` of a key that is as its section says.
-struct Reads {
-    section: fn(&KeySection) -> bool,
-    key: fn(&Key) -> Option<bool>,
+/// A stage as a reader of settings.
+struct Stage {
+    /// Whether it reads a section or a key; `None` where that does not say so itself.
+    reads: fn(&Common) -> Option<bool>,
+    /// Whether it reads a section that does not say so: training does, so that a new key never gives one name to two estimates.
+    otherwise: bool,
 }
-
-/// What ingest and join read: sections and keys that say so.
-const JOIN: Reads = Reads { section: |own| own.joins == Some(true), key: |own| own.joins };
-
-/// What training reads: all sections and keys but those that come after it, so that a key that says nothing never gives one name to two
-/// estimates.
-const ESTIMATE: Reads =
-    Reads { section: |own| own.estimates != Some(false), key: |own| own.estimates };
-
-/// What the grids of an estimate read: what training reads, and sections and keys that say so.
-const GRIDS: Reads = Reads {
-    section: |own| own.estimates != Some(false) || own.grids == Some(true),
-    key: |own| own.grids.or(own.estimates),
-};
 
 /// The settings of ingest and join among all settings of a pipeline file, as JSON of the same shape; sections without any are left out.
 pub fn join_settings(all: &Value) -> Value {
-    read_by(&JOIN, all)
+    Stage { reads: |own| own.joins, otherwise: false }.settings(all)
 }
 
 /// The settings of training, likewise.
 pub fn estimate_settings(all: &Value) -> Value {
-    read_by(&ESTIMATE, all)
+    Stage { reads: |own| own.estimates, otherwise: true }.settings(all)
 }
 
-/// The settings of grids, likewise.
+/// The settings of grids, likewise: what training reads, and sections and keys that say so.
 pub fn grids_settings(all: &Value) -> Value {
-    read_by(&GRIDS, all)
+    Stage { reads: |own| own.grids.or(own.estimates), otherwise: true }.settings(all)
 }
 
-fn read_by(stage: &Reads, all: &Value) -> Value {
-    let read = |own: &Map<String, Value>| {
-        let sections = own.iter().filter_map(|(name, value)| {
-            let section = section(name)?;
-            Some((name.clone(), in_section(stage, section, value)?))
+impl Stage {
+    fn settings(&self, all: &Value) -> Value {
+        let sections = all.as_object().into_iter().flatten().filter_map(|(name, value)| {
+            let section = KeyReference::pipeline().section(name)?;
+            Some((name.clone(), self.in_section(section, value)?))
         });
         Value::Object(sections.collect())
-    };
-    all.as_object().map_or_else(|| Value::Object(Map::new()), read)
-}
-
-fn section(name: &str) -> Option<&'static KeySection> {
-    let mut sections = KeyReference::pipeline().sections.iter();
-    sections.find(|own| own.at.is_empty() && own.name == name)
-}
-
-/// The part of a section's value that a stage reads; `None` where there is none.
-fn in_section(stage: &Reads, section: &KeySection, value: &Value) -> Option<Value> {
-    match value {
-        Value::Object(keys) => {
-            let read = keys.iter().filter_map(|(key, value)| {
-                let read = of_key(stage, section, key, value)?;
-                Some((key.clone(), read))
-            });
-            let read: Map<String, Value> = read.collect();
-            (!read.is_empty()).then_some(Value::Object(read))
-        }
-        Value::Array(items) => {
-            let read = items.iter().filter_map(|item| in_section(stage, section, item));
-            let read: Vec<Value> = read.collect();
-            (!read.is_empty()).then_some(Value::Array(read))
-        }
-        other => (stage.section)(section).then(|| other.clone()),
     }
-}
 
-fn of_key(stage: &Reads, own: &KeySection, key: &str, value: &Value) -> Option<Value> {
-    if let (Some(inner), true) = (section(&format!("{}.{key}", own.name)), is_table(value)) {
-        return in_section(stage, inner, value);
+    /// The part of a section's value that the stage reads; `None` where there is none.
+    fn in_section(&self, section: &KeySection, value: &Value) -> Option<Value> {
+        match value {
+            Value::Object(keys) => {
+                let read = keys.iter().filter_map(|(key, value)| {
+                    Some((key.clone(), self.of_key(section, key, value)?))
+                });
+                let read: Map<String, Value> = read.collect();
+                (!read.is_empty()).then_some(Value::Object(read))
+            }
+            Value::Array(items) => {
+                let read = items.iter().filter_map(|item| self.in_section(section, item));
+                let read: Vec<Value> = read.collect();
+                (!read.is_empty()).then_some(Value::Array(read))
+            }
+            other => self.reads_of(section).then(|| other.clone()),
+        }
     }
-    let of_key = own.keys.iter().find(|known| known.key == key);
-    let read = of_key.and_then(stage.key);
-    read.unwrap_or_else(|| (stage.section)(own)).then(|| value.clone())
+
+    fn of_key(&self, section: &KeySection, key: &str, value: &Value) -> Option<Value> {
+        let inner = KeyReference::pipeline().section(&format!("{}.{key}", section.name));
+        if let Some(inner) = inner.filter(|_| is_table(value)) {
+            return self.in_section(inner, value);
+        }
+        let key = section.keys.iter().find(|own| own.key == key);
+        let read = key.and_then(|key| (self.reads)(&key.common));
+        read.unwrap_or_else(|| self.reads_of(section)).then(|| value.clone())
+    }
+
+    fn reads_of(&self, section: &KeySection) -> bool {
+        (self.reads)(&section.common).unwrap_or(self.otherwise)
+    }
 }
 
 /// Whether a value is a table, or a list of tables.

@@ -18,13 +18,13 @@ impl fmt::Display for KeyReference {
 
 impl fmt::Display for KeySection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let required = match &self.unless {
-            _ if !self.required => String::new(),
+        let required = match &self.common.unless {
+            _ if !self.common.required => String::new(),
             None => "  required".to_owned(),
             Some(section) => format!("  required without [{section}]"),
         };
         writeln!(f, "\n{}{required}", self.heading())?;
-        writeln!(f, "    {}", self.about)?;
+        writeln!(f, "    {}", self.common.about)?;
         self.keys.iter().try_for_each(|key| write!(f, "{key}"))
     }
 }
@@ -47,10 +47,11 @@ impl KeySection {
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = self.unit.as_deref().filter(|unit| *unit != "1");
-        let parts = [Some(self.kind.clone()), unit.map(str::to_owned), Some(self.without())];
-        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        let (kind, without) = (self.kind.as_str(), self.without());
+        let parts = [Some(kind), unit, self.range.as_deref(), Some(&without)];
+        let parts: Vec<&str> = parts.into_iter().flatten().collect();
         writeln!(f, "\n  {}  {}", self.key, parts.join(", "))?;
-        writeln!(f, "    {}", self.about)?;
+        writeln!(f, "    {}", self.common.about)?;
         if !self.values.is_empty() {
             writeln!(f, "    one of: {}", self.values.join(", "))?;
         }
@@ -62,7 +63,7 @@ impl Key {
     /// What holds where the key is absent.
     fn without(&self) -> String {
         match (&self.default, &self.absent) {
-            _ if self.required => match &self.unless {
+            _ if self.common.required => match &self.common.unless {
                 None => "required".to_owned(),
                 Some(section) => format!("required without [{section}]"),
             },
