@@ -7,13 +7,14 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Translation3;
 use thiserror::Error;
 
-use super::common::{self, Common, CommonError, Corrects as _};
+use super::common::{self, CommonError};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Table, Word as _};
-use super::tables::calibrations::CalibrationRow;
+use super::tables::calibrations::{ArmColumns, CalibrationRow};
 use super::tables::words::TableVerdict;
 use crate::at::At;
 use crate::compensation::{ArmModel, IdentifiedArm};
@@ -21,6 +22,7 @@ use crate::fit::conversion::Errors;
 use crate::fit::flange::turn_behind;
 use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
+use crate::geometry::Transform;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 
@@ -108,27 +110,24 @@ impl<'t> CalibrationsFile<'t> {
     fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
         let base_target = Model::BaseTarget;
         let base = self.head(base_target)?.ok_or_else(|| self.absent(base_target))?;
-        let said = self.said();
+        let own =
+            common::of_every_row(self.path, &self.table, self.rows.iter().map(|row| &row.of_arm))?;
         let key = common::key(self.path, &self.table)?;
         let model = self.first(wanted, &base)?;
         let verdict = self.row(model.model).map(|row| row.verdict);
-        let first = self.rows.first().expect("a table that was read has the row base_target");
-        let error_frame = first.stated_frame();
+        let valid_for = &own.valid_for;
+        let error_frame = valid_for.error_frame.stated();
+        let (path, joints) = (self.path, base.arm.joints().len());
         let arm = IdentifiedArm {
             // A run's table for joint angles goes by the run's name, as its table of nodes does.
             table_id: key.run.clone(),
-            frames: self.frames()?,
-            flange_from_tool: said.placement("flange_from_tool", |row| {
-                (row.flange_from_tool, row.flange_from_tool_turn)
-            })?,
-            command_from_base: said.command_from_base()?,
+            frames: self.frames(own)?,
+            flange_from_tool: common::placement(path, "flange_from_tool", &own.flange_from_tool)?,
+            command_from_base: valid_for.command_from_base(path)?,
             model,
-            measured: said.joint_ranges(base.arm.joints().len())?,
-            configurations: said
-                .one("configurations", |row| Some(&row.configurations))?
-                .cloned()
-                .unwrap_or_default(),
-            validity: said.validity()?,
+            measured: common::joint_ranges(path, valid_for, joints)?,
+            configurations: own.configurations.clone(),
+            validity: valid_for.validity(),
             frame_uncertainty: error_frame.uncertainty(),
             arm: base.arm,
         };
@@ -140,24 +139,18 @@ impl<'t> CalibrationsFile<'t> {
         })
     }
 
-    fn said(&self) -> Common<'_, CalibrationRow> {
-        Common { path: self.path, rows: &self.rows }
-    }
-
     fn row(&self, model: Model) -> Option<&CalibrationRow> {
         self.rows.iter().find(|row| row.model_kind == model)
     }
 
     /// The frames that errors are stated in.
-    fn frames(&self) -> Result<FramePair, CalibrationsTableError> {
-        let said = self.said();
-        let base = said.placement("error_frame_base", |row| {
-            (row.error_frame_base, row.error_frame_base_turn)
-        })?;
-        let target = said.placement("error_frame_target", |row| {
-            (row.error_frame_target, [0.0, 0.0, 0.0, 1.0])
-        })?;
-        Ok(FramePair::only(base, target))
+    fn frames(&self, own: &ArmColumns) -> Result<FramePair, CalibrationsTableError> {
+        let base = &own.valid_for.error_frame.error_frame_base;
+        let base = common::placement(self.path, "error_frame_base", base)?;
+        Ok(FramePair::only(
+            base,
+            Transform::claim(Translation3::from(own.error_frame_target).into()),
+        ))
     }
 
     fn absent(&self, model: Model) -> CalibrationsTableError {
@@ -197,7 +190,7 @@ impl<'t> CalibrationsFile<'t> {
         let (Some(row), Some(load)) = (self.row(model), model.about().load) else {
             return Ok(None);
         };
-        let loaded = load(&row.model, row.misfit_mm);
+        let loaded = load(&row.model, row.fit.misfit_mm);
         let loaded = loaded.map_err(|source| self.wrong(model, source))?;
         self.same(model, base, &loaded.head)?;
         let session = loaded.head.sessions.len() - 1;

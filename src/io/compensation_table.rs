@@ -13,11 +13,12 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::common::{self, Common, CommonError, Corrects as _};
+use super::common::{self, CommonError};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _};
-use super::tables::compensation::NodeRow;
+use super::tables::compensation::{NodeRow, TableColumns};
+use super::tables::validity::ValidFor;
 pub use super::tables::words::TableVerdict;
 use crate::at::At;
 use crate::compensation::{CompensationTable, Misfit};
@@ -73,32 +74,33 @@ pub enum CompensationTableError {
 /// Reads the compensation table that a run published.
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     let published = read_given(path, schema::find("compensation")?)?;
-    let file = TableFile { path, rows: NodeRow::read(&published) };
-    let Some(first) = file.rows.first() else {
+    let rows = NodeRow::read(&published);
+    if rows.is_empty() {
         return Err(CompensationTableError::Empty { path: path.to_owned() });
-    };
-    let said = file.said();
-    let command_from_base = said.command_from_base()?;
+    }
+    let every = rows.iter().map(|row| row.of_table.as_ref());
+    let own = common::of_every_row(path, &published, every)?.clone();
+    let file = TableFile { path, rows, own };
+    let (own, valid_for) = (&file.own, &file.own.valid_for);
+    let command_from_base = valid_for.command_from_base(path)?;
     let lattice = file.lattice(&command_from_base)?;
     let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {
         key: common::key(path, &published)?,
-        verdict: file.verdict()?,
-        table_and_arm: first.table_and_arm.as_deref().map(str::to_owned),
-        error_frame: first.stated_frame(),
-        units: joint_units(first),
-        measured: said.joint_ranges(first.joint_names.len())?,
-        flange_from_target: Position::claim(
-            said.position("flange_from_target", |row| row.flange_from_target)?,
-        ),
+        verdict: own.verdict,
+        table_and_arm: own.table_and_arm.clone(),
+        error_frame: valid_for.error_frame.stated(),
+        units: joint_units(valid_for),
+        measured: common::joint_ranges(path, valid_for, valid_for.joint_names.len())?,
+        flange_from_target: Position::claim(own.flange_from_target.into()),
         table: table
             .map_err(|misfit| CompensationTableError::Misfit(At::new(path.display(), misfit)))?,
     })
 }
 
 /// Units of the joints in a text, degrees where they turn.
-fn joint_units(row: &NodeRow) -> JointUnits {
-    let units = row.joint_units.iter().flat_map(|units| units.iter());
+fn joint_units(valid_for: &ValidFor) -> JointUnits {
+    let units = valid_for.joint_units.iter().flat_map(|units| units.iter());
     JointUnits::new(AngleUnit::Deg, units.map(|unit| unit == "mm").collect())
 }
 
@@ -106,13 +108,10 @@ fn joint_units(row: &NodeRow) -> JointUnits {
 struct TableFile<'a> {
     path: &'a Path,
     rows: Vec<NodeRow>,
+    own: TableColumns,
 }
 
 impl TableFile<'_> {
-    fn said(&self) -> Common<'_, NodeRow> {
-        Common { path: self.path, rows: &self.rows }
-    }
-
     /// The error of a node, or of its row where the node's number itself is wrong.
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {
         let place = format!("{}, node {node}", self.path.display());

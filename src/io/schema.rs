@@ -1,5 +1,7 @@
 //! The contracts of the tables: `schemas/*.toml`, one file per table, built into the program.
 //!
+//! Columns that several tables have alike stand once in `schemas/groups.toml`, and a table includes them.
+//!
 //! A schema states what a table is, what a row is, and for each column its type, unit, frame, whether it may be null and
 //! which words it allows. Writers are checked against it ([`super::table`]); readers find its version in every file. A
 //! change of a schema raises its version by one and adds a line to its `changes`.
@@ -184,6 +186,12 @@ pub const VIEWS_SQL: &str = include_str!("schema/views.sql");
 /// SQL statements for the same views over the compact form of such a lake, and its rows of `accuracy`.
 pub const COMPACT_VIEWS_SQL: &str = include_str!("schema/compact_views.sql");
 
+/// The groups of columns that schema files include, by name.
+static GROUPS: LazyLock<toml::Table> = LazyLock::new(|| {
+    let groups = include_str!("../../schemas/groups.toml").parse();
+    groups.expect("a test loads every schema file")
+});
+
 static SCHEMAS: LazyLock<Vec<TableSchema>> = LazyLock::new(|| {
     FILES
         .iter()
@@ -208,10 +216,19 @@ pub fn find(table: &str) -> Result<&'static TableSchema, SchemaError> {
 impl TableSchema {
     /// Reads and checks a schema file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
-        let schema: Self = toml::from_str(text)
-            .map_err(|error| SchemaError::Parse { message: error.to_string() })?;
+        let schema = Self::expanded(text);
+        let schema = schema.map_err(|error| SchemaError::Parse { message: error.to_string() })?;
         schema.check()?;
         Ok(schema)
+    }
+
+    /// Reads a schema file, every included group replaced by its columns.
+    fn expanded(text: &str) -> Result<Self, toml::de::Error> {
+        let mut file: toml::Table = text.parse()?;
+        if let Some(toml::Value::Array(columns)) = file.get_mut("column") {
+            *columns = columns.iter().flat_map(columns_of).collect();
+        }
+        file.try_into()
     }
 
     /// The position of a column and its contract; `None` where the table has none of this name.
@@ -230,6 +247,34 @@ impl TableSchema {
         let field = |c: &ColumnSchema| Field::new(&c.name, c.kind.arrow(), c.nullable);
         arrow::datatypes::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
     }
+}
+
+/// The columns of an entry: its own, or those of the group that it includes. An unknown group stays an unknown key.
+fn columns_of(entry: &toml::Value) -> Vec<toml::Value> {
+    let group = entry.get("include").and_then(toml::Value::as_str);
+    match group.and_then(|name| GROUPS.get(name)).and_then(toml::Value::as_array) {
+        None => vec![entry.clone()],
+        Some(group) => group.iter().flat_map(|own| columns_of(&in_place(own, entry))).collect(),
+    }
+}
+
+/// A group's column with the name, the description and the other keys of the entry that includes it.
+fn in_place(own: &toml::Value, entry: &toml::Value) -> toml::Value {
+    let of_entry = |key: &str| entry.get(key).and_then(toml::Value::as_str).unwrap_or_default();
+    let mut column = entry.as_table().cloned().unwrap_or_default();
+    column.remove("include");
+    for (key, value) in own.as_table().into_iter().flatten() {
+        let value = value.as_str().map_or_else(
+            || value.clone(),
+            |text| {
+                let text = text.replace("{name}", of_entry("name"));
+                let text = text.replace("{description}", of_entry("description"));
+                text.trim_start_matches('_').into()
+            },
+        );
+        column.insert(key.clone(), value);
+    }
+    column.into()
 }
 
 impl ColumnSchema {
@@ -290,6 +335,7 @@ mod tests {
         let mut files: Vec<String> = std::fs::read_dir(folder)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name != "groups.toml")
             .collect();
         files.sort();
         let mut tables: Vec<_> =

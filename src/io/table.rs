@@ -33,10 +33,8 @@ pub use error::{FileError, FileErrorKind, TableError, plain};
 pub use read::{
     Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
 };
-#[cfg(test)]
-pub use row::FieldColumn;
-pub use row::{Field, Row, Rows, Stored, Word};
-pub(crate) use row::{names, row, words};
+pub use row::{Field, FieldColumn, Row, Rows, Stored, Word};
+pub(crate) use row::{columns, names, row, words};
 pub use together::together;
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 

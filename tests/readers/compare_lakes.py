@@ -19,11 +19,12 @@ import os
 import pathlib
 import re
 import sys
-import tomllib
 from collections import defaultdict
 
 import pyarrow
 import pyarrow.parquet
+
+import schemas
 
 # What a run is known by, and what follows from the build: not values of the work.
 OF_THE_BUILD = {
@@ -64,7 +65,7 @@ def added(table, before):
     stated = (before.schema.metadata or {}).get(b"posegrid.schema_version")
     if not stated or not schema.is_file():
         return set()
-    columns = tomllib.loads(schema.read_text())["column"]
+    columns = schemas.read(schema)["column"]
     return {column["name"] for column in columns if column.get("since", 0) > int(stated)}
 
 

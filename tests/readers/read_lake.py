@@ -19,7 +19,6 @@ import shutil
 import struct
 import sys
 import tempfile
-import tomllib
 import urllib.parse
 
 import blake3
@@ -28,6 +27,8 @@ import polars
 import pyarrow
 import pyarrow.dataset
 import pyarrow.parquet
+
+import schemas
 
 ARROW_TYPES = {
     "timestamp": "timestamp[us]",
@@ -284,8 +285,7 @@ def main():
     arguments.add_argument("--all-tables", action="store_true", help="every published table has to be there")
     given = arguments.parse_args()
 
-    schemas = [tomllib.loads(file.read_text()) for file in sorted(given.schemas.glob("*.toml"))]
-    published = {schema["table"]: schema for schema in schemas if schema["role"] == "published"}
+    published = {schema["table"]: schema for schema in schemas.read_all(given.schemas) if schema["role"] == "published"}
     # Pages stand beside the tables, and their rows by month; they are for people. What begins with a dot is the lake's own.
     folders = sorted(
         folder

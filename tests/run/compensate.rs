@@ -240,7 +240,7 @@ fn a_table_with_a_wrong_value_is_refused_by_what_and_where() {
     let cases: [(Sample, &str); 6] = [
         (
             Sample { table_id: |node| if node == 7 { "t-2" } else { "t-1" }, ..SAMPLE },
-            "column \"table_id\": row 0 has \"t-1\" and row 7 has \"t-2\"",
+            "column \"table_id\": row 0 has t-1 and row 7 has t-2",
         ),
         (
             Sample { place: |node| node + usize::from(node > 20), ..SAMPLE },

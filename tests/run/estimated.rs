@@ -113,7 +113,7 @@ fn a_pool_from_its_estimate_has_the_bytes_of_one_that_trains() {
 /// Asserts that an estimate's errors of its stations are those that its run has of them.
 fn errors_are_those_of_the_run(cell: &Cell) {
     let own = EstimateResidualRow::read(&cell.table("estimate_residuals", "pooled"));
-    let own: Vec<ResidualRow> = own.into_iter().map(|row| row.0).collect();
+    let own: Vec<ResidualRow> = own.into_iter().map(|row| row.residual).collect();
     let of_run = ResidualRow::read(&cell.table("residuals", "pooled"));
     let of_models = |row: &ResidualRow| ![Model::RawCommand, Model::Table].contains(&row.model);
     let of_run: Vec<ResidualRow> = of_run.into_iter().filter(of_models).collect();

@@ -148,9 +148,9 @@ fn in_order(sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
 fn dwells(session: &SessionRows) -> Vec<(PairingVerdict, Option<Unpaired>, usize)> {
     let mut dwells = BTreeMap::new();
     for station in &session.stations.rows {
-        let words = (station.verdict.word(), station.reason.map(Unpaired::word));
+        let words = (station.verdict.word(), station.dwell.reason.map(Unpaired::word));
         let entry = dwells.entry(words);
-        entry.or_insert((station.verdict, station.reason, 0)).2 += 1;
+        entry.or_insert((station.verdict, station.dwell.reason, 0)).2 += 1;
     }
     dwells.into_values().collect()
 }

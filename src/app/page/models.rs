@@ -15,14 +15,14 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let ill: Vec<&CalibrationRow> = content
         .calibrations
         .iter()
-        .filter(|c| c.condition.is_some_and(|found| found > CONDITION_LIMIT))
+        .filter(|c| c.fit.condition.is_some_and(|found| found > CONDITION_LIMIT))
         .collect();
     let parts = content.calibrations.iter().find(|calibration| !calibration.parts_tried.is_empty());
     Some(html! {
-        p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
+        p { "Identified from " (first.of_arm.sessions.join(", ")) @if first.of_arm.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
         (super::table(&head, &body))
         p.note { "An s² far above 1 shows that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
-        @if let (Some(size), Some(se)) = (first.camera_size, first.camera_size_se) {
+        @if let (Some(size), Some(se)) = (first.of_arm.camera_size, first.of_arm.camera_size_se) {
             p {
                 "The camera's noise is " (words::number(size, 2)) " ± " (words::number(expanded(se), 2))
                 " times what is stated for it, by likelihood (± two standard errors); every model counts it so."
@@ -30,7 +30,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         @for calibration in ill {
             p.warning {
-                "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.condition, 0))
+                "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.fit.condition, 0))
                 ", above " (CONDITION_LIMIT) ": some of its parameters are hardly determined by these poses, though its predictions near them are."
             }
         }
@@ -48,11 +48,11 @@ fn row(calibration: &CalibrationRow) -> Markup {
             td { (calibration.stations) }
             td { (calibration.stations_downweighted) }
             td { (calibration.parameters) }
-            td { @match calibration.rank { Some(rank) => (rank), None => "–" } }
-            td { (words::optional(calibration.condition, 0)) }
-            td { (words::optional(calibration.variance_factor, 2)) }
-            td { (words::optional(calibration.misfit_mm, 3)) }
-            td.word { (calibration.convergence) @if let Some(made) = calibration.iterations { small { (made) " iterations" } } }
+            td { @match calibration.fit.rank { Some(rank) => (rank), None => "–" } }
+            td { (words::optional(calibration.fit.condition, 0)) }
+            td { (words::optional(calibration.fit.variance_factor, 2)) }
+            td { (words::optional(calibration.fit.misfit_mm, 3)) }
+            td.word { (calibration.fit.convergence) @if let Some(made) = calibration.fit.iterations { small { (made) " iterations" } } }
         }
     }
 }
@@ -73,12 +73,13 @@ fn part_rows(calibration: &CalibrationRow) -> Markup {
 
 /// The conditions that a model is valid for: name and value.
 fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
+    let valid_for = &row.of_arm.valid_for;
     let slides = |joint: usize| {
-        let units = row.joint_units.as_ref();
+        let units = valid_for.joint_units.as_ref();
         units.is_some_and(|units| units.get(joint).is_some_and(|unit| unit == "mm"))
     };
     // A minus sign is wider than a hyphen.
-    let range = |(joint, (low, high)): (usize, (&f64, &f64))| {
+    let range = |(joint, [low, high]): (usize, [f64; 2])| {
         let range = if slides(joint) {
             format!("{low:.1} mm to {high:.1} mm")
         } else {
@@ -86,21 +87,22 @@ fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
         };
         range.replace('-', "\u{2212}")
     };
-    let ends = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
-    let joints = ends.enumerate().map(range);
-    let joints = row.joint_names.iter().zip(joints).map(|(name, range)| format!("{name} {range}"));
-    let temperature = row
+    let joints = valid_for.joint_ranges().into_iter().enumerate().map(range);
+    let joints =
+        valid_for.joint_names.iter().zip(joints).map(|(name, range)| format!("{name} {range}"));
+    let temperature = valid_for
         .temperature_min_c
-        .zip(row.temperature_max_c)
+        .zip(valid_for.temperature_max_c)
         .map(|(low, high)| format!("{low:.1} to {high:.1} °C, as met while measuring"));
-    let option = row.absolute_accuracy_option;
+    let conditions = &valid_for.conditions;
+    let option = conditions.absolute_accuracy_option;
     let stated = [
-        ("Arm", Some(row.arm_model.clone())),
-        ("Tool", row.tool.clone()),
-        ("Payload", row.payload_kg.map(|kg| format!("{kg} kg"))),
-        ("Mounting", row.mounting.clone()),
-        ("Base", row.base.clone()),
-        ("Controller", row.controller_model.clone()),
+        ("Arm", Some(row.of_arm.arm_model.clone())),
+        ("Tool", conditions.tool.clone()),
+        ("Payload", conditions.payload_kg.map(|kg| format!("{kg} kg"))),
+        ("Mounting", conditions.mounting.clone()),
+        ("Base", conditions.base.clone()),
+        ("Controller", conditions.controller_model.clone()),
         ("Absolute accuracy option", option.map(|on| if on { "on" } else { "off" }.to_owned())),
         ("Temperature", temperature),
         ("Joint angles", Some(joints.collect::<Vec<_>>().join(", "))),

@@ -2,24 +2,27 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Isometry3;
 use roxmltree::{Document, ParsingOptions};
 
 use super::content::{Content, Count, Provenance, Session};
 use super::html;
 use super::shell::STYLE;
+use crate::compensation::Conditions;
 use crate::figures::Counted;
 use crate::fit::Identifiability;
 use crate::grid::{Interpolation, Judgement, Source, Tolerance, Verdict};
 use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
-use crate::io::tables::calibrations::{CalibrationRow, LossName};
+use crate::io::tables::calibrations::{ArmColumns, CalibrationRow, FitColumns, LossName};
 use crate::io::tables::clocks::ClockRow;
-use crate::io::tables::error_frame::ErrorFrameName;
+use crate::io::tables::error_frame::{ErrorFrameColumns, ErrorFrameName};
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::rejects::{RejectKind, RejectRow, Stage};
 use crate::io::tables::semivariograms::{self, SemivariogramRow};
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
+use crate::io::tables::validity::ValidFor;
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::kinematics::Convention;
@@ -237,73 +240,70 @@ fn parameter(name: &str) -> ParameterRow {
 
 fn calibration(name: &str) -> CalibrationRow {
     CalibrationRow {
-        arm_model: name.to_owned(),
-        convention: Convention::StandardDh,
-        parallel_joints: Vec::new(),
-        joint_names: vec![name.to_owned()],
-        joint_units: None,
         model_kind: Model::Geometric,
         parts: Vec::new(),
         parts_dropped: Vec::new(),
         parts_tried: vec![name.to_owned()],
         parts_gain_nat: vec![-2.0],
-        sessions: vec![name.to_owned()],
         angles: Angles::Reported,
         stations: 80,
         stations_downweighted: 1,
-        observations: 240,
         parameters: 36,
-        rank: Some(27),
-        condition: Some(20_000.0),
-        o1: None,
-        o2: None,
-        o3: None,
-        o4: None,
-        o5: None,
-        variance_factor: Some(40.0),
-        camera_size: Some(1.31),
-        camera_size_se: Some(0.04),
-        misfit_mm: Some(0.2),
+        fit: FitColumns {
+            rank: Some(27),
+            condition: Some(20_000.0),
+            variance_factor: Some(40.0),
+            misfit_mm: Some(0.2),
+            converged: Some(true),
+            convergence: name.to_owned(),
+            iterations: Some(7),
+            ..FitColumns::default()
+        },
         loss: LossName::Squares,
-        prior_length_mm: None,
-        prior_angle_rad: None,
-        converged: Some(true),
-        convergence: name.to_owned(),
-        iterations: Some(7),
-        cost_start: None,
-        cost_end: None,
-        log_evidence: None,
         tracker_from_base: None,
         tracker_from_base_turn: None,
         flange_from_target: None,
         flange_from_target_turn: None,
-        command_from_base: [0.0; 3],
-        command_from_base_turn: [0.0, 0.0, 0.0, 1.0],
-        flange_from_tool: [0.0; 3],
-        flange_from_tool_turn: [0.0, 0.0, 0.0, 1.0],
-        error_frame: ErrorFrameName::Fitted,
-        error_frame_base: [0.0; 3],
-        error_frame_base_turn: [0.0, 0.0, 0.0, 1.0],
-        error_frame_target: [0.0; 3],
-        error_frame_sd_mm: None,
-        error_frame_sd_deg: None,
-        error_frame_lever_sd_mm: None,
-        largest_error_mm: Some(2.0),
-        joint_lower_rad: vec![-1.0],
-        joint_upper_rad: vec![1.0],
-        configurations: Vec::new(),
-        tool: Some(name.to_owned()),
-        payload_kg: None,
-        mounting: None,
-        base: None,
-        controller_model: None,
-        absolute_accuracy_option: None,
-        temperature_min_c: None,
-        temperature_max_c: None,
         verdict: TableVerdict::Met,
         reason: None,
-        model_version: 3,
         model: String::new(),
+        of_arm: of_arm(name),
+    }
+}
+
+fn of_arm(name: &str) -> ArmColumns {
+    ArmColumns {
+        arm_model: name.to_owned(),
+        convention: Convention::StandardDh,
+        parallel_joints: Vec::new(),
+        sessions: vec![name.to_owned()],
+        observations: 240,
+        camera_size: Some(1.31),
+        camera_size_se: Some(0.04),
+        prior_length_mm: None,
+        prior_angle_rad: None,
+        flange_from_tool: Isometry3::identity(),
+        error_frame_target: [0.0; 3],
+        configurations: Vec::new(),
+        model_version: 3,
+        valid_for: ValidFor {
+            joint_names: vec![name.to_owned()],
+            joint_units: None,
+            command_from_base: Isometry3::identity(),
+            error_frame: ErrorFrameColumns {
+                error_frame: ErrorFrameName::Fitted,
+                error_frame_base: Isometry3::identity(),
+                error_frame_sd_mm: None,
+                error_frame_sd_deg: None,
+                error_frame_lever_sd_mm: None,
+            },
+            largest_error_mm: Some(2.0),
+            joint_lower_rad: vec![-1.0],
+            joint_upper_rad: vec![1.0],
+            conditions: Conditions { tool: Some(name.to_owned()), ..Conditions::default() },
+            temperature_min_c: None,
+            temperature_max_c: None,
+        },
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::{CompensationTableError, TableFile};
+use super::{CompensationTableError, TableFile, common};
 use crate::compensation::Known;
 use crate::geometry::{Base, Command, Position, Transform, symmetric};
 use crate::grid::{Lattice, Refusal};
@@ -22,12 +22,12 @@ impl TableFile<'_> {
     ) -> Result<Lattice, CompensationTableError> {
         let base_from_command = command_from_base.inverse();
         let in_base = |node: &NodeRow| *(base_from_command * position(node)).point();
-        let steps = STEPS.map(str::to_owned);
-        let lattice = Lattice {
-            origin: in_base(&self.rows[0]),
-            step: self.said().positive(&steps, |row| row.steps_mm)?,
-            counts: self.counts()?,
-        };
+        let step = self.own.steps_mm;
+        if let Some((column, step)) = STEPS.into_iter().zip(step).find(|(_, step)| *step <= 0.0) {
+            let problem = format!("{step} is not positive");
+            return Err(common::value_error(self.path, column, problem).into());
+        }
+        let lattice = Lattice { origin: in_base(&self.rows[0]), step, counts: self.counts()? };
         for (row, node) in self.rows.iter().enumerate() {
             let off_mm = (in_base(node) - lattice.position(row)).norm();
             if off_mm > ON_LATTICE_MM {

@@ -1,9 +1,9 @@
 //! Rows of a table: one struct of typed fields ↔ whole columns.
 //!
-//! [`row!`](crate::table::row) declares the struct of a table. A field is the column of its name; a field that is a
-//! point, a quaternion or a covariance names its columns. Robot, session and run are outside the rows where all have the
-//! same. The struct writes ([`Row::table`], which sorts the rows in the table's order) and reads ([`Row::read`]); a test
-//! compares it with its schema.
+//! [`row!`](crate::table::row) declares the struct of a table, [`columns!`](crate::table::columns) that of columns which several
+//! tables have alike: it is a field of their rows. A field is the column of its name; one of several numbers names its columns.
+//! Robot, session and run are outside the rows where all have the same. The struct writes ([`Row::table`], which sorts the rows in
+//! the table's order) and reads ([`Row::read`]); a test compares it with its schema.
 //!
 //! An enumeration is a word only in the file: [`words!`](crate::table::words) pairs its values with their words once.
 
@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::{Columns, Table, TableError, Value};
 use crate::manifest::RunKey;
@@ -18,19 +19,14 @@ use crate::schema::{self, ColumnType, TableSchema};
 use crate::units::WallTime;
 
 /// The rows of one table.
-pub trait Row: Sized {
+pub trait Row: Field {
     /// The table's name.
     const TABLE: &'static str;
 
-    /// Every field of all rows as columns.
-    fn put(rows: &[Self], columns: Columns) -> Columns;
-
     /// The rows of a table, in its order.
-    fn read(table: &Table) -> Vec<Self>;
-
-    /// The fields as columns, in their order.
-    #[cfg(test)]
-    fn columns() -> Vec<FieldColumn>;
+    fn read(table: &Table) -> Vec<Self> {
+        Self::all(table, &[]).collect()
+    }
 
     /// The table's contract.
     fn schema() -> &'static TableSchema {
@@ -52,13 +48,12 @@ pub trait Row: Sized {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rows<R> {
     pub rows: Vec<R>,
-    /// The table that they make.
     pub table: Table,
 }
 
 impl<R: Row> Rows<R> {
     fn new(rows: Vec<R>, key: impl FnOnce(Columns) -> Columns) -> Result<Self, TableError> {
-        let columns = R::put(&rows, key(Columns::new(R::schema(), rows.len())));
+        let columns = R::put(key(Columns::new(R::schema(), rows.len())), &[], rows.iter());
         let (table, order) = columns.finish_in_order()?;
         let rows = match order {
             None => rows,
@@ -71,12 +66,10 @@ impl<R: Row> Rows<R> {
     }
 }
 
-#[cfg(test)]
+/// A column as a field has it, for comparison with the schema.
 pub struct FieldColumn {
     pub name: &'static str,
-    /// Type of its values.
     pub kind: ColumnType,
-    /// Whether a value may be absent.
     pub nullable: bool,
     /// Whether an enumeration has this word; `None` where it is no enumeration.
     pub knows: fn(&str) -> Option<bool>,
@@ -84,10 +77,8 @@ pub struct FieldColumn {
 
 /// A value that one column can hold.
 pub trait Stored: Sized + 'static {
-    /// Type of the value in a column.
     type As<'v>: Value;
 
-    /// The value for a column.
     fn stored(&self) -> Self::As<'_>;
 
     /// The value in a row where it is not null.
@@ -99,126 +90,135 @@ pub trait Stored: Sized + 'static {
     }
 }
 
+/// The names of a field's columns.
+type Names = &'static [&'static str];
+
 /// The type of a field of a row: a value, several that belong together, or either as an option.
 pub trait Field: Sized + 'static {
-    /// Type of the values of its columns.
-    const KIND: ColumnType;
-    /// Whether it may be absent.
-    const NULLABLE: bool;
-
-    /// Puts the field of all rows into the columns of these names.
+    /// Puts the field of all rows into the columns of these names; those of a struct have their own.
     fn put<'v>(
         columns: Columns,
-        names: &'static [&'static str],
+        names: Names,
         values: impl Iterator<Item = &'v Self> + Clone,
     ) -> Columns;
 
     /// The field of every row, read from the columns of these names.
-    fn all<'t>(table: &'t Table, names: &'static [&'static str])
-    -> impl Iterator<Item = Self> + 't;
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self>;
 
-    /// Like [`Stored::knows`].
-    fn knows(_word: &str) -> Option<bool> {
-        None
-    }
+    /// The columns of these names.
+    fn columns(names: Names) -> Vec<FieldColumn>;
 }
 
 impl<T: Stored> Field for T {
-    const KIND: ColumnType = <T::As<'static> as Value>::KIND;
-    const NULLABLE: bool = false;
-
     fn put<'v>(
         columns: Columns,
-        names: &'static [&'static str],
+        names: Names,
         values: impl Iterator<Item = &'v Self> + Clone,
     ) -> Columns {
         columns.column(names[0], values.map(Stored::stored))
     }
 
-    fn all<'t>(
-        table: &'t Table,
-        names: &'static [&'static str],
-    ) -> impl Iterator<Item = Self> + 't {
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
         let array = table.array(names[0]);
         (0..table.rows()).map(move |row| T::at(array, row))
     }
 
-    fn knows(word: &str) -> Option<bool> {
-        T::knows(word)
+    fn columns(names: Names) -> Vec<FieldColumn> {
+        let kind = <T::As<'static> as Value>::KIND;
+        vec![FieldColumn { name: names[0], kind, nullable: false, knows: T::knows }]
     }
 }
 
 impl<T: Stored> Field for Option<T> {
-    const KIND: ColumnType = <T as Field>::KIND;
-    const NULLABLE: bool = true;
-
     fn put<'v>(
         columns: Columns,
-        names: &'static [&'static str],
+        names: Names,
         values: impl Iterator<Item = &'v Self> + Clone,
     ) -> Columns {
-        let stored = |value: &'v Self| value.as_ref().map(Stored::stored);
-        columns.column(names[0], values.map(stored))
+        columns.column(names[0], values.map(|value| value.as_ref().map(Stored::stored)))
     }
 
-    fn all<'t>(
-        table: &'t Table,
-        names: &'static [&'static str],
-    ) -> impl Iterator<Item = Self> + 't {
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
         let array = table.array(names[0]);
-        let value = move |row| array.is_valid(row).then(|| T::at(array, row));
-        (0..table.rows()).map(value)
+        (0..table.rows()).map(move |row| array.is_valid(row).then(|| T::at(array, row)))
     }
 
-    fn knows(word: &str) -> Option<bool> {
-        T::knows(word)
+    fn columns(names: Names) -> Vec<FieldColumn> {
+        nullable(T::columns(names))
     }
 }
 
 impl<const N: usize> Field for [f64; N] {
-    const KIND: ColumnType = ColumnType::Float64;
-    const NULLABLE: bool = false;
-
     fn put<'v>(
         columns: Columns,
-        names: &'static [&'static str],
+        names: Names,
         values: impl Iterator<Item = &'v Self> + Clone,
     ) -> Columns {
         columns.group(of_number(names), values.copied())
     }
 
-    fn all<'t>(
-        table: &'t Table,
-        names: &'static [&'static str],
-    ) -> impl Iterator<Item = Self> + 't {
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
         let parts = of_number(names).map(|name| table.f64(name));
         (0..table.rows()).map(move |row| parts.map(|part| part.value(row)))
+    }
+
+    fn columns(names: Names) -> Vec<FieldColumn> {
+        names.chunks(1).flat_map(f64::columns).collect()
     }
 }
 
 impl<const N: usize> Field for Option<[f64; N]> {
-    const KIND: ColumnType = ColumnType::Float64;
-    const NULLABLE: bool = true;
-
     fn put<'v>(
         columns: Columns,
-        names: &'static [&'static str],
+        names: Names,
         values: impl Iterator<Item = &'v Self> + Clone,
     ) -> Columns {
         columns.group(of_number(names), values.copied())
     }
 
     /// A row that lacks one of the values has none.
-    fn all<'t>(
-        table: &'t Table,
-        names: &'static [&'static str],
-    ) -> impl Iterator<Item = Self> + 't {
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
         let parts = of_number(names).map(|name| table.f64(name));
         (0..table.rows()).map(move |row| {
             let whole = parts.iter().all(|part| part.is_valid(row));
             whole.then(|| parts.map(|part| part.value(row)))
         })
     }
+
+    fn columns(names: Names) -> Vec<FieldColumn> {
+        nullable(<[f64; N]>::columns(names))
+    }
+}
+
+/// x y z, mm, and the quaternion x y z w, as it was written: normalised anew it would differ in its last bits.
+impl Field for Isometry3<f64> {
+    fn put<'v>(
+        columns: Columns,
+        names: Names,
+        values: impl Iterator<Item = &'v Self> + Clone,
+    ) -> Columns {
+        let numbers = |own: &Self| -> [f64; 7] {
+            let ([x, y, z], [qx, qy, qz, qw]) =
+                (own.translation.vector.into(), own.rotation.coords.into());
+            [x, y, z, qx, qy, qz, qw]
+        };
+        columns.group(of_number(names), values.map(numbers))
+    }
+
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
+        <[f64; 7]>::all(table, names).map(|[x, y, z, qx, qy, qz, qw]| {
+            let turn = UnitQuaternion::new_unchecked(Quaternion::new(qw, qx, qy, qz));
+            Self::from_parts(Translation3::new(x, y, z), turn)
+        })
+    }
+
+    fn columns(names: Names) -> Vec<FieldColumn> {
+        <[f64; 7]>::columns(names)
+    }
+}
+
+fn nullable(columns: Vec<FieldColumn>) -> Vec<FieldColumn> {
+    columns.into_iter().map(|own| FieldColumn { nullable: true, ..own }).collect()
 }
 
 fn of_number<const N: usize>(names: &[&'static str]) -> [&'static str; N] {
@@ -330,69 +330,102 @@ macro_rules! words {
 }
 pub(crate) use words;
 
-/// The struct of a table's rows: `row! { pub struct ClockRow of "clocks" { offset_ns: f64, … } }`. A field is the column of its
-/// name, or the columns that it names: `at as [x_mm, y_mm, z_mm]: [f64; 3]`.
+/// The struct of a table's rows: `row! { pub struct ClockRow of "clocks" { offset_ns: f64, … } }`; its fields are those of
+/// [`columns!`](crate::table::columns).
 macro_rules! row {
-    (
-        $(#[$meta:meta])*
-        pub struct $row:ident of $table:literal {
-            $($(#[$doc:meta])* $field:ident $(as [$($column:ident),+ $(,)?])? : $kind:ty,)+
-        }
-    ) => {
-        $(#[$meta])*
-        #[derive(Debug, Clone, PartialEq)]
-        pub struct $row {
-            $($(#[$doc])* pub $field: $kind,)+
-        }
+    ($(#[$meta:meta])* pub struct $row:ident of $table:literal { $($fields:tt)+ }) => {
+        $crate::table::columns! { $(#[$meta])* pub struct $row { $($fields)+ } }
 
         impl $crate::table::Row for $row {
             const TABLE: &'static str = $table;
-
-            fn put(rows: &[Self], columns: $crate::table::Columns) -> $crate::table::Columns {
-                $(let columns = <$kind as $crate::table::Field>::put(
-                    columns,
-                    $crate::table::names!($field $(, $($column)+)?),
-                    rows.iter().map(|row| &row.$field),
-                );)+
-                columns
-            }
-
-            fn read(table: &$crate::table::Table) -> Vec<Self> {
-                $(let mut $field = <$kind as $crate::table::Field>::all(
-                    table,
-                    $crate::table::names!($field $(, $($column)+)?),
-                );)+
-                let every = "every column has a value for each row, as a table is checked";
-                (0..table.rows())
-                    .map(|_| Self { $($field: $field.next().expect(every),)+ })
-                    .collect()
-            }
-
-            #[cfg(test)]
-            fn columns() -> Vec<$crate::table::FieldColumn> {
-                let mut columns = Vec::new();
-                $(for &name in $crate::table::names!($field $(, $($column)+)?) {
-                    columns.push($crate::table::FieldColumn {
-                        name,
-                        kind: <$kind as $crate::table::Field>::KIND,
-                        nullable: <$kind as $crate::table::Field>::NULLABLE,
-                        knows: <$kind as $crate::table::Field>::knows,
-                    });
-                })+
-                columns
-            }
         }
     };
 }
 pub(crate) use row;
 
-/// The names of a field's columns.
+/// A struct of columns. A field is the column of its name, or the columns that it names, as a list or by what it is
+/// ([`names!`](crate::table::names)): `at as [x_mm, y_mm, z_mm]`, `error as point`, `shift_mm as [shift: point]`. A struct that stands
+/// elsewhere gets its columns by `columns! { of Conditions { … } }`.
+macro_rules! columns {
+    (
+        $(#[$meta:meta])*
+        pub struct $group:ident {
+            $($(#[$doc:meta])* $field:ident $(as $names:tt)? : $kind:ty,)+
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct $group {
+            $($(#[$doc])* pub $field: $kind,)+
+        }
+        $crate::table::columns! { of $group { $($field $(as $names)? : $kind,)+ } }
+    };
+    (of $group:ident { $($field:ident $(as $names:tt)? : $kind:ty,)+ }) => {
+        impl $crate::table::Field for $group {
+            fn put<'v>(
+                columns: $crate::table::Columns,
+                _: &'static [&'static str],
+                values: impl Iterator<Item = &'v Self> + Clone,
+            ) -> $crate::table::Columns {
+                $(let columns = <$kind as $crate::table::Field>::put(
+                    columns,
+                    $crate::table::names!($field $(, $names)?),
+                    values.clone().map(|own| &own.$field),
+                );)+
+                columns
+            }
+
+            fn all(
+                table: &$crate::table::Table,
+                _: &'static [&'static str],
+            ) -> impl Iterator<Item = Self> {
+                $(let mut $field = <$kind as $crate::table::Field>::all(
+                    table,
+                    $crate::table::names!($field $(, $names)?),
+                );)+
+                (0..table.rows()).map_while(move |_| Some(Self { $($field: $field.next()?,)+ }))
+            }
+
+            fn columns(_: &'static [&'static str]) -> Vec<$crate::table::FieldColumn> {
+                let mut columns = Vec::new();
+                $(columns.extend(<$kind as $crate::table::Field>::columns(
+                    $crate::table::names!($field $(, $names)?),
+                ));)+
+                columns
+            }
+        }
+    };
+}
+pub(crate) use columns;
+
+/// The names of a field's columns: its own, a list, or its own (or another prefix) with what follows for a point, a turn (quaternion),
+/// a placement or a covariance.
 macro_rules! names {
     ($field:ident) => {
         &[stringify!($field)]
     };
-    ($field:ident, $($column:ident)+) => {
+    ($field:ident, [$($column:ident),+ $(,)?]) => {
         &[$(stringify!($column)),+]
+    };
+    ($field:ident, [$prefix:ident: $kind:ident]) => {
+        $crate::table::names!($prefix, $kind)
+    };
+    ($field:ident, point) => {
+        $crate::table::names!($field + "_x_mm" "_y_mm" "_z_mm")
+    };
+    ($field:ident, turn) => {
+        $crate::table::names!($field + "_qx" "_qy" "_qz" "_qw")
+    };
+    ($field:ident, placement) => {
+        $crate::table::names!($field + "_x_mm" "_y_mm" "_z_mm" "_qx" "_qy" "_qz" "_qw")
+    };
+    ($field:ident, covariance) => {
+        $crate::table::names!(
+            $field + "_xx_mm2" "_xy_mm2" "_xz_mm2" "_yy_mm2" "_yz_mm2" "_zz_mm2"
+        )
+    };
+    ($field:ident + $($end:literal)+) => {
+        &[$(concat!(stringify!($field), $end)),+]
     };
 }
 pub(crate) use names;

@@ -1,12 +1,10 @@
 //! `calibrations`: each identified model, complete, with its determinacy and the conditions that it is valid for.
 
-use std::sync::Arc;
+use nalgebra::Isometry3;
 
 use super::PublishContext;
-use super::error_frame::ErrorFrameName;
-use super::validity::{configurations, joint_ranges, largest_error_mm, learnt_from, temperatures};
-use super::words::{TableVerdict, joint_units, placement};
-use crate::common::corrects;
+use super::validity::{ValidFor, configurations, learnt_from};
+use super::words::{TableVerdict, xyzw};
 use crate::fit::full::FullModel;
 use crate::fit::model::PartEvidence;
 use crate::fit::saved::VERSION;
@@ -18,27 +16,37 @@ use crate::judgement::Outcome;
 use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
-use crate::table::{row, words};
+use crate::table::{columns, row, words};
 
 row! {
     /// An identified model, its determinacy, and the conditions that it is valid for.
     pub struct CalibrationRow of "calibrations" {
-        arm_model: String,
-        convention: Convention,
-        parallel_joints: Vec<String>,
-        joint_names: Vec<String>,
-        joint_units: Option<Arc<[String]>>,
         model_kind: Model,
         parts: Vec<String>,
         parts_dropped: Vec<String>,
         parts_tried: Vec<String>,
         parts_gain_nat: Vec<f64>,
-        sessions: Vec<String>,
         angles: Angles,
         stations: usize,
         stations_downweighted: usize,
-        observations: usize,
         parameters: usize,
+        fit: FitColumns,
+        loss: LossName,
+        tracker_from_base as point: Option<[f64; 3]>,
+        tracker_from_base_turn as [tracker_from_base: turn]: Option<[f64; 4]>,
+        flange_from_target as point: Option<[f64; 3]>,
+        flange_from_target_turn as [flange_from_target: turn]: Option<[f64; 4]>,
+        verdict: TableVerdict,
+        reason: Option<String>,
+        model: String,
+        of_arm: ArmColumns,
+    }
+}
+
+columns! {
+    /// How a model's fit ended; the full error model, which estimates its noise, has the end and its evidence alone.
+    #[derive(Default)]
+    pub struct FitColumns {
         rank: Option<usize>,
         condition: Option<f64>,
         o1: Option<f64>,
@@ -47,102 +55,35 @@ row! {
         o4: Option<f64>,
         o5: Option<f64>,
         variance_factor: Option<f64>,
-        camera_size: Option<f64>,
-        camera_size_se: Option<f64>,
         misfit_mm: Option<f64>,
-        loss: LossName,
-        prior_length_mm: Option<f64>,
-        prior_angle_rad: Option<f64>,
         converged: Option<bool>,
         convergence: String,
         iterations: Option<usize>,
         cost_start: Option<f64>,
         cost_end: Option<f64>,
         log_evidence: Option<f64>,
-        tracker_from_base as [
-            tracker_from_base_x_mm,
-            tracker_from_base_y_mm,
-            tracker_from_base_z_mm,
-        ]: Option<[f64; 3]>,
-        tracker_from_base_turn as [
-            tracker_from_base_qx,
-            tracker_from_base_qy,
-            tracker_from_base_qz,
-            tracker_from_base_qw,
-        ]: Option<[f64; 4]>,
-        flange_from_target as [
-            flange_from_target_x_mm,
-            flange_from_target_y_mm,
-            flange_from_target_z_mm,
-        ]: Option<[f64; 3]>,
-        flange_from_target_turn as [
-            flange_from_target_qx,
-            flange_from_target_qy,
-            flange_from_target_qz,
-            flange_from_target_qw,
-        ]: Option<[f64; 4]>,
-        command_from_base as [
-            command_from_base_x_mm,
-            command_from_base_y_mm,
-            command_from_base_z_mm,
-        ]: [f64; 3],
-        command_from_base_turn as [
-            command_from_base_qx,
-            command_from_base_qy,
-            command_from_base_qz,
-            command_from_base_qw,
-        ]: [f64; 4],
-        flange_from_tool as [
-            flange_from_tool_x_mm,
-            flange_from_tool_y_mm,
-            flange_from_tool_z_mm,
-        ]: [f64; 3],
-        flange_from_tool_turn as [
-            flange_from_tool_qx,
-            flange_from_tool_qy,
-            flange_from_tool_qz,
-            flange_from_tool_qw,
-        ]: [f64; 4],
-        error_frame: ErrorFrameName,
-        error_frame_base as [
-            error_frame_base_x_mm,
-            error_frame_base_y_mm,
-            error_frame_base_z_mm,
-        ]: [f64; 3],
-        error_frame_base_turn as [
-            error_frame_base_qx,
-            error_frame_base_qy,
-            error_frame_base_qz,
-            error_frame_base_qw,
-        ]: [f64; 4],
-        error_frame_target as [
-            error_frame_target_x_mm,
-            error_frame_target_y_mm,
-            error_frame_target_z_mm,
-        ]: [f64; 3],
-        error_frame_sd_mm: Option<f64>,
-        error_frame_sd_deg: Option<f64>,
-        error_frame_lever_sd_mm: Option<f64>,
-        largest_error_mm: Option<f64>,
-        joint_lower_rad: Vec<f64>,
-        joint_upper_rad: Vec<f64>,
-        configurations: Vec<String>,
-        tool: Option<String>,
-        payload_kg: Option<f64>,
-        mounting: Option<String>,
-        base: Option<String>,
-        controller_model: Option<String>,
-        absolute_accuracy_option: Option<bool>,
-        temperature_min_c: Option<f64>,
-        temperature_max_c: Option<f64>,
-        verdict: TableVerdict,
-        reason: Option<String>,
-        model_version: u32,
-        model: String,
     }
 }
 
-corrects!(CalibrationRow);
+columns! {
+    /// Columns of the arm and the run, the same in every row.
+    pub struct ArmColumns {
+        arm_model: String,
+        convention: Convention,
+        parallel_joints: Vec<String>,
+        sessions: Vec<String>,
+        observations: usize,
+        camera_size: Option<f64>,
+        camera_size_se: Option<f64>,
+        prior_length_mm: Option<f64>,
+        prior_angle_rad: Option<f64>,
+        flange_from_tool as placement: Isometry3<f64>,
+        error_frame_target as point: [f64; 3],
+        configurations: Vec<String>,
+        model_version: u32,
+        valid_for: ValidFor,
+    }
+}
 
 /// The loss on a station's residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -187,8 +128,9 @@ pub fn rows(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
 ) -> Result<Vec<CalibrationRow>, serde_json::Error> {
+    let of_arm = of_arm(outcome, context);
     let identified = identified(outcome);
-    let rows = identified.iter().map(|model| model.row(outcome, context));
+    let rows = identified.iter().map(|model| model.row(outcome, context, of_arm.clone()));
     rows.collect()
 }
 
@@ -202,10 +144,68 @@ fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
     outcome.calibrations.iter().map(calibration).chain(full).collect()
 }
 
-/// Condition number of a calibration's solution; `None` where it is not finite.
-fn condition(calibration: &Calibration) -> Option<f64> {
-    let condition = calibration.structure.condition();
-    condition.is_finite().then_some(condition)
+fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
+    let arm = context.arm;
+    let parallel = arm.parallel_joints();
+    let parallel = parallel.iter().filter_map(|joint| arm.joints().get(joint - 1));
+    let stated = |value: f64| (value > 0.0).then_some(value);
+    ArmColumns {
+        arm_model: arm.model().to_owned(),
+        convention: arm.convention(),
+        parallel_joints: parallel.map(|joint| joint.name.clone()).collect(),
+        sessions: outcome.training.iter().map(|session| session.name.clone()).collect(),
+        observations: observations(outcome),
+        camera_size: outcome.camera_size.map(|found| found.size),
+        camera_size_se: outcome.camera_size.map(|found| found.size_se),
+        prior_length_mm: stated(context.fit.prior_length_mm),
+        prior_angle_rad: stated(context.fit.prior_angle_mrad * 1e-3),
+        flange_from_tool: *outcome.error_frame.flange_from_tool(),
+        error_frame_target: outcome
+            .error_frame
+            .frames()
+            .flange_from_target
+            .origin()
+            .coords()
+            .into(),
+        configurations: configurations(outcome),
+        model_version: VERSION,
+        valid_for: ValidFor::of(outcome, context),
+    }
+}
+
+impl From<&Calibration> for FitColumns {
+    fn from(calibration: &Calibration) -> Self {
+        let solution = &calibration.solution;
+        let indices = calibration.observability();
+        let index = |of: fn(&Observability) -> f64| indices.as_ref().map(of);
+        Self {
+            rank: Some(calibration.nominal_structure.rank),
+            condition: Some(calibration.structure.condition()).filter(|found| found.is_finite()),
+            o1: index(|o| o.o1),
+            o2: index(|o| o.o2),
+            o3: index(|o| o.o3),
+            o4: index(|o| o.o4),
+            o5: index(|o| o.o5),
+            variance_factor: Some(solution.variance_factor),
+            misfit_mm: Some(calibration.misfit_mm),
+            converged: Some(solution.convergence == Convergence::Converged),
+            convergence: in_words(solution.convergence).to_owned(),
+            iterations: Some(solution.iterations),
+            cost_start: Some(0.5 * solution.cost[0]),
+            cost_end: Some(0.5 * solution.cost[1]),
+            log_evidence: None,
+        }
+    }
+}
+
+impl From<&FullModel> for FitColumns {
+    fn from(full: &FullModel) -> Self {
+        Self {
+            convergence: "a fixed number of rounds".to_owned(),
+            log_evidence: Some(full.log_evidence()),
+            ..Self::default()
+        }
+    }
 }
 
 /// The names as owned texts.
@@ -218,102 +218,39 @@ impl<'a> Identified<'a> {
         &self,
         outcome: &Outcome<'_>,
         context: &PublishContext<'_>,
+        of_arm: ArmColumns,
     ) -> Result<CalibrationRow, serde_json::Error> {
-        let (arm, stated) = (context.arm, &context.valid_for);
-        let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
-        let parallel = arm.parallel_joints();
-        let parallel = parallel.iter().filter_map(|j| names.get(j - 1).copied());
-        let sessions: Vec<&str> = outcome.training.iter().map(|s| s.name.as_str()).collect();
-        let (joint_lower_rad, joint_upper_rad) =
-            joint_ranges(outcome, names.len()).into_iter().unzip();
-        let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
-        let calibration = self.calibration();
-        let solution = calibration.map(|calibration| &calibration.solution);
-        let observability = calibration.and_then(Calibration::observability);
-        let observability = |index: fn(&Observability) -> f64| observability.as_ref().map(index);
         let frames = self.frames();
-        let base = frames.map(|(frames, _)| placement(frames.tracker_from_base.isometry()));
-        let target = frames.map(|(frames, _)| placement(frames.flange_from_target.isometry()));
-        let is_turned = frames.is_some_and(|(_, turned)| turned);
-        let command_from_base = placement(context.command_from_base.isometry());
-        let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
-        let error_frame_base = placement(&outcome.frame.tracker_from_base);
-        let some = |value: f64| (value > 0.0).then_some(value);
+        let frames = frames.as_ref();
+        let base = frames.map(|(frames, _)| frames.tracker_from_base.isometry());
+        let target = frames.map(|(frames, _)| frames.flange_from_target.isometry());
+        let is_turned = frames.is_some_and(|(_, turned)| *turned);
+        let names: Vec<&str> = of_arm.sessions.iter().map(String::as_str).collect();
+        let saved = self.model().saved(context.arm, &names);
         let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
-            arm_model: arm.model().to_owned(),
-            convention: arm.convention(),
-            parallel_joints: owned(parallel),
-            joint_names: owned(names.iter().copied()),
-            joint_units: joint_units(arm.joints()),
             model_kind: self.model,
             parts: owned(self.parts(true)),
             parts_dropped: owned(self.parts(false)),
             parts_tried: self.tried(|part| part_name(part.name).to_owned()),
             parts_gain_nat: self.tried(|part| part.gain),
             angles: self.angles(),
-            stations: self.weights().len(),
+            stations: self.model().weights().len(),
             stations_downweighted: self.weighted_down(),
-            observations: observations(outcome),
-            parameters: self.parameters(),
-            rank: calibration.map(|calibration| calibration.nominal_structure.rank),
-            condition: calibration.and_then(condition),
-            o1: observability(|o| o.o1),
-            o2: observability(|o| o.o2),
-            o3: observability(|o| o.o3),
-            o4: observability(|o| o.o4),
-            o5: observability(|o| o.o5),
-            variance_factor: solution.map(|solution| solution.variance_factor),
-            camera_size: outcome.camera_size.map(|found| found.size),
-            camera_size_se: outcome.camera_size.map(|found| found.size_se),
-            misfit_mm: calibration.map(|calibration| calibration.misfit_mm),
+            parameters: self.model().parameter_count(),
+            fit: match self.of {
+                Of::Calibration(calibration) => calibration.into(),
+                Of::Full(full) => full.into(),
+            },
             loss: self.loss(context),
-            prior_length_mm: some(context.fit.prior_length_mm),
-            prior_angle_rad: some(context.fit.prior_angle_mrad * 1e-3),
-            converged: solution.map(|s| s.convergence == Convergence::Converged),
-            convergence: self.convergence().to_owned(),
-            iterations: solution.map(|solution| solution.iterations),
-            cost_start: solution.map(|solution| 0.5 * solution.cost[0]),
-            cost_end: solution.map(|solution| 0.5 * solution.cost[1]),
-            log_evidence: self.log_evidence(),
-            tracker_from_base: base.map(|(origin, _)| origin),
-            tracker_from_base_turn: base.map(|(_, turn)| turn),
-            flange_from_target: target.map(|(origin, _)| origin),
-            flange_from_target_turn: target.filter(|_| is_turned).map(|(_, turn)| turn),
-            command_from_base: command_from_base.0,
-            command_from_base_turn: command_from_base.1,
-            flange_from_tool: flange_from_tool.0,
-            flange_from_tool_turn: flange_from_tool.1,
-            error_frame: (&outcome.frame).into(),
-            error_frame_base: error_frame_base.0,
-            error_frame_base_turn: error_frame_base.1,
-            error_frame_target: outcome
-                .error_frame
-                .frames()
-                .flange_from_target
-                .origin()
-                .coords()
-                .into(),
-            error_frame_sd_mm: outcome.frame.sd_mm,
-            error_frame_sd_deg: outcome.frame.sd_deg,
-            error_frame_lever_sd_mm: outcome.frame.lever_sd_mm,
-            largest_error_mm: largest_error_mm(outcome),
-            joint_lower_rad,
-            joint_upper_rad,
-            configurations: configurations(outcome),
-            tool: stated.tool.clone(),
-            payload_kg: stated.payload_kg,
-            mounting: stated.mounting.clone(),
-            base: stated.base.clone(),
-            controller_model: stated.controller_model.clone(),
-            absolute_accuracy_option: stated.absolute_accuracy_option,
-            temperature_min_c,
-            temperature_max_c,
+            tracker_from_base: base.map(|own| own.translation.vector.into()),
+            tracker_from_base_turn: base.map(|own| xyzw(&own.rotation)),
+            flange_from_target: target.map(|own| own.translation.vector.into()),
+            flange_from_target_turn: target.filter(|_| is_turned).map(|own| xyzw(&own.rotation)),
             verdict,
             reason,
-            model_version: VERSION,
-            model: self.text(context, &sessions)?,
-            sessions: owned(sessions),
+            model: saved.expect("a model that was trained here is saved as text")?,
+            of_arm,
         })
     }
 
@@ -325,28 +262,12 @@ impl<'a> Identified<'a> {
         )
     }
 
-    const fn calibration(&self) -> Option<&'a Calibration> {
-        match self.of {
-            Of::Calibration(calibration) => Some(calibration),
-            Of::Full(_) => None,
-        }
-    }
-
     /// The parts common to all models.
     fn model(&self) -> &'a dyn PoseModel {
         match self.of {
             Of::Calibration(calibration) => calibration,
             Of::Full(full) => full,
         }
-    }
-
-    fn text(
-        &self,
-        context: &PublishContext<'_>,
-        names: &[&str],
-    ) -> Result<String, serde_json::Error> {
-        let saved = self.model().saved(context.arm, names);
-        saved.expect("a model that was trained here is saved as text")
     }
 
     /// Parts that were kept, or those that were dropped.
@@ -374,10 +295,6 @@ impl<'a> Identified<'a> {
         self.parts(true).contains(&"command_weight")
     }
 
-    fn weights(&self) -> &'a [f64] {
-        self.model().weights()
-    }
-
     /// The frames where there is one session with one source and one target, and whether the target's orientation was fitted.
     fn frames(&self) -> Option<(FramePair, bool)> {
         let (frames, unknowns) = match self.of {
@@ -390,29 +307,10 @@ impl<'a> Identified<'a> {
         }
     }
 
-    fn parameters(&self) -> usize {
-        self.model().parameter_count()
-    }
-
     /// Number of stations with a reduced weight.
     fn weighted_down(&self) -> usize {
-        let weights = self.weights().iter();
+        let weights = self.model().weights().iter();
         weights.filter(|weight| **weight < WEIGHTED_DOWN).count()
-    }
-
-    /// The reason why the iterations ended, as text.
-    const fn convergence(&self) -> &'static str {
-        match self.of {
-            Of::Calibration(own) => in_words(own.solution.convergence),
-            Of::Full(_) => "a fixed number of rounds",
-        }
-    }
-
-    fn log_evidence(&self) -> Option<f64> {
-        match self.of {
-            Of::Calibration(_) => None,
-            Of::Full(full) => Some(full.log_evidence()),
-        }
     }
 
     fn loss(&self, context: &PublishContext<'_>) -> LossName {

@@ -1,9 +1,9 @@
 //! The base in which a table's errors are stated, in the columns `error_frame` and those that begin so.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::report::frame::StatedFrame;
-use crate::table::words;
+use crate::table::{columns, words};
 
 /// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,26 +18,45 @@ words! {
     ErrorFrameName { Fitted: "fitted", Surveyed: "surveyed" }
 }
 
-impl From<&StatedFrame> for ErrorFrameName {
-    fn from(frame: &StatedFrame) -> Self {
-        if frame.is_surveyed { Self::Surveyed } else { Self::Fitted }
+columns! {
+    /// Columns of a table whose errors are stated in one base.
+    pub struct ErrorFrameColumns {
+        error_frame: ErrorFrameName,
+        error_frame_base as placement: Isometry3<f64>,
+        error_frame_sd_mm: Option<f64>,
+        error_frame_sd_deg: Option<f64>,
+        error_frame_lever_sd_mm: Option<f64>,
     }
 }
 
-/// The frame that the columns of a row state: the base's name, its origin in the tracker's frame (mm) and orientation (x y z w), and
-/// the standard deviations of both (mm, degrees) and of the lever to the tool (mm).
-pub(crate) fn stated(
-    name: ErrorFrameName,
-    (origin, [x, y, z, w]): ([f64; 3], [f64; 4]),
-    [sd_mm, sd_deg, lever_sd_mm]: [Option<f64>; 3],
-) -> StatedFrame {
-    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    StatedFrame {
-        is_surveyed: name == ErrorFrameName::Surveyed,
-        tracker_from_base: Isometry3::from_parts(Translation3::from(origin), rotation),
-        sd_mm,
-        sd_deg,
-        lever_sd_mm,
-        open_mm: None,
+impl From<&StatedFrame> for ErrorFrameColumns {
+    fn from(frame: &StatedFrame) -> Self {
+        let is_surveyed = frame.is_surveyed;
+        Self {
+            error_frame: if is_surveyed {
+                ErrorFrameName::Surveyed
+            } else {
+                ErrorFrameName::Fitted
+            },
+            error_frame_base: frame.tracker_from_base,
+            error_frame_sd_mm: frame.sd_mm,
+            error_frame_sd_deg: frame.sd_deg,
+            error_frame_lever_sd_mm: frame.lever_sd_mm,
+        }
+    }
+}
+
+impl ErrorFrameColumns {
+    pub fn stated(&self) -> StatedFrame {
+        let Isometry3 { translation, rotation } = self.error_frame_base;
+        let rotation = UnitQuaternion::from_quaternion(rotation.into_inner());
+        StatedFrame {
+            is_surveyed: self.error_frame == ErrorFrameName::Surveyed,
+            tracker_from_base: Isometry3::from_parts(translation, rotation),
+            sd_mm: self.error_frame_sd_mm,
+            sd_deg: self.error_frame_sd_deg,
+            lever_sd_mm: self.error_frame_lever_sd_mm,
+            open_mm: None,
+        }
     }
 }

@@ -59,7 +59,7 @@ pub fn residuals(
     key: &RunKey,
 ) -> Result<Table, PublishError> {
     let rows = residuals::rows(sets, targets).into_iter();
-    let rows = rows.map(EstimateResidualRow).collect();
+    let rows = rows.map(|residual| EstimateResidualRow { residual }).collect();
     Ok(EstimateResidualRow::table(rows, key)?.table)
 }
 
@@ -112,5 +112,5 @@ pub fn restored(
 fn errors(lake: &Lake, key: &RunKey, targets: &[String]) -> Option<Vec<ResidualSet>> {
     let table = lake.read(EstimateResidualRow::TABLE, key).ok()?;
     let rows = EstimateResidualRow::read(&table).into_iter();
-    residuals::sets(rows.map(|own| own.0).collect(), targets)
+    residuals::sets(rows.map(|own| own.residual).collect(), targets)
 }

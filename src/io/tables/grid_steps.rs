@@ -23,7 +23,7 @@ row! {
         orientation: Option<i64>,
         configuration: Option<String>,
         step_mm: f64,
-        pitch_mm as [pitch_x_mm, pitch_y_mm, pitch_z_mm]: Option<[f64; 3]>,
+        pitch_mm as [pitch: point]: Option<[f64; 3]>,
         nodes: Option<usize>,
         nodes_refused: Option<usize>,
         cells: usize,

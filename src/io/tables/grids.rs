@@ -42,8 +42,8 @@ row! {
         judgement: Judgement,
         sample: usize,
         station: usize,
-        error_mm as [error_x_mm, error_y_mm, error_z_mm]: [f64; 3],
-        model_error_mm as [model_error_x_mm, model_error_y_mm, model_error_z_mm]: Option<[f64; 3]>,
+        error_mm as [error: point]: [f64; 3],
+        model_error_mm as [model_error: point]: Option<[f64; 3]>,
     }
 }
 

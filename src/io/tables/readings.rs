@@ -4,8 +4,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 use thiserror::Error;
 
 use super::sources::SourceReads;
-use super::stations::Unpaired;
-use super::words::{orientation_rows, xyzw};
+use super::stations::{DwellColumns, ReadColumns, Unpaired};
 use crate::geometry::TurnCovariance;
 use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
@@ -18,47 +17,18 @@ row! {
     /// A reading of a dwell, or a dwell without readings.
     #[derive(Default)]
     pub struct ReadingRow of "readings" {
-        station: usize,
+        dwell: DwellColumns,
         reading: usize,
-        reason: Option<Unpaired>,
-        start_ns: i64,
-        end_ns: i64,
-        joints_rad: Vec<f64>,
-        joint_samples: usize,
-        command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
-        command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
         source_index: Option<usize>,
         target_index: Option<usize>,
         reads: Option<SourceReads>,
-        at as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
-        turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
-        scatter_mm as [scatter_x_mm, scatter_y_mm, scatter_z_mm]: Option<[f64; 3]>,
-        scatter_orientation_rad: Option<f64>,
-        stated_cov_mm2 as [
-            stated_cov_xx_mm2,
-            stated_cov_xy_mm2,
-            stated_cov_xz_mm2,
-            stated_cov_yy_mm2,
-            stated_cov_yz_mm2,
-            stated_cov_zz_mm2,
-        ]: Option<[f64; 6]>,
-        stated_orientation_cov_rad2: Option<Vec<f64>>,
-        stated_position_orientation_cov_mm_rad: Option<Vec<f64>>,
-        motion_cov_mm2 as [
-            motion_cov_xx_mm2,
-            motion_cov_xy_mm2,
-            motion_cov_xz_mm2,
-            motion_cov_yy_mm2,
-            motion_cov_yz_mm2,
-            motion_cov_zz_mm2,
-        ]: Option<[f64; 6]>,
+        read: ReadColumns,
         length_mm: Option<f64>,
         length_sd_mm: Option<f64>,
         samples: Option<usize>,
         samples_kept: Option<usize>,
         first_ns: Option<i64>,
         last_ns: Option<i64>,
-        temperature_c: Option<f64>,
     }
 }
 
@@ -93,51 +63,29 @@ pub fn rows(stations: &[Station]) -> Vec<ReadingRow> {
 }
 
 fn of_dwell(station: &Station) -> Vec<ReadingRow> {
-    let command = station.command.as_ref();
-    let dwell = ReadingRow {
-        station: station.number,
-        reason: Unpaired::of(&station.pairing),
-        start_ns: station.start.ns(),
-        end_ns: station.end.ns(),
-        joints_rad: station.joints.clone(),
-        joint_samples: station.joint_samples,
-        command: command.map(|own| own.position.coords.into()),
-        command_turn: command.and_then(|own| own.orientation.as_ref().map(xyzw)),
-        ..ReadingRow::default()
-    };
+    let dwell = DwellColumns::from(station);
     if station.readings.is_empty() {
-        return vec![dwell];
+        return vec![ReadingRow { dwell, ..ReadingRow::default() }];
     }
     let readings = station.readings.iter().enumerate();
-    readings.map(|(number, reading)| with_reading(&dwell, number, reading)).collect()
+    readings.map(|(number, reading)| of_reading(dwell.clone(), number, reading)).collect()
 }
 
-/// A dwell's row with one of its readings.
-fn with_reading(dwell: &ReadingRow, number: usize, reading: &Reading) -> ReadingRow {
-    let (point, turn) = (reading.value.point(), reading.value.turn());
+fn of_reading(dwell: DwellColumns, number: usize, reading: &Reading) -> ReadingRow {
     let length = reading.value.length();
-    let stated = turn.and_then(|own| own.stated_covariance);
     ReadingRow {
+        dwell,
         reading: number,
         source_index: Some(reading.source.0),
         target_index: Some(reading.target.0),
         reads: Some(reading.value.kind().into()),
-        at: point.map(|own| own.position.coords.into()),
-        turn: turn.map(|own| xyzw(&own.orientation)),
-        scatter_mm: point.map(|own| own.scatter_mm),
-        scatter_orientation_rad: turn.map(|own| own.scatter_rad),
-        stated_cov_mm2: point.and_then(|own| own.stated_covariance),
-        stated_orientation_cov_rad2: stated.map(orientation_rows),
-        stated_position_orientation_cov_mm_rad: stated.map(|own| own.with_position.to_vec()),
-        motion_cov_mm2: point.and_then(|own| own.motion_covariance),
+        read: reading.into(),
         length_mm: length.map(|own| own.mm),
         length_sd_mm: length.map(|own| own.sd_mm),
         samples: Some(reading.taken),
         samples_kept: Some(reading.kept),
         first_ns: Some(reading.first.ns()),
         last_ns: Some(reading.last.ns()),
-        temperature_c: reading.temperature_c,
-        ..dwell.clone()
     }
 }
 
@@ -147,19 +95,19 @@ pub fn stations(rows: &[ReadingRow]) -> Result<Vec<Station>, NoStations> {
     for (place, row) in rows.iter().enumerate() {
         let follows = match stations.last() {
             Some(last) if row.reading > 0 => {
-                row.station == last.number && row.reading == last.readings.len()
+                row.dwell.station == last.number && row.reading == last.readings.len()
             }
-            last => row.reading == 0 && last.is_none_or(|last| row.station > last.number),
+            last => row.reading == 0 && last.is_none_or(|last| row.dwell.station > last.number),
         };
         if !follows {
             return Err(NoStations::Order {
                 row: place,
-                station: row.station,
+                station: row.dwell.station,
                 reading: row.reading,
             });
         }
         if row.reading == 0 {
-            stations.push(dwell(row));
+            stations.push(dwell(&row.dwell));
         }
         if let (Some(last), Some(reads)) = (stations.last_mut(), row.reads) {
             last.readings.push(reading(row, reads)?);
@@ -169,7 +117,7 @@ pub fn stations(rows: &[ReadingRow]) -> Result<Vec<Station>, NoStations> {
 }
 
 /// A dwell without its readings.
-fn dwell(row: &ReadingRow) -> Station {
+fn dwell(row: &DwellColumns) -> Station {
     let command = row.command.map(|position| Command {
         position: Point3::from(position),
         orientation: row.command_turn.map(turn_of),
@@ -191,19 +139,20 @@ fn dwell(row: &ReadingRow) -> Station {
 }
 
 fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> {
-    let of = |column| NoStations::Absent { station: row.station, reading: row.reading, column };
+    let of =
+        |column| NoStations::Absent { station: row.dwell.station, reading: row.reading, column };
     let point = || {
         Ok(MeanPoint {
-            position: row.at.ok_or_else(|| of("x_mm"))?.into(),
-            scatter_mm: row.scatter_mm.ok_or_else(|| of("scatter_x_mm"))?,
-            stated_covariance: row.stated_cov_mm2,
-            motion_covariance: row.motion_cov_mm2,
+            position: row.read.at.ok_or_else(|| of("x_mm"))?.into(),
+            scatter_mm: row.read.scatter_mm.ok_or_else(|| of("scatter_x_mm"))?,
+            stated_covariance: row.read.stated_cov_mm2,
+            motion_covariance: row.read.motion_cov_mm2,
         })
     };
     let turn = || {
-        let scatter = row.scatter_orientation_rad;
+        let scatter = row.read.scatter_orientation_rad;
         Ok(MeanOrientation {
-            orientation: turn_of(row.turn.ok_or_else(|| of("qx"))?),
+            orientation: turn_of(row.read.turn.ok_or_else(|| of("qx"))?),
             scatter_rad: scatter.ok_or_else(|| of("scatter_orientation_rad"))?,
             stated_covariance: stated_turn(row).map_err(of)?,
         })
@@ -227,14 +176,14 @@ fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> 
         taken: row.samples.ok_or_else(|| of("samples"))?,
         first: Stamp::from_ns(row.first_ns.ok_or_else(|| of("first_ns"))?),
         last: Stamp::from_ns(row.last_ns.ok_or_else(|| of("last_ns"))?),
-        temperature_c: row.temperature_c,
+        temperature_c: row.read.temperature_c,
     })
 }
 
 /// The orientation's part of a stated covariance; an error with the column that has a wrong number of entries.
 fn stated_turn(row: &ReadingRow) -> Result<Option<TurnCovariance>, &'static str> {
     let (own, cross) =
-        (&row.stated_orientation_cov_rad2, &row.stated_position_orientation_cov_mm_rad);
+        (&row.read.stated_orientation_cov_rad2, &row.read.stated_position_orientation_cov_mm_rad);
     let Some(own) = own else {
         return Ok(None);
     };

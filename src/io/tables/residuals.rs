@@ -9,9 +9,7 @@ use super::words::Role;
 use crate::geometry::{symmetric, upper};
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-#[cfg(test)]
-use crate::table::FieldColumn;
-use crate::table::{Columns, Row, Table, row};
+use crate::table::row;
 
 row! {
     /// Measured minus predicted at one station under one model, base frame.
@@ -28,41 +26,19 @@ row! {
         pose: usize,
         used_for_refit: bool,
         at as [x_mm, y_mm, z_mm]: [f64; 3],
-        residual as [residual_x_mm, residual_y_mm, residual_z_mm]: [f64; 3],
+        residual as point: [f64; 3],
         residual_mm: f64,
         turned as [residual_rx_rad, residual_ry_rad, residual_rz_rad]: Option<[f64; 3]>,
-        predicted_cov_mm2 as [
-            predicted_cov_xx_mm2,
-            predicted_cov_xy_mm2,
-            predicted_cov_xz_mm2,
-            predicted_cov_yy_mm2,
-            predicted_cov_yz_mm2,
-            predicted_cov_zz_mm2,
-        ]: Option<[f64; 6]>,
+        predicted_cov_mm2 as [predicted_cov: covariance]: Option<[f64; 6]>,
         mahalanobis_squared: Option<f64>,
         weight: Option<f64>,
     }
 }
 
-/// Measured minus predicted at one station of an estimate under one of its models.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EstimateResidualRow(pub ResidualRow);
-
-impl Row for EstimateResidualRow {
-    const TABLE: &'static str = "estimate_residuals";
-
-    fn put(rows: &[Self], columns: Columns) -> Columns {
-        let rows: Vec<ResidualRow> = rows.iter().map(|own| own.0.clone()).collect();
-        ResidualRow::put(&rows, columns)
-    }
-
-    fn read(table: &Table) -> Vec<Self> {
-        ResidualRow::read(table).into_iter().map(Self).collect()
-    }
-
-    #[cfg(test)]
-    fn columns() -> Vec<FieldColumn> {
-        ResidualRow::columns()
+row! {
+    /// Measured minus predicted at one station of an estimate under one of its models.
+    pub struct EstimateResidualRow of "estimate_residuals" {
+        residual: ResidualRow,
     }
 }
 

@@ -27,7 +27,7 @@ row! {
         redundancy: Option<f64>,
         information_share: Option<f64>,
         prior_share: Option<f64>,
-        anchor as [anchor_x_mm, anchor_y_mm, anchor_z_mm]: Option<[f64; 3]>,
+        anchor as point: Option<[f64; 3]>,
         anchor_offset_mm: Option<f64>,
         normal as [normal_x, normal_y, normal_z]: Option<[f64; 3]>,
         plane_height_mm: Option<f64>,

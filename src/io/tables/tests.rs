@@ -1,27 +1,28 @@
 //! Every struct of rows against its schema.
 
+use std::collections::BTreeSet;
+
 use super::*;
 use crate::lake::{AskedRow, CorrectionRow};
 use crate::schema;
 use crate::targets::{CorrectedRow, TargetRow};
 
-/// That the struct of a table's rows says what its schema says: names, types, nulls and words, in one order. Gives the table.
+/// That the struct of a table's rows says what its schema says: names, types, nulls and words. Gives the table.
 fn as_schema<R: Row>() -> &'static str {
     let schema = R::schema();
-    let fields = R::columns();
+    let fields = R::columns(&[]);
     // Robot, session and run are outside the rows, or are fields of their own.
-    let has_key = schema.columns[0].name == schema::KEY_COLUMNS[0];
-    let keys = if !has_key || fields[0].name == schema::KEY_COLUMNS[0] {
-        0
-    } else {
-        schema::KEY_COLUMNS.len()
-    };
-    let columns = &schema.columns[keys..];
+    let of_rows = |name: &&str| fields.iter().any(|field| field.name == *name);
+    let outside = schema::KEY_COLUMNS.into_iter().filter(|name| !of_rows(name));
+    let outside: BTreeSet<&str> = outside.filter(|name| schema.column(name).is_some()).collect();
     let of = |name| format!("{}.{name}", R::TABLE);
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    let own: Vec<&str> = fields.iter().map(|field| field.name).collect();
+    let names = schema.columns.iter().map(|column| column.name.as_str());
+    let names: BTreeSet<&str> = names.filter(|name| !outside.contains(name)).collect();
+    let own: BTreeSet<&str> = fields.iter().map(|field| field.name).collect();
     assert_eq!(own, names, "{}", R::TABLE);
-    for (field, column) in fields.iter().zip(columns) {
+    assert_eq!(fields.len(), own.len(), "{}: a column has two fields", R::TABLE);
+    for field in &fields {
+        let (_, column) = schema.column(field.name).expect("its names are the schema's");
         assert_eq!(field.kind, column.kind, "{}", of(field.name));
         assert_eq!(field.nullable, column.nullable, "{}", of(field.name));
         let is_enumeration = (field.knows)("").is_some();

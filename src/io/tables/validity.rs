@@ -1,17 +1,98 @@
-//! The conditions that a result is valid for: those stated in the pipeline file, and the temperatures while measuring.
+//! What tables that commands are corrected by hold for, in columns that both have: the frames of commands and errors, the joint angles
+//! and temperatures while measuring, and the conditions that the pipeline file states.
 
 use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
 
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 
+use super::PublishContext;
+use super::error_frame::ErrorFrameColumns;
+use super::words::joint_units;
+use crate::common::{self, CommonError};
+use crate::compensation::{Conditions, Validity};
 use crate::figures::extremes;
 use crate::fit::WEIGHTED_DOWN;
 use crate::fit::commanded::CommandedPose;
+use crate::geometry::{Base, Command, Transform};
 use crate::grid::Reach;
 use crate::join::Station;
 use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::report::{ResidualSet, Split};
+use crate::table::columns;
+
+columns! {
+    /// Columns of `calibrations` and `compensation`, the same in every row.
+    pub struct ValidFor {
+        joint_names: Vec<String>,
+        joint_units: Option<Arc<[String]>>,
+        command_from_base as placement: Isometry3<f64>,
+        error_frame: ErrorFrameColumns,
+        largest_error_mm: Option<f64>,
+        joint_lower_rad: Vec<f64>,
+        joint_upper_rad: Vec<f64>,
+        conditions: Conditions,
+        temperature_min_c: Option<f64>,
+        temperature_max_c: Option<f64>,
+    }
+}
+
+columns! {
+    of Conditions {
+        tool: Option<String>,
+        payload_kg: Option<f64>,
+        mounting: Option<String>,
+        base: Option<String>,
+        controller_model: Option<String>,
+        absolute_accuracy_option: Option<bool>,
+    }
+}
+
+impl ValidFor {
+    pub(super) fn of(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Self {
+        let joints = context.arm.joints();
+        let (joint_lower_rad, joint_upper_rad) =
+            joint_ranges(outcome, joints.len()).into_iter().unzip();
+        let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
+        Self {
+            joint_names: joints.iter().map(|joint| joint.name.clone()).collect(),
+            joint_units: joint_units(joints),
+            command_from_base: *context.command_from_base.isometry(),
+            error_frame: (&outcome.frame).into(),
+            largest_error_mm: largest_error_mm(outcome),
+            joint_lower_rad,
+            joint_upper_rad,
+            conditions: context.valid_for.clone(),
+            temperature_min_c,
+            temperature_max_c,
+        }
+    }
+
+    /// The frame of the base in the frame of commands, as the table at `path` states it.
+    pub(crate) fn command_from_base(
+        &self,
+        path: &Path,
+    ) -> Result<Transform<Command, Base>, CommonError> {
+        common::placement(path, "command_from_base", &self.command_from_base)
+    }
+
+    pub fn validity(&self) -> Validity {
+        let temperature_c = self.temperature_min_c.zip(self.temperature_max_c);
+        Validity {
+            conditions: self.conditions.clone(),
+            temperature_c: temperature_c.map(<[f64; 2]>::from),
+            largest_error_mm: self.largest_error_mm,
+        }
+    }
+
+    /// Lowest and highest reported angle of each joint over the stations used, rad, of a joint that slides mm.
+    pub fn joint_ranges(&self) -> Vec<[f64; 2]> {
+        let ends = self.joint_lower_rad.iter().zip(&self.joint_upper_rad);
+        ends.map(|(low, high)| [*low, *high]).collect()
+    }
+}
 
 /// The paired stations that a run learnt from.
 pub fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
@@ -20,7 +101,7 @@ pub fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Sta
 }
 
 /// Lowest and highest temperature of the stations learnt from, °C.
-pub(super) fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
+fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
     let readings = learnt_from(outcome).flat_map(Station::measured);
     let met = readings.filter_map(|reading| reading.temperature_c);
     extremes(met)
@@ -38,7 +119,7 @@ pub(super) fn configurations(outcome: &Outcome<'_>) -> Vec<String> {
 /// The largest error of the stations before correction, mm: of the tool point against its command, and against the nominal arm where
 /// there is none, in the error reference frame. Of the session that errors are stated for; stations that the best model hardly
 /// counts take no part, as a reading that went wrong is no error of the arm.
-pub(super) fn largest_error_mm(outcome: &Outcome<'_>) -> Option<f64> {
+fn largest_error_mm(outcome: &Outcome<'_>) -> Option<f64> {
     let session = outcome.training.last()?;
     let hardly_counted = weighted_down(outcome, &session.name);
     let error_frame = &outcome.error_frame;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, UnitQuaternion};
+use nalgebra::UnitQuaternion;
 
 use crate::fit::Identifiability;
 use crate::fit::scale::ScaleVerdict;
@@ -226,9 +226,4 @@ pub(crate) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
 pub(super) fn orientation_rows(stated: TurnCovariance) -> Vec<f64> {
     let own = stated.matrix();
     own.transpose().iter().copied().collect()
-}
-
-/// The position x y z, mm, and the quaternion x y z w.
-pub(super) fn placement(isometry: &Isometry3<f64>) -> ([f64; 3], [f64; 4]) {
-    (isometry.translation.vector.into(), xyzw(&isometry.rotation))
 }

@@ -9,12 +9,13 @@ use crate::figures::extremes;
 use crate::history::estimate::Estimate;
 use crate::history::table_state::NotShown;
 use crate::history::{Judged, between};
-use crate::io::common::Common;
+use crate::io::common::of_every_row;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row as _, Table};
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::compensation::NodeRow;
+use crate::io::tables::validity::ValidFor;
 use crate::judgement::{Driven, JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::report::promise::Promise;
@@ -51,13 +52,14 @@ impl TableRun {
         let accuracy = AccuracyRow::read(&lake.read("accuracy", &driven.key)?);
         let path = Path::new(&driven.key.run);
         let (valid_for, model) = if driven.table == "compensation" {
-            let nodes = NodeRow::read(&lake.read("compensation", &driven.key)?);
-            let rows = &nodes[..];
-            (Common { path, rows }.validity(), Model::Table)
+            let table = lake.read("compensation", &driven.key)?;
+            let nodes = NodeRow::read(&table);
+            let rows = nodes.iter().map(|row| &row.of_table.valid_for);
+            (of_every_row(path, &table, rows).map(ValidFor::validity), Model::Table)
         } else {
             let models = CalibrationRow::read(&calibrations);
-            let rows = &models[..];
-            (Common { path, rows }.validity(), Model::Full)
+            let rows = models.iter().map(|row| &row.of_arm.valid_for);
+            (of_every_row(path, &calibrations, rows).map(ValidFor::validity), Model::Full)
         };
         let promise = promise(model, &accuracy);
         let of = |valid_for| Self { valid_for, calibrations, promise };

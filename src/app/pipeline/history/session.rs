@@ -116,8 +116,7 @@ pub(super) fn noticed(
     let head = SavedHead::read(&row.model).ok()?;
     let frames = head.sessions.first()?.frames().ok()?;
     let target = frames.flange_from_target(TargetId::MAIN).isometry();
-    let joints = row.joint_lower_rad.iter().zip(&row.joint_upper_rad);
-    let ranges: Vec<[f64; 2]> = joints.map(|(low, high)| [*low, *high]).collect();
+    let ranges = row.of_arm.valid_for.joint_ranges();
     let is_whole = ranges.len() == head.arm.joints().len();
     let noticed = |mm| Noticed::new(mm, estimate.columns(), (&head.arm, target), &ranges);
     least_mm.filter(|_| is_whole).map(noticed)
@@ -126,14 +125,13 @@ pub(super) fn noticed(
 /// Lowest and highest axis variable of each joint over the stations of a calibration, rad or mm; empty for one that a joint map couples
 /// with others.
 fn ranges(row: &CalibrationRow, axes_from_joints: &DMatrix<f64>) -> Vec<[f64; 2]> {
-    let joints = axes_from_joints.ncols();
+    let (joints, measured) = (axes_from_joints.ncols(), row.of_arm.valid_for.joint_ranges());
     let range = |axis: usize| {
         let share = |joint: usize| axes_from_joints[(axis, joint)];
         let is_own = |joint| (share(joint) - f64::from(u8::from(joint == axis))).abs() == 0.0;
         let is_alone = (0..joints).all(is_own);
-        let ends = row.joint_lower_rad.get(axis).zip(row.joint_upper_rad.get(axis));
-        let ends = ends.filter(|_| is_alone);
-        ends.map_or([f64::INFINITY, f64::NEG_INFINITY], |(low, high)| [*low, *high])
+        let ends = measured.get(axis).filter(|_| is_alone);
+        ends.copied().unwrap_or([f64::INFINITY, f64::NEG_INFINITY])
     };
     (0..joints).map(range).collect()
 }

@@ -45,7 +45,8 @@ impl Times {
 
     fn add(&mut self, session: &str, stations: &Table) {
         let stations = StationRow::read(stations).into_iter();
-        let times = stations.map(|row| ((session.to_owned(), row.station), row.start_ns));
+        let times =
+            stations.map(|row| ((session.to_owned(), row.dwell.station), row.dwell.start_ns));
         self.0.extend(times);
     }
 
