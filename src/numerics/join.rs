@@ -178,6 +178,30 @@ pub enum Unmeasured {
     FlippedView,
 }
 
+impl Unmeasured {
+    pub const ALL: [Self; 7] = [
+        Self::NoReadings,
+        Self::TooFewReadings,
+        Self::TargetMoved,
+        Self::OutsideTrackerLog,
+        Self::WrongTarget,
+        Self::InstrumentMoved,
+        Self::FlippedView,
+    ];
+
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoReadings => "no_readings",
+            Self::TooFewReadings => "too_few_readings",
+            Self::TargetMoved => "target_moved",
+            Self::OutsideTrackerLog => "outside_tracker_log",
+            Self::WrongTarget => "wrong_target",
+            Self::InstrumentMoved => "instrument_moved",
+            Self::FlippedView => "flipped_view",
+        }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockEstimate {
     pub model: ClockModel,

@@ -15,7 +15,7 @@ use posegrid::io::tables::words::{Role, TableVerdict, Unit, VerdictOf};
 use posegrid::manifest::{RunKey, Work};
 use posegrid::pipeline::compact::{Compacted, compact};
 use posegrid::progress::Quiet;
-use posegrid::report::{Angles, BaseRefit, Model, Moment, Point, Split};
+use posegrid::report::{Angles, BaseRefit, Model, Moment, Point, Split, Subject};
 use posegrid::units::WallTime;
 use rayon::prelude::*;
 
@@ -25,10 +25,13 @@ const DAY_US: i64 = 86_400_000_000;
 
 fn figure(name: FigureName, session: &str, value: f64) -> AccuracyRow {
     AccuracyRow {
-        split: Split::Blocks,
-        model: Model::BaseTarget,
-        angles: Angles::Reported,
-        base_refit: BaseRefit::None,
+        subject: Subject {
+            split: Split::Blocks,
+            of_session: session.to_owned(),
+            model: Model::BaseTarget,
+            angles: Angles::Reported,
+            base_refit: BaseRefit::None,
+        },
         base_stations: None,
         target_found: None,
         role: Role::HeldOut,
@@ -37,7 +40,6 @@ fn figure(name: FigureName, session: &str, value: f64) -> AccuracyRow {
         point: Point::Measured,
         quantity: FigureKind::PositionError,
         name,
-        of_session: session.to_owned(),
         session_started: None,
         pose: None,
         value: Some(value),
@@ -331,18 +333,17 @@ fn figures(session: &str, day: i64) -> Vec<AccuracyRow> {
                 for base_refit in [BaseRefit::None, BaseRefit::Chosen, BaseRefit::All] {
                     for name in names {
                         let value = 0.5 / (1.0 + place as f64) + 1e-4 * day as f64;
+                        let row = figure(name, session, value);
                         rows.push(AccuracyRow {
-                            model,
+                            subject: Subject { model, split, base_refit, ..row.subject },
                             role,
-                            split,
-                            base_refit,
                             session_started: Some(WallTime::of_us(BEGIN_US + DAY_US * day)),
                             moment: if place == 0 {
                                 BeforeAfter::Before
                             } else {
                                 BeforeAfter::After
                             },
-                            ..figure(name, session, value)
+                            ..row
                         });
                     }
                 }

@@ -115,14 +115,16 @@ fn errors_are_those_of_the_run(cell: &Cell) {
     let own = EstimateResidualRow::read(&cell.table("estimate_residuals", "pooled"));
     let own: Vec<ResidualRow> = own.into_iter().map(|row| row.residual).collect();
     let of_run = ResidualRow::read(&cell.table("residuals", "pooled"));
-    let of_models = |row: &ResidualRow| ![Model::RawCommand, Model::Table].contains(&row.model);
+    let of_models =
+        |row: &ResidualRow| ![Model::RawCommand, Model::Table].contains(&row.subject.model);
     let of_run: Vec<ResidualRow> = of_run.into_iter().filter(of_models).collect();
     assert_eq!(own, of_run);
     let held_out = |session: &str| {
-        let own = own.iter().filter(|row| row.of_session == session);
-        let own = own.filter(|row| row.model == Model::Full && row.split == Split::Blocks);
+        let own = own.iter().filter(|row| row.subject.of_session == session);
+        let own = own
+            .filter(|row| row.subject.model == Model::Full && row.subject.split == Split::Blocks);
         own.filter(|row| row.fold.is_some() && row.predicted_cov_mm2.is_some()).count()
     };
     assert!(held_out("mon") >= 40 && held_out("tue") >= 40);
-    assert!(own.iter().any(|row| row.split == Split::Session));
+    assert!(own.iter().any(|row| row.subject.split == Split::Session));
 }

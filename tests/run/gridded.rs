@@ -108,7 +108,7 @@ fn errors_of_the_grids_give_the_figures_of_the_run() {
     let answers = GridErrorRow::read(&cell.table("grid_errors", "mon"));
     // The error of the tool point against its command, station by station, which the grids are to answer.
     let measured = ResidualRow::read(&cell.table("residuals", "mon")).into_iter();
-    let measured = measured.filter(|row| row.model == Model::RawCommand);
+    let measured = measured.filter(|row| row.subject.model == Model::RawCommand);
     let measured: BTreeMap<usize, [f64; 3]> =
         measured.map(|row| (row.station, row.residual)).collect();
     let away = |a: &[f64; 3], b: &[f64; 3]| {

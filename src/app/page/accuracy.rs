@@ -63,7 +63,7 @@ fn is_listed(subject: &Subject) -> bool {
 /// The subjects of the figures, each once, before ahead of after.
 fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
     let own = figures.iter().filter(|figure| figure.quantity == FigureKind::PositionError);
-    let mut subjects: Vec<Subject> = own.map(AccuracyRow::subject).collect();
+    let mut subjects: Vec<Subject> = own.map(|figure| figure.subject.clone()).collect();
     // Models in their own order, the rest in that of the page.
     subjects.sort_by(|a, b| {
         let (split, session, base, _, angles) = words::order(a);
@@ -102,7 +102,7 @@ fn stations(subject: &Subject, moment: Moment) -> String {
 
 fn row(figures: &[AccuracyRow], subject: &Subject) -> Markup {
     let figure = |name: FigureName| {
-        figures.iter().find(|figure| figure.name == name && figure.subject() == *subject)
+        figures.iter().find(|figure| figure.name == name && figure.subject == *subject)
     };
     let value = |name: FigureName| figure(name).and_then(|figure| figure.value);
     let bound = figure(FigureName::Bound);

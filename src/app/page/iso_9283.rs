@@ -79,7 +79,7 @@ fn empty<'f>(figures: &[&'f AccuracyRow], subjects: &[Of]) -> BTreeMap<&'f str, 
 }
 
 fn of(figure: &AccuracyRow) -> Of {
-    (figure.evidence, figure.subject())
+    (figure.evidence, figure.subject.clone())
 }
 
 fn of_subject(own: &Of, figures: &[&AccuracyRow]) -> Markup {

@@ -24,8 +24,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 /// Mean errors of the tool tip before and after at the stations that a table drove.
 fn at_tip(content: &Content) -> Option<[f64; 2]> {
     let mean = |model: Model| {
-        let own = content.tip.iter().filter(|f| f.split == Split::Session);
-        let mut own = own.filter(|f| f.model == model && f.name == FigureName::Mean);
+        let own = content.tip.iter().filter(|f| f.subject.split == Split::Session);
+        let mut own = own.filter(|f| f.subject.model == model && f.name == FigureName::Mean);
         own.find_map(|figure| figure.value)
     };
     Some([mean(Model::RawCommand)?, mean(Model::Table)?])

@@ -36,7 +36,7 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
     let rows = AccuracyRow::read(&table);
     let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
-            (row.split, row.role, row.model, row.angles)
+            (row.subject.split, row.role, row.subject.model, row.subject.angles)
                 == (Split::Blocks, Role::HeldOut, model, angles)
                 && (row.moment, row.quantity, row.name)
                     == (BeforeAfter::After, FigureKind::PositionError, FigureName::Mean)

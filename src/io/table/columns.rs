@@ -128,6 +128,17 @@ impl Columns {
         self
     }
 
+    /// Every column that may be null and was not given is null in every row.
+    #[must_use]
+    pub fn rest_absent(mut self) -> Self {
+        for (place, column) in self.schema.columns.iter().enumerate() {
+            if column.nullable && self.arrays[place].is_none() {
+                self.fill(place);
+            }
+        }
+        self
+    }
+
     /// Checks everything and sorts the rows.
     pub fn finish(self) -> Result<Table, TableError> {
         Ok(self.finish_in_order()?.0)

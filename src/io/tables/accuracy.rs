@@ -12,17 +12,14 @@ use crate::grid::{Tolerance, Verdict};
 use crate::manifest::RunKey;
 use crate::report::iso_9283::{Characteristic, Iso9283};
 use crate::report::verdict::RunVerdict;
-use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
+use crate::report::{Accuracy, Model, Moment, Point, Split, Subject};
 use crate::table::{row, words};
 use crate::units::WallTime;
 
 row! {
     /// An accuracy figure.
     pub struct AccuracyRow of "accuracy" {
-        split: Split,
-        model: Model,
-        angles: Angles,
-        base_refit: BaseRefit,
+        subject: Subject,
         base_stations: Option<usize>,
         target_found: Option<bool>,
         role: Role,
@@ -31,7 +28,6 @@ row! {
         point: Point,
         quantity: FigureKind,
         name: FigureName,
-        of_session: String,
         session_started: Option<WallTime>,
         pose: Option<usize>,
         value: Option<f64>,
@@ -133,17 +129,6 @@ words! {
 }
 
 impl AccuracyRow {
-    /// The subject of the figure.
-    pub fn subject(&self) -> Subject {
-        Subject {
-            split: self.split,
-            of_session: self.of_session.clone(),
-            model: self.model,
-            angles: self.angles,
-            base_refit: self.base_refit,
-        }
-    }
-
     /// A figure of this kind and name, with all other columns absent.
     fn of(
         subject: &Subject,
@@ -153,10 +138,7 @@ impl AccuracyRow {
         unit: Unit,
     ) -> Self {
         Self {
-            split: subject.split,
-            model: subject.model,
-            angles: subject.angles,
-            base_refit: subject.base_refit,
+            subject: subject.clone(),
             base_stations: None,
             target_found: None,
             role: subject.split.into(),
@@ -168,7 +150,6 @@ impl AccuracyRow {
             point,
             quantity,
             name,
-            of_session: subject.of_session.clone(),
             session_started: None,
             pose: None,
             value: None,
@@ -217,7 +198,7 @@ pub fn rows<'a>(
         figures(of, &verdict, reason.as_ref(), tolerance, key)
     });
     let dated = |row: AccuracyRow| AccuracyRow {
-        session_started: starts.get(row.of_session.as_str()).copied(),
+        session_started: starts.get(row.subject.of_session.as_str()).copied(),
         ..row
     };
     of_sets.chain(iso_9283::rows(iso_9283)).map(dated).collect()

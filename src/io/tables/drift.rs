@@ -4,14 +4,13 @@ use super::past::PastSession;
 use super::words::Unit;
 use crate::history::compare::Shift;
 use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
+use crate::manifest::RunKey;
 use crate::table::{row, words};
 
 row! {
     /// The result of a session for one hypothesis: a test, or the shift of a component.
     pub struct DriftRow of "drift" {
-        robot: String,
-        session: String,
-        run: String,
+        key: RunKey,
         measured_at_ns: i64,
         segment: usize,
         began: Option<String>,
@@ -130,11 +129,9 @@ fn row(
     hypothesis: Hypothesis,
     verdict: HypothesisVerdict,
 ) -> DriftRow {
-    let (key, judged) = (&session.key, &session.judged);
+    let judged = &session.judged;
     DriftRow {
-        robot: key.robot.clone(),
-        session: key.session.clone(),
-        run: key.run.clone(),
+        key: session.key.clone(),
         measured_at_ns: session.measured_at_ns,
         segment: judged.segment,
         began: Some(judged.began.join("; ")).filter(|words| !words.is_empty()),

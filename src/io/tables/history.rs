@@ -4,14 +4,13 @@
 
 use super::past::{Figure, Kind, PastSession};
 use super::words::Unit;
+use crate::manifest::RunKey;
 use crate::table::{row, words};
 
 row! {
     /// A figure of a session.
     pub struct HistoryRow of "history" {
-        robot: String,
-        session: String,
-        run: String,
+        key: RunKey,
         measured_at_ns: i64,
         segment: usize,
         kind: Kind,
@@ -59,9 +58,7 @@ pub fn rows(figures: &[(&PastSession, &Figure)]) -> Vec<HistoryRow> {
 fn row(session: &PastSession, figure: &Figure) -> HistoryRow {
     let charted = figure.charted.as_ref();
     HistoryRow {
-        robot: session.key.robot.clone(),
-        session: session.key.session.clone(),
-        run: session.key.run.clone(),
+        key: session.key.clone(),
         measured_at_ns: session.measured_at_ns,
         segment: session.judged.segment,
         kind: figure.kind,

@@ -1,7 +1,7 @@
 //! `length_residuals`: measured minus predicted reading of every instrument of one length, by every model.
 
-use super::sources::SourceReads;
 use super::words::Role;
+use crate::join::ReadingKind;
 use crate::judgement::LengthResidual;
 use crate::report::Model;
 use crate::table::row;
@@ -16,7 +16,7 @@ row! {
         station: usize,
         source_index: usize,
         source: String,
-        reads: SourceReads,
+        reads: ReadingKind,
         target: Option<String>,
         pose: usize,
         measured_mm: f64,
@@ -41,7 +41,7 @@ fn row(own: &LengthResidual, targets: &[String]) -> LengthResidualRow {
         station: own.station,
         source_index: own.source.0,
         source: own.name.clone(),
-        reads: own.kind.into(),
+        reads: own.kind,
         target: own.target.map(|target| target.name(targets)),
         pose: own.pose,
         measured_mm: own.measured_mm,

@@ -183,12 +183,9 @@ fn command_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, Source::Command, rows, in_ns(&commands.stamps))?
-        .absent(["joints_rad", "temperature_c"])
-        .absent(COVARIANCE)
-        .absent(TURN_COVARIANCE);
+    let table = columns(key, Source::Command, rows, in_ns(&commands.stamps))?;
     let orientations = commands.orientations.as_deref();
-    Ok(placed(table, &commands.positions, orientations).finish()?)
+    Ok(placed(table, &commands.positions, orientations).rest_absent().finish()?)
 }
 
 /// Further joint samples, as many as the part `like` has.
@@ -212,32 +209,22 @@ fn joint_rows(
     angles: &[f64],
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, Source::Joints, rows, stamps_ns)?
-        .lists_alike("joints_rad", angles)
-        .absent(POSITION)
-        .absent(ORIENTATION)
-        .absent(COVARIANCE)
-        .absent(TURN_COVARIANCE)
-        .absent(["temperature_c"]);
-    Ok(table.finish()?)
+    let table = columns(key, Source::Joints, rows, stamps_ns)?.lists_alike("joints_rad", angles);
+    Ok(table.rest_absent().finish()?)
 }
 
 fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
     let TargetReadings { stamps, positions, orientations, covariances } = readings;
-    let table =
-        columns(key, Source::Target, rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
-    let table = match covariances {
-        None => table.absent(COVARIANCE).absent(TURN_COVARIANCE),
-        Some(covariances) => {
-            let [own, cross] = TURN_COVARIANCE;
-            let turns = covariances.iter().map(|own| own.turn);
-            table
-                .group(COVARIANCE, covariances.iter().map(|own| own.position))
-                .column(own, turns.clone().map(|own| own.map(orientation_rows)))
-                .column(cross, turns.map(|own| own.map(|own| own.with_position.to_vec())))
-        }
-    };
-    Ok(placed(table, positions, orientations.as_deref()).finish()?)
+    let mut table = columns(key, Source::Target, rows, in_ns(stamps))?;
+    if let Some(covariances) = covariances {
+        let [own, cross] = TURN_COVARIANCE;
+        let turns = covariances.iter().map(|own| own.turn);
+        table = table
+            .group(COVARIANCE, covariances.iter().map(|own| own.position))
+            .column(own, turns.clone().map(|own| own.map(orientation_rows)))
+            .column(cross, turns.map(|own| own.map(|own| own.with_position.to_vec())));
+    }
+    Ok(placed(table, positions, orientations.as_deref()).rest_absent().finish()?)
 }
 
 fn temperature_rows(
@@ -247,19 +234,14 @@ fn temperature_rows(
 ) -> Result<Table, PublishError> {
     let stamps_ns = in_ns(&temperatures.stamps[rows.clone()]);
     let table = columns(key, Source::Temperature, rows.clone(), stamps_ns)?
-        .column("temperature_c", temperatures.celsius[rows].iter().copied())
-        .absent(["joints_rad"])
-        .absent(POSITION)
-        .absent(ORIENTATION)
-        .absent(COVARIANCE)
-        .absent(TURN_COVARIANCE);
-    Ok(table.finish()?)
+        .column("temperature_c", temperatures.celsius[rows].iter().copied());
+    Ok(table.rest_absent().finish()?)
 }
 
 fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4]]>) -> Columns {
     let table = table.group(POSITION, positions.iter().copied());
     match orientations {
-        None => table.absent(ORIENTATION),
+        None => table,
         Some(orientations) => table.group(ORIENTATION, orientations.iter().copied()),
     }
 }

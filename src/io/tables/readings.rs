@@ -3,12 +3,11 @@
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 use thiserror::Error;
 
-use super::sources::SourceReads;
 use super::stations::{DwellColumns, ReadColumns, Unpaired};
 use crate::geometry::TurnCovariance;
 use crate::join::{
-    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId,
-    Value,
+    Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
+    Station, TargetId, Value,
 };
 use crate::table::row;
 use crate::units::Stamp;
@@ -21,7 +20,7 @@ row! {
         reading: usize,
         source_index: Option<usize>,
         target_index: Option<usize>,
-        reads: Option<SourceReads>,
+        reads: Option<ReadingKind>,
         read: ReadColumns,
         length_mm: Option<f64>,
         length_sd_mm: Option<f64>,
@@ -78,7 +77,7 @@ fn of_reading(dwell: DwellColumns, number: usize, reading: &Reading) -> ReadingR
         reading: number,
         source_index: Some(reading.source.0),
         target_index: Some(reading.target.0),
-        reads: Some(reading.value.kind().into()),
+        reads: Some(reading.value.kind()),
         read: reading.into(),
         length_mm: length.map(|own| own.mm),
         length_sd_mm: length.map(|own| own.sd_mm),
@@ -138,7 +137,7 @@ fn dwell(row: &DwellColumns) -> Station {
     }
 }
 
-fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> {
+fn reading(row: &ReadingRow, reads: ReadingKind) -> Result<Reading, NoStations> {
     let of =
         |column| NoStations::Absent { station: row.dwell.station, reading: row.reading, column };
     let point = || {
@@ -167,10 +166,10 @@ fn reading(row: &ReadingRow, reads: SourceReads) -> Result<Reading, NoStations> 
         source: SourceId(row.source_index.ok_or_else(|| of("source_index"))?),
         target: TargetId(row.target_index.ok_or_else(|| of("target_index"))?),
         value: match reads {
-            SourceReads::Point => Value::Point(point()?),
-            SourceReads::Pose => Value::Pose(point()?, turn()?),
-            SourceReads::Distance => Value::Distance(length()?),
-            SourceReads::Height => Value::Height(length()?),
+            ReadingKind::Point => Value::Point(point()?),
+            ReadingKind::Pose => Value::Pose(point()?, turn()?),
+            ReadingKind::Distance => Value::Distance(length()?),
+            ReadingKind::Height => Value::Height(length()?),
         },
         kept: row.samples_kept.ok_or_else(|| of("samples_kept"))?,
         taken: row.samples.ok_or_else(|| of("samples"))?,

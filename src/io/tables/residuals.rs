@@ -9,18 +9,14 @@ use super::words::Role;
 use crate::geometry::{symmetric, upper};
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::table::row;
+use crate::table::{columns, row};
 
 row! {
     /// Measured minus predicted at one station under one model, base frame.
     pub struct ResidualRow of "residuals" {
-        split: Split,
-        model: Model,
-        angles: Angles,
-        base_refit: BaseRefit,
+        subject: Subject,
         role: Role,
         fold: Option<usize>,
-        of_session: String,
         station: usize,
         target: Option<String>,
         pose: usize,
@@ -42,16 +38,13 @@ row! {
     }
 }
 
-impl ResidualRow {
-    /// The subject of the residual.
-    pub fn subject(&self) -> Subject {
-        Subject {
-            split: self.split,
-            of_session: self.of_session.clone(),
-            model: self.model,
-            angles: self.angles,
-            base_refit: self.base_refit,
-        }
+columns! {
+    of Subject {
+        split: Split,
+        of_session: String,
+        model: Model,
+        angles: Angles,
+        base_refit: BaseRefit,
     }
 }
 
@@ -70,7 +63,7 @@ pub fn sets(rows: Vec<ResidualRow>, targets: &[String]) -> Option<Vec<ResidualSe
     let mut sets: BTreeMap<Subject, Vec<Residual>> = BTreeMap::new();
     for row in rows {
         let residual = residual(&row, targets)?;
-        sets.entry(row.subject()).or_default().push(residual);
+        sets.entry(row.subject).or_default().push(residual);
     }
     let sets = sets.into_iter();
     Some(sets.map(|(subject, residuals)| ResidualSet { subject, residuals }).collect())
@@ -105,13 +98,9 @@ fn target_named(name: &str, names: &[String]) -> Option<TargetId> {
 
 fn of_residual(subject: &Subject, residual: &Residual, targets: &[String]) -> ResidualRow {
     ResidualRow {
-        split: subject.split,
-        model: subject.model,
-        angles: subject.angles,
-        base_refit: subject.base_refit,
+        subject: subject.clone(),
         role: subject.split.into(),
         fold: residual.fold,
-        of_session: subject.of_session.clone(),
         station: residual.station,
         target: residual.target.map(|own| own.name(targets)),
         pose: residual.pose,

@@ -13,7 +13,7 @@ row! {
         model: Model,
         source_index: usize,
         source: String,
-        reads: SourceReads,
+        reads: ReadingKind,
         readings: usize,
         numbers: usize,
         stated_sd_mm: f64,
@@ -36,31 +36,8 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SourceReads {
-    /// Positions.
-    Point,
-    /// Positions and orientations.
-    Pose,
-    /// Distances from an anchor.
-    Distance,
-    /// Heights above a plane.
-    Height,
-}
-
 words! {
-    SourceReads { Point: "point", Pose: "pose", Distance: "distance", Height: "height" }
-}
-
-impl From<ReadingKind> for SourceReads {
-    fn from(kind: ReadingKind) -> Self {
-        match kind {
-            ReadingKind::Point => Self::Point,
-            ReadingKind::Pose => Self::Pose,
-            ReadingKind::Distance => Self::Distance,
-            ReadingKind::Height => Self::Height,
-        }
-    }
+    ReadingKind { Point: "point", Pose: "pose", Distance: "distance", Height: "height" }
 }
 
 /// The rows of all sources in all models; none where one instrument measured, whose share is all there is, and its readings do not show
@@ -107,7 +84,7 @@ fn of_source(own: &Source, all: &[Source]) -> SourceRow {
         model: own.model,
         source_index: size.source.0,
         source: own.name.clone(),
-        reads: size.kind.into(),
+        reads: size.kind,
         readings: size.readings,
         numbers: size.rows,
         stated_sd_mm: size.stated_mm,

@@ -9,7 +9,7 @@ use crate::fit::commanded::SettlingError;
 use crate::join::{Pairing, Reading, Station, Unmeasured};
 use crate::judgement::JoinedSession;
 use crate::kinematics::Arm;
-use crate::table::{columns, row, words};
+use crate::table::{Word, columns, row, words};
 
 row! {
     /// A dwell of the arm.
@@ -116,15 +116,19 @@ pub enum Unpaired {
 
 words! {
     PairingVerdict { Paired: "paired", Unmeasured: "unmeasured", Ambiguous: "ambiguous" }
-    Unpaired {
-        Unmeasured(Unmeasured::NoReadings): "no_readings",
-        Unmeasured(Unmeasured::TooFewReadings): "too_few_readings",
-        Unmeasured(Unmeasured::TargetMoved): "target_moved",
-        Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
-        Unmeasured(Unmeasured::WrongTarget): "wrong_target",
-        Unmeasured(Unmeasured::InstrumentMoved): "instrument_moved",
-        Unmeasured(Unmeasured::FlippedView): "flipped_view",
-        SeveralCandidates: "several_candidates",
+}
+
+impl Word for Unpaired {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Unmeasured(why) => why.name(),
+            Self::SeveralCandidates => "several_candidates",
+        }
+    }
+
+    fn of_word(word: &str) -> Option<Self> {
+        let unmeasured = Unmeasured::ALL.into_iter().map(Self::Unmeasured);
+        unmeasured.chain([Self::SeveralCandidates]).find(|own| own.word() == word)
     }
 }
 

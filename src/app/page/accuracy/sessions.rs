@@ -75,15 +75,16 @@ fn figure<'f>(
 ) -> Option<&'f AccuracyRow> {
     // A session that took no part is judged in a base of its own, found from stations that do not judge.
     let is_judged = |own: &AccuracyRow| {
-        split != Split::Session || !matches!(own.base_refit, BaseRefit::None | BaseRefit::All)
+        split != Split::Session
+            || !matches!(own.subject.base_refit, BaseRefit::None | BaseRefit::All)
     };
     let is_it = |own: &&AccuracyRow| {
-        (own.model, own.split, own.name) == (model, split, name)
+        (own.subject.model, own.subject.split, own.name) == (model, split, name)
             && is_judged(own)
             && own.point == Point::Measured
-            && own.of_session == session
+            && own.subject.of_session == session
     };
     let own = || figures.iter().filter(is_it);
     let mut angles = model.about().angles.iter().rev();
-    angles.find_map(|angles| own().find(|figure| figure.angles == *angles))
+    angles.find_map(|angles| own().find(|figure| figure.subject.angles == *angles))
 }

@@ -129,8 +129,8 @@ fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
         .iter()
         .filter(|row| {
             row.point != Point::Tip
-                && row.model == model
-                && (row.angles, row.split) == (Angles::Commanded, Split::Blocks)
+                && row.subject.model == model
+                && (row.subject.angles, row.subject.split) == (Angles::Commanded, Split::Blocks)
                 && row.evidence == Moment::After
         })
         .collect();

@@ -108,7 +108,8 @@ pub(super) fn noticed(
     estimate: &Estimate,
 ) -> Option<Noticed> {
     let bounds = AccuracyRow::read(accuracy).into_iter();
-    let mut bounds = bounds.filter(|row| row.of_session == session && row.point != Point::Tip);
+    let mut bounds =
+        bounds.filter(|row| row.subject.of_session == session && row.point != Point::Tip);
     let least_mm =
         bounds.find_map(|row| Some(notices_mm(row.tolerance?, row.expanded_uncertainty?)));
     let rows = CalibrationRow::read(calibrations);
@@ -139,7 +140,7 @@ fn ranges(row: &CalibrationRow, axes_from_joints: &DMatrix<f64>) -> Vec<[f64; 2]
 /// Figures that are charted: mean and 95th percentile of held-out errors, before and after.
 pub(super) fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
     let figure = |row: &AccuracyRow| {
-        let words = [row.moment.word(), row.model.word(), row.name.word()];
+        let words = [row.moment.word(), row.subject.model.word(), row.name.word()];
         Some(AccuracyFigure { name: words.join(" "), value: row.value? })
     };
     let rows = AccuracyRow::read(accuracy);
@@ -151,13 +152,13 @@ pub(super) fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
 }
 
 fn is_charted(row: &AccuracyRow, session: &str) -> bool {
-    row.of_session == session
+    row.subject.of_session == session
         && row.role == Role::HeldOut
-        && row.split == Split::Blocks
-        && row.base_refit == BaseRefit::None
+        && row.subject.split == Split::Blocks
+        && row.subject.base_refit == BaseRefit::None
         && row.point != Point::Tip
         && row.quantity == FigureKind::PositionError
-        && row.model != Model::Geometric
+        && row.subject.model != Model::Geometric
         && matches!(row.name, FigureName::Mean | FigureName::P95)
-        && (row.model, row.angles) != (Model::Full, Angles::Commanded)
+        && (row.subject.model, row.subject.angles) != (Model::Full, Angles::Commanded)
 }

@@ -106,7 +106,7 @@ pub(super) fn predicted_mm(row: &ResidualRow) -> [f64; 3] {
 pub(super) fn rows(table: &Table) -> Vec<(Of, Vec<ResidualRow>)> {
     let mut sets: Vec<(Of, Vec<ResidualRow>)> = Vec::new();
     for row in ResidualRow::read(table) {
-        let of = Of { subject: row.subject(), role: row.role };
+        let of = Of { subject: row.subject.clone(), role: row.role };
         match sets.iter_mut().find(|(own, _)| *own == of) {
             Some((_, rows)) => rows.push(row),
             None => sets.push((of, vec![row])),
