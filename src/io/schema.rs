@@ -181,10 +181,12 @@ const FILES: [&str; 32] = [
 
 /// SQL statements for the views over a lake in the folder `lake`: the rows of `runs`, the current run of each session, and a row
 /// of each session.
-pub const VIEWS_SQL: &str = include_str!("schema/views.sql");
+pub const VIEWS_SQL: &str =
+    concat!(include_str!("schema/views.sql"), include_str!("schema/sessions.sql"));
 
 /// SQL statements for the same views over the compact form of such a lake, and its rows of `accuracy`.
-pub const COMPACT_VIEWS_SQL: &str = include_str!("schema/compact_views.sql");
+pub const COMPACT_VIEWS_SQL: &str =
+    concat!(include_str!("schema/compact_views.sql"), include_str!("schema/sessions.sql"));
 
 /// The groups of columns that schema files include, by name.
 static GROUPS: LazyLock<toml::Table> = LazyLock::new(|| {

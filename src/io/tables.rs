@@ -261,24 +261,30 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     let verdict = &outcome.verdict;
     let (figure, covered) = (verdict.headline().figure(), verdict.headline().covered());
     let stated = context.pairs.stated();
-    let means = stated.and_then(Compared::figures);
+    let (mean_before_mm, mean_after_mm) =
+        stated.and_then(Compared::figures).map(|[before, after]| (before.mean, after.mean)).unzip();
     let starts = || outcome.training.iter().filter_map(JoinedSession::started);
-    Ending {
-        started: [outcome.training.last().and_then(JoinedSession::started), starts().min()],
-        means_mm: means.map(|both| both.map(|own| own.mean)),
-        means_of: stated.map(Compared::of),
+    let made_of = context.made_of.iter().map(|own| format!("{}/{}", own.session, own.run));
+    let ending = Ending {
+        session_started: outcome.training.last().and_then(JoinedSession::started),
+        first_session_started: starts().min(),
         verdict: (&verdict.verdict()).into(),
         reason: verdict.reason(),
-        verdict_of: verdict.applied().into(),
-        statement: verdict.statement(),
+        verdict_of: Some(verdict.applied().into()),
+        statement: Some(verdict.statement()),
+        mean_before_mm,
+        mean_after_mm,
+        means_of: stated.map(Compared::of),
         bound_mm: figure.and_then(|figure| figure.bound),
-        counted: figure.map(|figure| figure.counted),
+        held_out: figure.map(|figure| figure.counted.poses),
+        visits: figure.map(|figure| figure.counted.visits),
         stations_covered_share: covered.map(Covered::of_stations),
-        made_of: Some(context.made_of.clone()),
+        made_of: Some(made_of.collect()),
         estimate: Some(context.estimate.clone()),
         grids: Some(context.grids.clone()),
-        replaces: context.replaces.clone(),
-    }
+        ..Ending::default()
+    };
+    ending.replacing(context.replaces.clone())
 }
 
 #[cfg(test)]

@@ -151,19 +151,9 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
     let written = [clocks, calibrations, accuracy].map(|table| save(lake, &table, &key));
     let outcome = Ending {
         verdict: TableVerdict::Met,
-        reason: None,
-        verdict_of: VerdictOf::Compensation,
-        statement: "met by the compensation table".to_owned(),
-        started: [None; 2],
-        means_mm: None,
-        means_of: None,
-        bound_mm: None,
-        counted: None,
-        stations_covered_share: None,
-        made_of: None,
-        estimate: None,
-        grids: None,
-        replaces: None,
+        verdict_of: Some(VerdictOf::Compensation),
+        statement: Some("met by the compensation table".to_owned()),
+        ..Ending::default()
     };
     let row = runs::table(&work, &[], &written, &outcome).expect("a row");
     save(lake, &row, &key);

@@ -10,9 +10,11 @@ use std::path::{Path, PathBuf};
 use posegrid::io::lake::Lake;
 use posegrid::io::table::{Row as _, Table, write};
 use posegrid::io::tables::accuracy::AccuracyRow;
-use posegrid::io::tables::runs::{RunRow, row_digest};
+use posegrid::io::tables::runs::{Ending, RunRow, row_digest};
+use posegrid::io::tables::stage_results::{FileColumns, InputColumns};
 use posegrid::io::tables::words::TableVerdict;
 use posegrid::manifest::{RunKey, digest};
+use posegrid::report::Subject;
 use posegrid::units::WallTime;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -85,7 +87,7 @@ impl Template {
 
     fn accuracy(&self, key: &RunKey, started: WallTime, factor: f64) -> Table {
         let own = |row: &AccuracyRow| AccuracyRow {
-            of_session: key.session.clone(),
+            subject: Subject { of_session: key.session.clone(), ..row.subject.clone() },
             session_started: Some(started),
             value: row.value.map(|value| factor * value),
             table_id: row.table_id.as_ref().map(|_| key.run.clone()),
@@ -103,7 +105,7 @@ impl Template {
         of: &[String; 2],
         (robot, night): (usize, usize),
     ) -> Table {
-        let names = &self.row.table_names;
+        let names = &self.row.files.names;
         let renamed = |name: &String| {
             let table = name.split('/').next().expect("a table");
             format!("{table}/{}", key.session)
@@ -114,32 +116,38 @@ impl Template {
             _ => blake3::hash(format!("{name}{}", key.run).as_bytes()).to_hex().to_string(),
         };
         let scaled = |value: Option<f64>| value.map(|value| factor * value);
+        let (inputs, ending) = (&self.row.inputs, &self.row.ending);
+        let digest_of_input = |name: &String| match name.as_str() {
+            "robot" => "00".repeat(32),
+            _ => digest(name),
+        };
         let unsigned = RunRow {
-            session_started: Some(started),
-            first_session_started: Some(started),
             sessions: vec![key.session.clone()],
-            table_names: names.iter().map(renamed).collect(),
-            table_digests: names.iter().map(digest).collect(),
-            input_digests: self
-                .row
-                .input_names
-                .iter()
-                .map(|name| match name.as_str() {
-                    "robot" => "00".repeat(32),
-                    _ => digest(name),
-                })
-                .collect(),
-            verdict: match robot % 20 {
-                3 => TableVerdict::NotMet,
-                11 => TableVerdict::NotShown,
-                5 if night % 7 == 6 => TableVerdict::NotMet,
-                _ => TableVerdict::Met,
+            files: FileColumns {
+                names: names.iter().map(renamed).collect(),
+                digests: names.iter().map(digest).collect(),
+                ..self.row.files.clone()
             },
-            mean_before_mm: scaled(self.row.mean_before_mm),
-            mean_after_mm: scaled(self.row.mean_after_mm),
-            bound_mm: scaled(self.row.bound_mm),
-            replaces: None,
-            replaced_row_digest: None,
+            inputs: InputColumns {
+                digests: inputs.names.iter().map(digest_of_input).collect(),
+                ..inputs.clone()
+            },
+            ending: Ending {
+                session_started: Some(started),
+                first_session_started: Some(started),
+                verdict: match robot % 20 {
+                    3 => TableVerdict::NotMet,
+                    11 => TableVerdict::NotShown,
+                    5 if night % 7 == 6 => TableVerdict::NotMet,
+                    _ => TableVerdict::Met,
+                },
+                mean_before_mm: scaled(ending.mean_before_mm),
+                mean_after_mm: scaled(ending.mean_after_mm),
+                bound_mm: scaled(ending.bound_mm),
+                replaces: None,
+                replaced_row_digest: None,
+                ..ending.clone()
+            },
             row_digest: None,
             ..self.row.clone()
         };

@@ -23,7 +23,8 @@ use posegrid::io::tables::grids;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::{self, Ending};
-use posegrid::io::tables::words::{CorrectingTable, TableVerdict, VerdictOf};
+use posegrid::io::tables::stage_results::InputColumns;
+use posegrid::io::tables::words::CorrectingTable;
 use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
@@ -44,22 +45,7 @@ fn hostile_work() -> Work {
 }
 
 fn outcome() -> Ending {
-    Ending {
-        verdict: TableVerdict::NotShown,
-        reason: Some("a sample".to_owned()),
-        verdict_of: VerdictOf::Compensation,
-        statement: "not shown to be met by the compensation table: a sample".to_owned(),
-        started: [None; 2],
-        means_mm: None,
-        means_of: None,
-        bound_mm: None,
-        counted: None,
-        stations_covered_share: None,
-        made_of: None,
-        estimate: None,
-        grids: None,
-        replaces: None,
-    }
+    Ending { reason: Some("a sample".to_owned()), ..Ending::default() }
 }
 
 /// Three rows (one where a file has one row) of plausible values: row 1 is null wherever the schema allows it.
@@ -123,21 +109,13 @@ fn write_joined(lake: &Lake, key: &RunKey) {
     open.publish(&sample(readings, key)).unwrap();
     let [file] = open.written() else { panic!("one file") };
     let row = JoinedSessionRow {
-        version: "0.1.0".to_owned(),
-        platform: "x86_64-linux".to_owned(),
-        cpu_features: Vec::new(),
+        made: (&hostile_work()).into(),
         session_started: None,
         dwells: 3,
         paired: 1,
-        input_names: Vec::new(),
-        input_bytes: Vec::new(),
-        input_digests: Vec::new(),
-        settings: "{}".to_owned(),
-        settings_digest: "00".to_owned(),
+        inputs: InputColumns::default(),
         joined: "{}".to_owned(),
-        table_names: vec![file.name()],
-        table_rows: vec![file.rows],
-        table_digests: vec![file.digest.clone()],
+        files: [file.clone()][..].into(),
         row_digest: None,
     };
     let row = JoinedSessionRow::table(vec![row], key).unwrap();
@@ -152,14 +130,10 @@ fn write_estimate(lake: &Lake, key: &RunKey) {
     open.publish(&sample(residuals, key)).unwrap();
     let written = open.written();
     let row = EstimateRow {
-        version: "0.1.0".to_owned(),
-        platform: "x86_64-linux".to_owned(),
-        cpu_features: Vec::new(),
+        made: (&hostile_work()).into(),
         session_names: vec![key.session.clone()],
         session_runs: vec!["00".to_owned()],
         robot_digest: "00".to_owned(),
-        settings: "{}".to_owned(),
-        settings_digest: "00".to_owned(),
         models: "{}".to_owned(),
         fold_models: Vec::new(),
         left_out: "[]".to_owned(),
@@ -343,7 +317,7 @@ fn committed(lake: &Lake, setting: u32) -> RunKey {
     let work = Work { settings: canonical(&setting).unwrap(), ..hostile_work() };
     let key = work.key();
     let run = lake.start(&key).unwrap().expect("a new setting");
-    let ending = Ending { replaces: lake.current(&key).unwrap(), ..outcome() };
+    let ending = outcome().replacing(lake.current(&key).unwrap());
     let row = runs::table(&work, &[], run.written(), &ending).unwrap();
     assert_eq!(run.commit(&row).unwrap(), Commit::Done);
     key

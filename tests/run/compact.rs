@@ -86,21 +86,17 @@ fn publish_figures(
     let mut run = lake.start(&key).expect("a lake").expect("a new run");
     let accuracy = AccuracyRow::table(rows, &key).expect("a table");
     run.publish(&accuracy.table).expect("written");
+    let started = day.map(|day| WallTime::of_us(BEGIN_US + DAY_US * day));
     let ending = Ending {
+        session_started: started,
+        first_session_started: started,
         verdict: TableVerdict::Met,
-        reason: None,
-        verdict_of: VerdictOf::Compensation,
-        statement: "met".to_owned(),
-        started: [day.map(|day| WallTime::of_us(BEGIN_US + DAY_US * day)); 2],
-        means_mm: Some([0.5, 0.1]),
-        means_of: None,
+        verdict_of: Some(VerdictOf::Compensation),
+        statement: Some("met".to_owned()),
+        mean_before_mm: Some(0.5),
+        mean_after_mm: Some(0.1),
         bound_mm: Some(0.3),
-        counted: None,
-        stations_covered_share: None,
-        made_of: None,
-        estimate: None,
-        grids: None,
-        replaces: None,
+        ..Ending::default()
     };
     let row = runs::table(&work, &[], run.written(), &ending).expect("a row");
     run.commit(&row).expect("committed");

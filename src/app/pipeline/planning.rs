@@ -200,7 +200,7 @@ impl Planning {
         lake.ask(&key)?;
         let row = lake.read("runs", &key)?;
         Ok(Planned {
-            is_met: RunRow::read(&row).iter().any(|row| row.verdict == TableVerdict::Met),
+            is_met: RunRow::read(&row).iter().any(|row| row.ending.verdict == TableVerdict::Met),
             page: run::page(&lake, &key).map_err(Box::new)?,
             plan: made,
             key,
@@ -276,20 +276,13 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         TableVerdict::NotMet => "not met",
         TableVerdict::NotShown => "not shown to be met",
     };
-    Ending {
+    let ending = Ending {
         verdict,
-        verdict_of: VerdictOf::SamplingPlan,
-        statement: format!("{word} by the plan: {why}"),
-        started: [None; 2],
-        means_mm: None,
-        means_of: None,
+        verdict_of: Some(VerdictOf::SamplingPlan),
+        statement: Some(format!("{word} by the plan: {why}")),
         bound_mm: promise.bound_mm,
-        counted: None,
-        stations_covered_share: None,
         reason: (!plan.is_met()).then_some(why),
-        made_of: None,
-        grids: None,
-        estimate: None,
-        replaces,
-    }
+        ..Ending::default()
+    };
+    ending.replacing(replaces)
 }

@@ -294,17 +294,17 @@ fn already_there(
 ) -> Result<Done, RunError> {
     let row = RunRow::read(&lake.read(RunRow::TABLE, key)?).pop();
     let row = row.as_ref();
-    let met = row.and_then(|row| match row.verdict {
+    let met = row.and_then(|row| match row.ending.verdict {
         TableVerdict::Met => Some(true),
         TableVerdict::NotMet => Some(false),
         TableVerdict::NotShown => None,
     });
     let counts = row.map_or("[]", |row| &row.counts);
     let done = Done {
-        verdict_of: row.and_then(|row| row.verdict_of),
+        verdict_of: row.and_then(|row| row.ending.verdict_of),
         rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
         page: page(lake, key)?,
-        ..Done::before(lake, key, met, row.and_then(|row| row.reason.clone()))
+        ..Done::before(lake, key, met, row.and_then(|row| row.ending.reason.clone()))
     };
     Ok(done.asked_for(lake)?)
 }

@@ -3,23 +3,19 @@
 
 use super::PublishError;
 use super::residuals::{self, EstimateResidualRow};
-use super::stage_results::{self, NotRestored, signed};
+use super::stage_results::{self, MadeColumns, NotRestored, signed};
 use crate::judgement::StoredTrainings;
 use crate::lake::Lake;
-use crate::manifest::{Input, ROBOT, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::manifest::{Input, ROBOT, RunKey, Work, Written};
 use crate::report::ResidualSet;
 use crate::table::{Row as _, Table, row};
 
 row! {
     pub struct EstimateRow of "estimates" {
-        version: String,
-        platform: String,
-        cpu_features: Vec<String>,
+        made: MadeColumns,
         session_names: Vec<String>,
         session_runs: Vec<String>,
         robot_digest: String,
-        settings: String,
-        settings_digest: String,
         models: String,
         fold_models: Vec<String>,
         left_out: String,
@@ -73,14 +69,10 @@ pub fn table(
         work.inputs.iter().partition(|input| input.name == ROBOT);
     let folds = trained.folds.iter().map(serde_json::to_string);
     let row = EstimateRow {
-        version: VERSION.to_owned(),
-        platform: platform(),
-        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        made: work.into(),
         session_names: sessions.iter().map(|input| input.name.clone()).collect(),
         session_runs: sessions.iter().map(|input| input.digest.clone()).collect(),
         robot_digest: robots.first().map_or_else(String::new, |robot| robot.digest.clone()),
-        settings: work.settings.clone(),
-        settings_digest: work.settings_digest(),
         models: serde_json::to_string(&trained.models)?,
         fold_models: folds.collect::<Result<_, _>>()?,
         left_out: serde_json::to_string(&trained.sessions_left_out)?,

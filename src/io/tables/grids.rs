@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::PublishError;
-use super::stage_results::{self, NotRestored, signed};
+use super::stage_results::{self, FileColumns, MadeColumns, NotRestored, signed};
 use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
 use crate::lake::Lake;
-use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::manifest::{Input, RunKey, Work, Written};
 use crate::table::{Row as _, Table, row};
 
 /// The name of the estimate among the inputs of grids.
@@ -19,16 +19,10 @@ pub const ESTIMATE: &str = "estimate";
 row! {
     /// The steps of an estimate's grids.
     pub struct GridsRow of "grids" {
-        version: String,
-        platform: String,
-        cpu_features: Vec<String>,
+        made: MadeColumns,
         estimate: String,
-        settings: String,
-        settings_digest: String,
         steps: String,
-        table_names: Vec<String>,
-        table_rows: Vec<u64>,
-        table_digests: Vec<String>,
+        files: FileColumns,
         row_digest: Option<String>,
     }
 }
@@ -80,16 +74,10 @@ pub fn table(
 ) -> Result<Table, PublishError> {
     let estimate = work.inputs.iter().find(|input| input.name == ESTIMATE);
     let row = GridsRow {
-        version: VERSION.to_owned(),
-        platform: platform(),
-        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        made: work.into(),
         estimate: estimate.map_or_else(String::new, |own| own.digest.clone()),
-        settings: work.settings.clone(),
-        settings_digest: work.settings_digest(),
         steps: serde_json::to_string(steps)?,
-        table_names: written.iter().map(Written::name).collect(),
-        table_rows: written.iter().map(|file| file.rows).collect(),
-        table_digests: written.iter().map(|file| file.digest.clone()).collect(),
+        files: written.into(),
         row_digest: None,
     };
     Ok(signed(&work.key(), row, |row, row_digest| GridsRow { row_digest, ..row })?)

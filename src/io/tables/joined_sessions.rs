@@ -6,34 +6,26 @@ use serde::{Deserialize, Serialize};
 
 use super::PublishError;
 use super::readings::{self, ReadingRow};
-use super::stage_results::{self, NotRestored, signed};
+use super::stage_results::{self, FileColumns, InputColumns, MadeColumns, NotRestored, signed};
 use crate::ingest::LogReject;
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
 use crate::judgement::{DrivenBy, JoinedSession};
 use crate::lake::Lake;
-use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::manifest::{Input, RunKey, Work, Written};
 use crate::table::{Row, Rows, Table, row};
 use crate::units::WallTime;
 
 row! {
     pub struct JoinedSessionRow of "joined_sessions" {
-        version: String,
-        platform: String,
-        cpu_features: Vec<String>,
+        made: MadeColumns,
         session_started: Option<WallTime>,
         dwells: usize,
         paired: usize,
-        input_names: Vec<String>,
-        input_bytes: Vec<u64>,
-        input_digests: Vec<String>,
-        settings: String,
-        settings_digest: String,
+        inputs: InputColumns,
         joined: String,
-        table_names: Vec<String>,
-        table_rows: Vec<u64>,
-        table_digests: Vec<String>,
+        files: FileColumns,
         row_digest: Option<String>,
     }
 }
@@ -91,23 +83,14 @@ pub fn table(
     work: &Work,
     written: &[Written],
 ) -> Result<Table, PublishError> {
-    let inputs = || work.inputs.iter();
     let row = JoinedSessionRow {
-        version: VERSION.to_owned(),
-        platform: platform(),
-        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        made: work.into(),
         session_started: session.started(),
         dwells: session.joined.stations.len(),
         paired: session.joined.paired(),
-        input_names: inputs().map(|input| input.name.clone()).collect(),
-        input_bytes: inputs().map(|input| input.bytes).collect(),
-        input_digests: inputs().map(|input| input.digest.clone()).collect(),
-        settings: work.settings.clone(),
-        settings_digest: work.settings_digest(),
+        inputs: work.inputs[..].into(),
         joined: serde_json::to_string(&AsJoined::of(session))?,
-        table_names: written.iter().map(Written::name).collect(),
-        table_rows: written.iter().map(|file| file.rows).collect(),
-        table_digests: written.iter().map(|file| file.digest.clone()).collect(),
+        files: written.into(),
         row_digest: None,
     };
     Ok(signed(&work.key(), row, |row, row_digest| JoinedSessionRow { row_digest, ..row })?)
@@ -120,7 +103,7 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
     let stations = readings::stations(&stations)?;
     let own: AsJoined = serde_json::from_str(&row.joined)?;
     Ok(Restored {
-        inputs: inputs(&row).ok_or(NotRestored::Inputs)?,
+        inputs: row.inputs.inputs().ok_or(NotRestored::Inputs)?,
         joined: Joined {
             stations,
             clock: own.clock,
@@ -137,21 +120,6 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
         driven_by: own.driven_by,
         sampling_plan: own.sampling_plan,
     })
-}
-
-/// The files that a row names; `None` where its lists differ in length.
-pub fn inputs(row: &JoinedSessionRow) -> Option<Vec<Input>> {
-    let counts = [row.input_bytes.len(), row.input_digests.len()];
-    if counts != [row.input_names.len(); 2] {
-        return None;
-    }
-    let files = row.input_names.iter().zip(&row.input_bytes);
-    let input = |((name, &bytes), digest): ((&String, &u64), &String)| Input {
-        name: name.clone(),
-        bytes,
-        digest: digest.clone(),
-    };
-    Some(files.zip(&row.input_digests).map(input).collect())
 }
 
 impl AsJoined {

@@ -4,8 +4,8 @@ use thiserror::Error;
 
 use super::readings::NoStations;
 use crate::lake::{Lake, LakeError};
-use crate::manifest::RunKey;
-use crate::table::{Row, Table, TableError, row};
+use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
+use crate::table::{Row, Table, TableError, columns, row};
 
 /// The reason why the result of a stage cannot be read back.
 #[derive(Debug, Error)]
@@ -31,12 +31,86 @@ pub enum NotRestored {
 row! {
     /// What the rows of all stages state; read from the table of any of them.
     pub struct ResultRow of "grids" {
-        version: String,
-        settings: String,
-        settings_digest: String,
+        made: MadeColumns,
         table_names: Option<Vec<String>>,
         table_digests: Option<Vec<String>>,
         row_digest: Option<String>,
+    }
+}
+
+columns! {
+    /// The build that made a result, and its settings.
+    pub struct MadeColumns {
+        version: String,
+        platform: String,
+        cpu_features: Vec<String>,
+        settings: String,
+        settings_digest: String,
+    }
+}
+
+columns! {
+    /// The files that were read.
+    #[derive(Default)]
+    pub struct InputColumns {
+        names as [input_names]: Vec<String>,
+        bytes as [input_bytes]: Vec<u64>,
+        digests as [input_digests]: Vec<String>,
+    }
+}
+
+columns! {
+    /// The files that were written.
+    pub struct FileColumns {
+        names as [table_names]: Vec<String>,
+        rows as [table_rows]: Vec<u64>,
+        digests as [table_digests]: Vec<String>,
+    }
+}
+
+impl From<&Work> for MadeColumns {
+    fn from(work: &Work) -> Self {
+        Self {
+            version: VERSION.to_owned(),
+            platform: platform(),
+            cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+            settings: work.settings.clone(),
+            settings_digest: work.settings_digest(),
+        }
+    }
+}
+
+impl From<&[Input]> for InputColumns {
+    fn from(inputs: &[Input]) -> Self {
+        Self {
+            names: inputs.iter().map(|input| input.name.clone()).collect(),
+            bytes: inputs.iter().map(|input| input.bytes).collect(),
+            digests: inputs.iter().map(|input| input.digest.clone()).collect(),
+        }
+    }
+}
+
+impl InputColumns {
+    /// The files; `None` where the lists differ in length.
+    pub fn inputs(&self) -> Option<Vec<Input>> {
+        let files = self.names.iter().zip(&self.bytes).zip(&self.digests);
+        let input = |((name, &bytes), digest): ((&String, &u64), &String)| Input {
+            name: name.clone(),
+            bytes,
+            digest: digest.clone(),
+        };
+        let is_whole = [self.bytes.len(), self.digests.len()] == [self.names.len(); 2];
+        is_whole.then(|| files.map(input).collect())
+    }
+}
+
+impl From<&[Written]> for FileColumns {
+    fn from(written: &[Written]) -> Self {
+        Self {
+            names: written.iter().map(Written::name).collect(),
+            rows: written.iter().map(|file| file.rows).collect(),
+            digests: written.iter().map(|file| file.digest.clone()).collect(),
+        }
     }
 }
 

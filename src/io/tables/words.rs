@@ -17,12 +17,13 @@ use crate::table::{Word, words};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TableVerdict {
     /// It is.
     Met,
     NotMet,
     /// It could not be shown.
+    #[default]
     NotShown,
 }
 

@@ -235,7 +235,7 @@ pub(super) fn of(row: &Table) -> String {
         AskedRow::read(row).first().map(|row| row.asked_at)
     } else {
         let mut rows = RunRow::read(row).into_iter();
-        rows.find_map(|row| row.session_started)
+        rows.find_map(|row| row.ending.session_started)
     };
     // Its text begins with year and month: 2020-11-09 12:34:56.
     started.map_or_else(|| UNDATED.to_owned(), |time| time.to_string().chars().take(7).collect())

@@ -178,6 +178,7 @@ fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String>
 }
 
 fn result(row: RunRow, settings: &str) -> RunResult {
+    let row = row.ending;
     let settings: Option<serde_json::Value> = serde_json::from_str(settings).ok();
     let tolerance = settings.as_ref().and_then(|own| own.pointer("/tolerance/mm"));
     RunResult {

@@ -37,14 +37,14 @@ impl Done {
 
 /// The settings, files and versions in which two runs differ, and both verdicts, in words.
 fn changes(before: &RunRow, now: &RunRow) -> Vec<String> {
-    let settings = changed_settings(&before.settings, &now.settings).into_iter();
+    let settings = changed_settings(&before.made.settings, &now.made.settings).into_iter();
     let settings = settings.map(|own| {
         let value = |value: Option<String>| value.unwrap_or_else(|| "nothing".to_owned());
         format!("{} {} → {}", own.key, value(own.claimed), value(own.found))
     });
     let [was, is] = [before, now].map(|row| {
-        let names = row.input_names.iter();
-        names.zip(&row.input_digests).collect::<BTreeMap<_, _>>()
+        let names = row.inputs.names.iter();
+        names.zip(&row.inputs.digests).collect::<BTreeMap<_, _>>()
     });
     let mut names: BTreeSet<&String> = was.keys().chain(is.keys()).copied().collect();
     names.retain(|name| was.get(name) != is.get(name));
@@ -57,10 +57,10 @@ fn changes(before: &RunRow, now: &RunRow) -> Vec<String> {
     let mut all: Vec<String> = settings.chain(files).collect();
     let more = all.split_off(all.len().min(MOST_NAMED)).len();
     all.extend((more > 0).then(|| format!("{more} more settings and files")));
-    if before.version != now.version {
-        all.push(format!("version {} → {}", before.version, now.version));
+    if before.made.version != now.made.version {
+        all.push(format!("version {} → {}", before.made.version, now.made.version));
     }
-    let [was, is] = [before, now].map(|row| row.verdict.word().replace('_', " "));
+    let [was, is] = [before, now].map(|row| row.ending.verdict.word().replace('_', " "));
     all.push(format!("verdict {was} → {is}"));
     all
 }

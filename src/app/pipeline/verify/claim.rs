@@ -73,29 +73,29 @@ impl Claim {
         let [robot, session, run] = KEY_COLUMNS.map(|part| row.text(part).value(0));
         let (version, found) = (row.version(), row_digest(row));
         let row = RunRow::read(row).swap_remove(0);
-        let inputs = together("input", row.input_names, row.input_bytes, row.input_digests)?;
-        let files = together("table", row.table_names, row.table_rows, row.table_digests)?;
+        let inputs = together("input", row.inputs.names, row.inputs.bytes, row.inputs.digests)?;
+        let files = together("table", row.files.names, row.files.rows, row.files.digests)?;
         Ok(Self {
             key: RunKey::new(robot, session, run),
             pipeline: row.pipeline,
-            version: row.version,
-            platform: row.platform,
-            cpu_features: row.cpu_features,
+            version: row.made.version,
+            platform: row.made.platform,
+            cpu_features: row.made.cpu_features,
             sessions: row.sessions,
             test_sessions: row.test_sessions,
             inputs: inputs.map(|(name, bytes, digest)| Input { name, bytes, digest }).collect(),
-            settings: row.settings,
-            settings_digest: row.settings_digest,
+            settings: row.made.settings,
+            settings_digest: row.made.settings_digest,
             files: files.map(written).collect(),
-            made_of: row.made_of,
-            estimate: row.estimate,
-            grids: row.grids,
-            replaces: row.replaces,
+            made_of: row.ending.made_of,
+            estimate: row.ending.estimate,
+            grids: row.ending.grids,
+            replaces: row.ending.replaces,
             row: RowDigests {
                 version,
                 found,
                 stated: row.row_digest,
-                replaced: row.replaced_row_digest,
+                replaced: row.ending.replaced_row_digest,
             },
         })
     }

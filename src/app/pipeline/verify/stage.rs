@@ -15,7 +15,7 @@ use crate::io::table::compare::compare;
 use crate::io::table::{Row as _, Table};
 use crate::io::tables::estimates::{self, EstimateRow};
 use crate::io::tables::grids::{self, GridsRow};
-use crate::io::tables::joined_sessions::{self, JoinedSessionRow, inputs};
+use crate::io::tables::joined_sessions::{self, JoinedSessionRow};
 use crate::io::tables::stage_results::{ResultRow, row, row_digest};
 use crate::manifest::{ROBOT, RunKey, Work, digest};
 use crate::pipeline::configuration::{
@@ -139,7 +139,7 @@ impl StageVerifier<'_> {
         }
         let is_open = problems.is_empty() && !self.shown.contains(&key.run);
         let anew = is_open.then(|| {
-            let anew = self.anew(stage, key, &row.settings, made_of);
+            let anew = self.anew(stage, key, &row.made.settings, made_of);
             anew.unwrap_or_else(|reason| Some(Anew::No(reason)))
         });
         Ok((problems, anew.flatten()))
@@ -216,14 +216,15 @@ impl StageVerifier<'_> {
             let key = RunKey::new(&estimate.robot, name, run);
             let joined: JoinedSessionRow =
                 row(self.lake, &key).map_err(|error| error.to_string())?;
-            let inputs = inputs(&joined).ok_or_else(|| format!("{name} as joined is damaged"))?;
+            let inputs =
+                joined.inputs.inputs().ok_or_else(|| format!("{name} as joined is damaged"))?;
             let inputs = inputs.into_iter().filter(|input| input.name != ROBOT).collect();
             training.push(SessionFiles {
                 name: name.clone(),
                 recorded: Recorded::Joined(JoinedBefore { key, inputs }),
                 corrected: None,
             });
-            settings.push(joined.settings);
+            settings.push(joined.made.settings);
         }
         let session = |own: &SessionFiles| Session {
             name: own.name.clone(),
@@ -252,10 +253,10 @@ fn work_of(
     row: &ResultRow,
 ) -> Option<(Work, Vec<(Stage, RunKey)>)> {
     let RunKey { robot, session, .. } = key;
-    let settings = row.settings.clone();
+    let settings = row.made.settings.clone();
     Some(match stage {
         JOINED => {
-            let inputs = inputs(&JoinedSessionRow::read(table).pop()?)?;
+            let inputs = JoinedSessionRow::read(table).pop()?.inputs.inputs()?;
             (joined_sessions::work(robot, session, inputs, settings), Vec::new())
         }
         ESTIMATES => {
@@ -285,10 +286,10 @@ fn contradictions(table: &Table, row: &ResultRow, work: &Work) -> Vec<String> {
             "its content has the digest {found}, and it states another one: it was changed"
         ));
     }
-    if work.settings_digest() != row.settings_digest {
+    if work.settings_digest() != row.made.settings_digest {
         problems.push("its settings do not have the digest that it states".to_owned());
     }
-    let follows = work.key_by_version(&row.version).run;
+    let follows = work.key_by_version(&row.made.version).run;
     if table.key().is_some_and(|key| key.run != follows) {
         problems.push(format!("from its inputs, settings and version follows the name {follows}"));
     }

@@ -9,7 +9,7 @@ use super::found::Session;
 use super::{JoinedBefore, LeftOut, Recorded, Why};
 use crate::io::lake::{JOINED, Lake, LakeError};
 use crate::io::table::Row as _;
-use crate::io::tables::joined_sessions::{JoinedSessionRow, inputs};
+use crate::io::tables::joined_sessions::JoinedSessionRow;
 use crate::manifest::{Input, ROBOT, RunKey, VERSION};
 
 /// What a result of ingest and join has to be of.
@@ -57,11 +57,11 @@ pub(super) fn sessions(
 }
 
 fn before(key: RunKey, row: &JoinedSessionRow, wanted: &Wanted<'_>) -> Option<Before> {
-    let inputs = inputs(row)?;
+    let inputs = row.inputs.inputs()?;
     let is_of_robot = |input: &Input| input.name == ROBOT && input.digest == wanted.robot_digest;
-    let unusable = if row.version != VERSION {
+    let unusable = if row.made.version != VERSION {
         Some("of another version of posegrid")
-    } else if row.settings != wanted.settings {
+    } else if row.made.settings != wanted.settings {
         Some("of other settings of ingest and join")
     } else if !inputs.iter().any(is_of_robot) {
         Some("of another robot file")
