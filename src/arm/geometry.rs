@@ -1,7 +1,5 @@
-//! Frames as types: a [`Transform<To, From>`] maps coordinates in `From` to coordinates in `To`.
-//!
-//! Names follow the types: `tracker_from_base * base_from_flange * flange_from_target`. Raw numbers get a frame only
-//! through [`Transform::claim`] and [`Position::claim`], which state what is claimed.
+//! Frames as types: a [`Transform<To, From>`] maps coordinates in `From` to coordinates in `To`. Raw numbers get a
+//! frame only through [`Transform::claim`] and [`Position::claim`].
 
 pub mod placement;
 pub mod pose_covariance;
@@ -22,19 +20,15 @@ pub use symmetric::{symmetric, upper};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// The laser tracker's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tracker {}
-/// The arm's base, as its nominal chain defines it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Base {}
-/// The flange at the end of the nominal chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Flange {}
 /// The measured target: a reflector (SMR) or a 6-DoF probe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Target {}
-/// The controller's own tool point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tool {}
 /// The frame in which the controller states its commands.
@@ -61,22 +55,18 @@ pub struct Transform<To, From> {
 }
 
 impl<To, From> Transform<To, From> {
-    /// Claims that `isometry` (mm) maps coordinates in `From` to coordinates in `To`.
     pub const fn claim(isometry: Isometry3<f64>) -> Self {
         Self { isometry, frames: PhantomData }
     }
 
-    /// Claims that the two frames coincide.
     pub fn identity() -> Self {
         Self::claim(Isometry3::identity())
     }
 
-    /// The inverse transform, from `To` to `From`.
     pub fn inverse(&self) -> Transform<From, To> {
         Transform::claim(self.isometry.inverse())
     }
 
-    /// The bare numbers, mm.
     pub const fn isometry(&self) -> &Isometry3<f64> {
         &self.isometry
     }
@@ -118,17 +108,14 @@ pub struct Position<F> {
 }
 
 impl<F> Position<F> {
-    /// Claims that `point` (mm) is stated in the frame `F`.
     pub const fn claim(point: Point3<f64>) -> Self {
         Self { point, frame: PhantomData }
     }
 
-    /// The bare coordinates, mm.
     pub const fn point(&self) -> &Point3<f64> {
         &self.point
     }
 
-    /// The bare coordinates as a vector from the frame's origin, mm.
     pub const fn coords(&self) -> Vector3<f64> {
         self.point.coords
     }
@@ -166,10 +153,8 @@ pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     )
 }
 
-/// Roll, pitch and yaw (rad) of `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`, which restore the rotation to the last digits.
-///
-/// Any yaw that makes the first element of the second row zero leaves `Rot(y, pitch) Rot(x, roll)`, so they do so too where the yaw
-/// itself is not determined: at a pitch of ±90°, but for rounding. None of them is −0.
+/// Roll, pitch and yaw (rad) of `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`, none of them −0, which restore the rotation
+/// to the last digits even at a pitch of ±90°, where yaw is not determined.
 pub fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let matrix = *rotation.to_rotation_matrix().matrix();
     let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
@@ -179,10 +164,8 @@ pub fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     [roll, pitch, yaw].map(|angle| angle + 0.0)
 }
 
-/// The rigid transform that maps `from` onto `to` with the least weighted sum of squared distances.
-///
-/// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant corrected as in Umeyama 1991).
-/// `None` with fewer than three points or when they lie on a line, where the rotation is not determined.
+/// The rigid transform from `from` onto `to` with the least weighted squared distances (Kabsch 1976; Umeyama's
+/// determinant). `None` with fewer than three points or points on a line.
 pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Option<Isometry3<f64>> {
     let total: f64 = weights.iter().sum();
     if to.len() < 3 || to.len() != from.len() || to.len() != weights.len() || total <= 0.0 {

@@ -1,21 +1,7 @@
-//! The arm as a chain of elementary transforms.
-//!
-//! Every link is a product of elementary motions, each a constant, a joint variable, or a constant with a free
-//! parameter (an *elementary transform sequence*; `posegrid::method::kinematics`). DH, Hayati and a URDF are all such
-//! sequences, so one core serves every convention and the derivative of any element is one column: its unit twist
-//! carried to the end.
-//!
-//! - [`chain`]: the sequence, its forward kinematics and its differential.
-//! - [`parameter`]: what can be identified, by name.
-//! - [`convention`]: the ways to state a link, each made into elements of the chain.
-//! - [`robot_file`]: a nominal arm as its maker states it.
-//! - [`arm`]: joint names, limits, coupling, and the chain.
-//! - [`screws`]: an arm as the lines of its axes.
-//! - [`restate`]: a robot file stated again in another convention.
-//! - [`configuration`]: arm configurations and how near a singularity is.
-//! - [`held`]: a chain at given offsets, for many poses one at a time.
-//! - [`batch`]: a chain at given offsets, for columns of poses a block at a time.
-//! - [`inverse`](mod@inverse): joint angles that reach a pose.
+//! The arm as a chain of elementary transforms, each a constant, a joint variable, or a constant with a free parameter
+//! (an *elementary transform sequence*; `posegrid::method::kinematics`). DH, Hayati and a URDF are all such sequences,
+//! so one core serves every convention and the derivative of any element is one column: its unit twist carried to the
+//! end.
 
 pub mod arm;
 mod arm_error;

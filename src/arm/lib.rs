@@ -1,5 +1,3 @@
-//! Geometry and kinematics of any arm: frames, chains, forward and inverse kinematics, their derivatives.
-
 pub mod geometry;
 pub mod kinematics;
 

@@ -1,10 +1,7 @@
-//! A fault, and where it is.
-
 use std::fmt::Display;
 
 use thiserror::Error;
 
-/// A fault that does not say where it is, and the place.
 #[derive(Debug, Error)]
 #[error("{place}: {kind}")]
 pub struct At<K: Display> {

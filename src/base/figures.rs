@@ -1,8 +1,7 @@
-//! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
-//!
-//! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
-//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (`posegrid::method::grids`); too few errors have none. It assumes
-//! independent errors, which visits of one pose are not: [`PoseErrors`] counts poses, each with the worst of its visits.
+//! Figures of a set of error norms. Percentiles interpolate linearly between order statistics (Hyndman and Fan's type
+//! 7). The tolerance bound is the k-th smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ`
+//! (`posegrid::method::grids`). It assumes independent errors, which visits of one pose are not: [`PoseErrors`] counts
+//! poses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -10,7 +9,6 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
-/// The share of errors that a tolerance bound has to cover, and the confidence that it does.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coverage {
@@ -23,19 +21,14 @@ pub struct Coverage {
 /// Figures of a set of error norms, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
-    /// Number of errors.
     pub n: usize,
     pub mean: f64,
     /// Root mean square.
     pub rms: f64,
-    /// Standard deviation (n − 1); zero for one error.
     pub sd: f64,
     pub median: f64,
-    /// 95th percentile.
     pub p95: f64,
-    /// 99th percentile.
     pub p99: f64,
-    /// Largest.
     pub max: f64,
 }
 
@@ -65,7 +58,6 @@ impl Figures {
     }
 }
 
-/// The least and the largest of `values`; `None` without any.
 pub fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.fold(None, |range, value| {
         let (low, high) = range.unwrap_or((value, value));
@@ -93,8 +85,7 @@ pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     Some(f64::midpoint(lower, upper))
 }
 
-/// Coverage factor of every expanded uncertainty (GUM): of U, and of all that stands behind a ±. For a normal distribution it
-/// covers 95 %.
+/// Coverage factor of every expanded uncertainty (GUM): 95 % of a normal distribution.
 pub const COVERAGE_FACTOR: f64 = 2.0;
 
 /// The number behind a ±: twice a standard error or deviation, in its unit.
@@ -107,8 +98,8 @@ pub const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 /// The 99 % quantile of chi squared with three degrees of freedom.
 pub const CHI_SQUARED_3_99: f64 = 11.344_866_730;
 
-/// The mean of `values` and its standard error, `√(G/(G − 1) Σ_g (Σ_{i∈g} (vᵢ − v̄))²)/n`: values of one of the G groups are not
-/// independent, groups are (Liang and Zeger 1986, for a mean). `None` of fewer than two groups.
+/// The mean of `values` and its standard error, `√(G/(G − 1) Σ_g (Σ_{i∈g} (vᵢ − v̄))²)/n`: values of one of the G
+/// groups are not independent, groups are (Liang and Zeger 1986, for a mean). `None` of fewer than two groups.
 pub fn clustered_mean<G: Ord>(values: &[f64], groups: &[G]) -> Option<(f64, f64)> {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -140,10 +131,8 @@ pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
     ascending(norms).get(rank - 1).copied()
 }
 
-/// Error norms by pose, the unit that a distribution-free bound counts.
-///
-/// A pose is one unit however often it was visited, and counts with the worst of its visits. A visit may have several equally
-/// valid errors, called samples (grids of several phases, other sessions): a pose then has its worst visit in each sample.
+/// Error norms by pose, the unit that a distribution-free bound counts: a pose counts with the worst of its visits, in
+/// each sample (grids of several phases, other sessions) that its visits have.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PoseErrors {
     /// The worst error by pose and sample, mm.
@@ -152,12 +141,9 @@ pub struct PoseErrors {
     visits: BTreeSet<usize>,
 }
 
-/// Numbers of poses and visits behind a bound.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counted {
-    /// Poses: the n of the bound.
     pub poses: usize,
-    /// Visits of these poses, one or more each.
     pub visits: usize,
 }
 
@@ -189,14 +175,12 @@ impl PoseErrors {
         self.visits.insert(visit);
     }
 
-    /// Numbers of poses and visits.
     pub fn counted(&self) -> Counted {
         Counted { poses: self.poses.len(), visits: self.visits.len() }
     }
 
-    /// Distribution-free upper bound on the share `coverage.share` of errors, mm; `None` with too few poses.
-    ///
-    /// With several samples per pose, the rank is computed for one error per pose and then scaled to the number of all errors.
+    /// Distribution-free upper bound on the share, mm; `None` with too few poses. With several samples per pose the
+    /// rank is of one error per pose, scaled to the number of all errors.
     pub fn bound(&self, coverage: Coverage) -> Option<f64> {
         let poses = self.poses.len();
         let rank = bound_rank(poses, coverage)?;
@@ -205,7 +189,6 @@ impl PoseErrors {
         ascending(&worst).get(place.checked_sub(1)?).copied()
     }
 
-    /// The worst error of each pose, mm.
     pub fn worst(&self) -> Vec<f64> {
         let mut worst: BTreeMap<usize, f64> = BTreeMap::new();
         for ((pose, _), error_mm) in &self.worst {
@@ -285,7 +268,8 @@ mod tests {
         assert!(Figures::of(&[]).is_none());
     }
 
-    /// Groups of equal size have the spread of their means over the square root of their number; one value a group has the textbook's.
+    /// Groups of equal size have the spread of their means over the square root of their number; one value a group has
+    /// the textbook's.
     #[test]
     fn values_of_one_group_count_together() {
         let values: Vec<f64> = (0..60).map(|place| f64::from(place * 37 % 19)).collect();

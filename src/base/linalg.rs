@@ -1,6 +1,5 @@
-//! Dense factorisations, blocked so that the work is matrix products, on all cores with the same bytes at any count.
-//!
-//! Only operations that the error model needs and that nalgebra does not block: Cholesky, and products with `L⁻¹`.
+//! Dense factorisations that nalgebra does not block: the work is matrix products, on all cores, with the same bytes at
+//! any count.
 
 use std::ops::Range;
 
@@ -9,7 +8,6 @@ use rayon::prelude::*;
 
 /// Width of a block: three of them fit into a core's fast cache.
 const BLOCK: usize = 64;
-/// Numbers of one line of the cache.
 const TILE: usize = 8;
 /// Width of what is worked on at once: a product packs its factors anew, which a few columns would not repay.
 const WIDE: usize = 4 * BLOCK;
@@ -18,7 +16,6 @@ const WIDE: usize = 4 * BLOCK;
 #[derive(Debug, Clone)]
 pub struct Cholesky {
     lower: DMatrix<f64>,
-    /// Inverse of each diagonal block, in order.
     diagonal_inverses: Vec<DMatrix<f64>>,
 }
 
@@ -44,8 +41,7 @@ impl Cholesky {
         Some(Self { lower: matrix, diagonal_inverses })
     }
 
-    /// The factorisation whose factor is `lower`, as [`Self::lower`] returns it; only the lower triangle is read. `None`
-    /// unless the diagonal is positive.
+    /// The factorisation with this factor, of which the lower triangle is read; `None` unless the diagonal is positive.
     pub fn from_lower(lower: DMatrix<f64>) -> Option<Self> {
         let size = lower.nrows();
         if lower.diagonal().iter().any(|pivot| pivot.is_nan() || *pivot <= 0.0) {
@@ -63,12 +59,10 @@ impl Cholesky {
         &self.lower
     }
 
-    /// Number of rows, which is that of columns.
     pub fn size(&self) -> usize {
         self.lower.nrows()
     }
 
-    /// `ln |A|`.
     pub fn ln_determinant(&self) -> f64 {
         2.0 * (0..self.size()).map(|i| self.lower[(i, i)].ln()).sum::<f64>()
     }
@@ -78,7 +72,6 @@ impl Cholesky {
         gram(&self.lower.lower_triangle().transpose().as_view())
     }
 
-    /// `A⁻¹ b`.
     pub fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
         let columns = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
         let half = self.forward(columns, 0);
@@ -103,7 +96,8 @@ impl Cholesky {
         solved
     }
 
-    /// Subtracts from the rows `own` of a right-hand side that starts at row `first` what those of `before`, which are solved, explain.
+    /// Subtracts from the rows `own` of a right-hand side that starts at row `first` what those of `before`, which are
+    /// solved, explain.
     fn subtract_before(
         &self,
         solved: &mut DMatrix<f64>,
@@ -140,7 +134,6 @@ impl Cholesky {
         inverse
     }
 
-    /// `L⁻ᵀ b`.
     pub fn backward(&self, mut solved: DVector<f64>) -> DVector<f64> {
         let size = self.size();
         for (block, inverse) in self.diagonal_inverses.iter().enumerate().rev() {
@@ -156,7 +149,6 @@ impl Cholesky {
     }
 }
 
-/// Matrices of `columns` columns, one below the other.
 pub fn stacked<'m>(
     parts: impl Iterator<Item = &'m DMatrix<f64>> + Clone,
     columns: usize,
@@ -172,8 +164,7 @@ pub fn stacked<'m>(
     stacked
 }
 
-/// The lower Cholesky factor of a few blocks, whose diagonals' inverses are appended to `inverses`; `None` if they are not positive
-/// definite.
+/// The lower factor of a few blocks; the inverses of the diagonal blocks are appended. `None` unless positive definite.
 fn factored(mut matrix: DMatrix<f64>, inverses: &mut Vec<DMatrix<f64>>) -> Option<DMatrix<f64>> {
     let size = matrix.nrows();
     for first in (0..size).step_by(BLOCK) {
@@ -193,8 +184,7 @@ fn factored(mut matrix: DMatrix<f64>, inverses: &mut Vec<DMatrix<f64>>) -> Optio
     Some(matrix)
 }
 
-/// `P L⁻ᵀ` for the columns P below the factor L of a few blocks, whose diagonals' inverses are `inverses`: [`WIDE`] rows after each
-/// other.
+/// `P L⁻ᵀ` for the columns P below the factor L of a few blocks, [`WIDE`] rows after each other.
 fn behind(
     columns: &DMatrixView<'_, f64>,
     lower: &DMatrix<f64>,
@@ -238,8 +228,8 @@ fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &[DMatrix<f64>])
     );
 }
 
-/// Puts the inverse of a small symmetric matrix in its place, by elimination without exchanging rows, which a definite one does not
-/// need; `false` where a pivot is zero or not a number, and then what is left there is meaningless.
+/// Inverts a small definite matrix in place, without exchanging rows; `false`, and no inverse, where a pivot is zero or
+/// not a number.
 pub fn invert_small(matrix: &mut DMatrix<f64>) -> bool {
     let size = matrix.nrows();
     for pivot in 0..size {
@@ -261,7 +251,6 @@ pub fn invert_small(matrix: &mut DMatrix<f64>) -> bool {
     true
 }
 
-/// The lower Cholesky factor of one block, zeros above the diagonal: column after column, as they lie in memory.
 fn small_cholesky(mut block: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = block.nrows();
     for (pivot, column) in (0..size).zip(1..) {
@@ -282,7 +271,6 @@ fn small_cholesky(mut block: DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(block)
 }
 
-/// The inverse of a lower triangular block, column after column.
 fn small_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
     let size = lower.nrows();
     let mut inverse = DMatrix::zeros(size, size);
@@ -298,7 +286,6 @@ fn small_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
     inverse
 }
 
-/// Subtracts a multiple of one list from another.
 fn subtract(from: &mut [f64], share: f64, taken: &[f64]) {
     for (own, taken) in from.iter_mut().zip(taken) {
         *own -= share * taken;
@@ -340,8 +327,8 @@ pub fn gram_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
     gram
 }
 
-/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, for H and its transpose, where the columns from one on have no entry before its `first_row`; below
-/// the diagonal at most `tall` rows at once.
+/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, for H and its transpose, where the columns from one on
+/// have no entry before its `first_row`; below the diagonal at most `tall` rows at once.
 fn add_products(
     sum: &mut DMatrix<f64>,
     share: f64,

@@ -1,7 +1,6 @@
-//! Provenance of a run: its inputs, settings and counts, and the run's name derived from them.
-//!
-//! The name of a run is derived from the digests of its inputs, its resolved settings and the version of this program,
-//! so the same work has the same name anywhere; CPU features are recorded in addition, as they may change the last bits.
+//! Provenance of a run: inputs, settings and counts. The run's name is derived from their digests and the program's
+//! version, so the same work has the same name anywhere; CPU features, which may change the last bits, are recorded
+//! beside.
 
 mod runs;
 
@@ -12,10 +11,8 @@ use thiserror::Error;
 
 pub use runs::{Replaced, StageCount, Written, cpu_features, platform};
 
-/// The version of this program, part of every run's name.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Name of the input with the nominal arm.
 pub const ROBOT: &str = "robot";
 
 /// Bytes of the digest in a run's name: among fewer than 2⁶⁴ runs two equal names are unlikely.
@@ -24,20 +21,14 @@ const RUN_BYTES: usize = 16;
 /// The key of a run, which every row of its tables carries.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct RunKey {
-    /// The robot's name in the pipeline file.
     pub robot: String,
-    /// The session's name, or `pooled`.
     pub session: String,
-    /// The run's own name, hexadecimal.
     pub run: String,
 }
 
-/// One file that a run read.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Input {
-    /// The file's name in the run, without its folder.
     pub name: String,
-    /// The file's size, bytes.
     pub bytes: u64,
     /// BLAKE3 of its content, hexadecimal.
     pub digest: String,
@@ -46,48 +37,30 @@ pub struct Input {
 /// Everything that determines a run's result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Work {
-    /// The robot's name in the pipeline file.
     pub robot: String,
-    /// The session's name, or `pooled`.
     pub session: String,
-    /// The pipeline file's name.
     pub pipeline: String,
     /// Sessions that the run learns from.
     pub sessions: Vec<String>,
     /// Sessions that are only used to judge it.
     pub test_sessions: Vec<String>,
-    /// The logs and the robot file.
     pub inputs: Vec<Input>,
     /// Every setting, as [`canonical`] writes it.
     pub settings: String,
 }
 
-/// A manifest that cannot be written.
 #[derive(Debug, Error)]
 pub enum ManifestError {
-    /// A stage lost something without counting it.
     #[error(
         "stage {stage} read {read} {of}, kept {kept} and rejected {rejected}: {kept} + {rejected} is not {read}; \
          this is a defect of posegrid, please report it"
     )]
-    Unbalanced {
-        stage: &'static str,
-        /// The kind of thing counted.
-        of: &'static str,
-        /// Number read.
-        read: u64,
-        /// Number kept.
-        kept: u64,
-        /// Number rejected.
-        rejected: u64,
-    },
-    /// The settings have no canonical form.
+    Unbalanced { stage: &'static str, of: &'static str, read: u64, kept: u64, rejected: u64 },
     #[error("cannot write the settings as JSON: {0}")]
     Settings(#[from] serde_json::Error),
 }
 
 impl RunKey {
-    /// A key from its three names.
     pub fn new(
         robot: impl Into<String>,
         session: impl Into<String>,
@@ -142,7 +115,6 @@ impl Work {
         blake3::hash(self.settings.as_bytes()).to_hex().to_string()
     }
 
-    /// The key of the run that this work makes with this version of the program.
     pub fn key(&self) -> RunKey {
         self.key_by_version(VERSION)
     }

@@ -1,6 +1,5 @@
-//! Units and clocks: lengths are mm, angles rad, times ns, everywhere inside the crate.
-//!
-//! A [`Stamp`] belongs to one clock; stamps of two clocks do not subtract, a [`ClockModel`] converts between them.
+//! Units and clocks: lengths are mm, angles rad, times ns, everywhere inside the crate. A [`Stamp`] belongs to one
+//! clock; a [`ClockModel`] converts between two.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -9,22 +8,18 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// Millimetres in a metre.
 pub const MM_PER_M: f64 = 1000.0;
 
-/// Millimetres of a joint that slides that count as one radian of a joint that turns.
-///
-/// A turn of 1 mrad moves a point one metre away from the axis by 1 mm, and a metre is about the distance of an industrial arm's
-/// tool from its joints: some hundred mm at the wrist, two or three metres at the base.
+/// Millimetres of a sliding joint that count as one radian of a turning one: a turn of 1 mrad moves a point 1 m from
+/// the axis, the usual distance of a tool, by 1 mm.
 pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
 
-/// The separation of two values of a joint's variable that differ by `difference`, rad: the chord `2 sin(Δq/2)`, which repeats after a full
-/// turn as errors do; of a joint that slides the plain distance, a mm as a mrad.
+/// Separation of two joint values, rad: the chord `2 sin(Δq/2)`, or of a joint that slides the distance, a mm as a
+/// mrad.
 pub fn chord(difference: f64, slides: bool) -> f64 {
     if slides { difference / SLIDE_MM_PER_RAD } else { 2.0 * (0.5 * difference).sin() }
 }
 
-/// Nanoseconds in a second.
 pub const NS_PER_S: f64 = 1e9;
 
 /// `value` rounded to whole steps, for display: zero has no sign.
@@ -32,10 +27,8 @@ pub fn to_step(value: f64, step: f64) -> f64 {
     (value / step).round() * step + 0.0
 }
 
-/// The controller's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Controller {}
-/// The laser tracker's clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tracker {}
 
@@ -46,13 +39,12 @@ pub struct WallTime {
 }
 
 impl WallTime {
-    /// The moment so many microseconds after the beginning of 1970, UTC.
     pub const fn of_us(us: i64) -> Self {
         Self { us }
     }
 
-    /// A clock's nanoseconds as wall time; `None` where the clock has no epoch: a clock that lost its battery
-    /// begins in 1970, 1980 or 2000, and one that counts from its start, or in another unit, is centuries away.
+    /// A clock's nanoseconds as wall time; `None` where the clock has no epoch: one that lost its battery begins in
+    /// 1970, 1980 or 2000, others are centuries away.
     pub const fn of_clock_ns(ns: i64) -> Option<Self> {
         const YEAR_2001_S: i64 = 978_307_200;
         const YEAR_2100_S: i64 = 4_102_444_800;
@@ -64,8 +56,8 @@ impl WallTime {
         }
     }
 
-    /// A moment as people write it, UTC: `2026-05-14`, which stands for its beginning, `2026-05-14 14:30` or `2026-05-14T14:30:00`;
-    /// `None` of another text.
+    /// A moment as people write it, UTC: `2026-05-14`, `2026-05-14 14:30` or `2026-05-14T14:30:00`; `None` of another
+    /// text.
     pub fn stated(text: &str) -> Option<Self> {
         let text = text.trim().replace('T', " ");
         let date = chrono::NaiveDate::parse_from_str(&text, "%Y-%m-%d").ok();
@@ -108,12 +100,10 @@ pub struct Stamp<C> {
 }
 
 impl<C> Stamp<C> {
-    /// Claims that `ns` was read from the clock `C`.
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns, clock: PhantomData }
     }
 
-    /// Nanoseconds of the clock `C`.
     pub const fn ns(self) -> i64 {
         self.ns
     }
@@ -123,12 +113,10 @@ impl<C> Stamp<C> {
         self.ns.saturating_sub(earlier.ns)
     }
 
-    /// Seconds from `earlier` to `self`.
     pub fn since_s(self, earlier: Self) -> f64 {
         self.since_ns(earlier) as f64 / NS_PER_S
     }
 
-    /// The moment `ns` nanoseconds later.
     #[must_use]
     pub const fn plus_ns(self, ns: i64) -> Self {
         Self::from_ns(self.ns.saturating_add(ns))
@@ -188,7 +176,6 @@ pub struct ClockModel {
 }
 
 impl ClockModel {
-    /// The time of the tracker's clock at a moment of the controller's clock.
     pub fn to_tracker(&self, stamp: Stamp<Controller>) -> Stamp<Tracker> {
         let elapsed = stamp.since_ns(self.origin);
         let correction = self.drift.mul_add(elapsed as f64, self.offset_ns);
@@ -197,7 +184,6 @@ impl ClockModel {
         )
     }
 
-    /// The time of the controller's clock at a moment of the tracker's clock.
     pub fn to_controller(&self, stamp: Stamp<Tracker>) -> Stamp<Controller> {
         let elapsed = stamp.ns().saturating_sub(self.origin.ns());
         let correction = (self.drift * elapsed as f64 + self.offset_ns) / (1.0 + self.drift);

@@ -4,13 +4,10 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// A placement of one frame in another.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// Origin of the placed frame, mm.
     pub xyz_mm: [f64; 3],
-    /// Rotation as a quaternion x y z w.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion_xyzw: Option<[f64; 4]>,
     /// Rotation as three angles, degrees; `euler_order` names their axes.
@@ -21,7 +18,6 @@ pub struct Placement {
     pub euler_order: Option<EulerOrder>,
 }
 
-/// Conventions for three rotation angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EulerOrder {
@@ -33,35 +29,26 @@ pub enum EulerOrder {
     MovingZyz,
 }
 
-/// A fault of a placement.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PlacementError {
-    /// Angles without a convention.
     #[error(
         "euler_deg needs euler_order, which has no default: \"fixed-xyz\" (URDF roll pitch yaw, Fanuc), \
          \"moving-zyx\" (KUKA A B C) or \"moving-zyz\" (Kawasaki O A T)"
     )]
     NoOrder,
-    /// Both ways to state a rotation at once, or neither.
     #[error(
         "a placement states its rotation once: either quaternion_xyzw, or euler_deg with euler_order"
     )]
     OneRotation,
-    /// A quaternion far from unit norm.
     #[error("quaternion_xyzw has norm {norm}; a rotation has norm 1")]
-    NotUnit {
-        /// The norm found.
-        norm: f64,
-    },
+    NotUnit { norm: f64 },
 }
 
 impl Placement {
-    /// The placement as an isometry, mm.
     pub fn isometry(&self) -> Result<Isometry3<f64>, PlacementError> {
         Ok(Isometry3::from_parts(Translation3::from(self.xyz_mm), self.rotation()?))
     }
 
-    /// The placement of an isometry in mm, its rotation as a quaternion.
     pub fn of(isometry: &Isometry3<f64>) -> Self {
         Self {
             // No negative zero.
@@ -72,8 +59,8 @@ impl Placement {
         }
     }
 
-    /// Placements with these numbers under the other conventions that they may have been written in, each with its words: another order of
-    /// the angles, angles in radians, a quaternion with its scalar first. Those that make no rotation are left out.
+    /// Placements with these numbers under the other conventions they may have been written in, each with its words:
+    /// another order, radians, scalar first. Those that make no rotation are left out.
     pub fn other_conventions(&self) -> Vec<(String, Isometry3<f64>)> {
         let mut all = Vec::new();
         let mut add = |words: String, placement: Self| {
@@ -117,10 +104,8 @@ impl Placement {
 }
 
 impl EulerOrder {
-    /// Every order.
     pub const ALL: [Self; 3] = [Self::FixedXyz, Self::MovingZyx, Self::MovingZyz];
 
-    /// The order as a pipeline file names it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::FixedXyz => "fixed-xyz",

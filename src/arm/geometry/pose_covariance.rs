@@ -1,7 +1,5 @@
-//! Covariance of a pose as an instrument states it: of the position, of the rotation vector, and of one with the other.
-//!
-//! The error of a pose is a shift and a small turn about the axes of the frame that the pose is in, not of the body: the order and the
-//! meaning of `geometry_msgs/PoseWithCovariance` (x, y, z, rotation about X, Y, Z of fixed axes).
+//! Covariance of a pose: of the position, of the rotation vector about fixed axes (not of the body), and of one with
+//! the other, in the order of `geometry_msgs/PoseWithCovariance`.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6};
 
@@ -12,7 +10,6 @@ const ALIKE: f64 = 1e-5;
 /// The least eigenvalue of a correlation matrix that rounding in single precision can leave.
 const LEAST: f64 = -1e-6;
 
-/// The part of a pose's covariance that concerns its orientation.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TurnCovariance {
     /// Covariance of the rotation vector, rad²: xx xy xz yy yz zz.
@@ -21,12 +18,12 @@ pub struct TurnCovariance {
     pub with_position: [f64; 9],
 }
 
-/// The covariance that a reading states of its pose, as far as it states one.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PoseCovariance {
     /// Covariance of the position, mm²: xx xy xz yy yz zz; `None` where it is not known.
     pub position: Option<[f64; 6]>,
-    /// Covariance of the orientation, alone and with the position; `None` where it is not known, or where there is no orientation.
+    /// Covariance of the orientation, alone and with the position; `None` where it is not known, or where there is no
+    /// orientation.
     pub turn: Option<TurnCovariance>,
 }
 
@@ -41,7 +38,6 @@ impl TurnCovariance {
         Matrix3::from_row_slice(&self.with_position)
     }
 
-    /// The orientation's part of the covariance of a pose.
     pub fn of(whole: &Matrix6<f64>) -> Self {
         let cross = whole.fixed_view::<3, 3>(0, 3);
         Self {
@@ -90,7 +86,6 @@ impl PoseCovariance {
     }
 }
 
-/// The covariance of a pose from that of its position, mm², and the orientation's part.
 pub fn joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
     let mut whole = Matrix6::zeros();
     let cross = turn.cross();
@@ -133,7 +128,8 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
     is_symmetric && is_apart && correlation.symmetric_eigenvalues().min() >= LEAST
 }
 
-/// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of small motions.
+/// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of
+/// small motions.
 pub fn inverted(covariance: &Matrix6<f64>, pose: &Isometry3<f64>) -> Matrix6<f64> {
     let back = *pose.rotation.inverse().to_rotation_matrix().matrix();
     let mut adjoint = Matrix6::zeros();

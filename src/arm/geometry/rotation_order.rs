@@ -1,5 +1,3 @@
-//! Three angles about coordinate axes → a rotation, for every order of the axes.
-
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -8,13 +6,11 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct RotationOrder {
-    /// Whether each axis is one of the turned body.
     moving: bool,
     /// Index of each axis, in the order of the angles.
     axes: [usize; 3],
 }
 
-/// A word that names no order of axes.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "{0:?} is no order of axes: write fixed- or moving- and three axes, no two neighbours alike: \"fixed-xyz\" (URDF roll pitch yaw, \
@@ -25,7 +21,6 @@ pub struct NoOrder(String);
 const AXES: [char; 3] = ['x', 'y', 'z'];
 
 impl RotationOrder {
-    /// Every order: three different axes or the first one again as the third, fixed and moving.
     pub fn all() -> impl Iterator<Item = Self> {
         let axes = (0..27).map(|number| [number / 9, number / 3 % 3, number % 3]);
         let axes = axes.filter(|[a, b, c]| a != b && b != c);

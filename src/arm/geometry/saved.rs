@@ -6,13 +6,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::placement::PlacementError;
 
-/// A placement of one frame in another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedPlacement {
-    /// Origin of the placed frame, mm.
     pub xyz_mm: [f64; 3],
-    /// Its rotation as a unit quaternion.
     pub quaternion_xyzw: [f64; 4],
 }
 
@@ -39,12 +36,10 @@ impl TryFrom<SavedPlacement> for Isometry3<f64> {
     }
 }
 
-/// Writes an isometry.
 pub fn serialize<S: Serializer>(placement: &Isometry3<f64>, to: S) -> Result<S::Ok, S::Error> {
     SavedPlacement::from(placement).serialize(to)
 }
 
-/// Reads an isometry.
 pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Isometry3<f64>, D::Error> {
     SavedPlacement::deserialize(from)?.try_into().map_err(D::Error::custom)
 }

@@ -2,7 +2,6 @@
 
 use nalgebra::Matrix3;
 
-/// The symmetric matrix with these entries on and above its diagonal, row by row.
 pub const fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }

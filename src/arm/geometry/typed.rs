@@ -1,14 +1,12 @@
-//! A frame in the forms in which it is entered into controllers.
-
 use nalgebra::Isometry3;
 
 use super::rpy;
 use crate::units::MM_PER_M;
 
-/// A frame in one form: the form's name and the text to enter.
 pub type Typed = (&'static str, String);
 
-/// The frame at `isometry` (mm) in the forms of KUKA, UR and ABB, and as a matrix; each line is an input for that controller.
+/// The frame at `isometry` (mm) in the forms of KUKA, UR and ABB, and as a matrix; each line is an input for that
+/// controller.
 pub fn forms(isometry: &Isometry3<f64>) -> [Typed; 4] {
     [
         ("KUKA, mm and degrees", kuka(isometry)),

@@ -1,7 +1,3 @@
-//! A nominal arm: joint names, limits, coupling, and its chain from base to flange.
-//!
-//! An arm is made from a [robot file](super::robot_file) or read back from a saved model.
-
 use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
 
@@ -16,19 +12,15 @@ mod text;
 
 use text::ArmText;
 
-/// One joint: its name in the controller and its limits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// The name under which the controller reports it.
     pub name: String,
     /// Lower limit of the reported angle, rad (mm for a joint that slides).
     #[serde(rename = "lower_rad")]
     pub lower: f64,
-    /// Upper limit of the reported angle, rad (mm for a joint that slides).
     #[serde(rename = "upper_rad")]
     pub upper: f64,
-    /// Whether it slides along its axis instead of turning about it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub slides: bool,
 }
@@ -46,7 +38,6 @@ pub struct Arm {
     parallel: Vec<usize>,
 }
 
-/// The parts of an arm that a robot file states.
 #[derive(Debug)]
 pub(super) struct Nominal {
     pub(super) model: String,
@@ -74,7 +65,6 @@ pub(super) fn joint_map(
     Ok((map != DMatrix::identity(joints, joints)).then_some(map))
 }
 
-/// Joints (counted from 1) whose link has Hayati's β, in the order of the chain.
 fn with_beta(chain: &Chain) -> Vec<usize> {
     let joint = |parameter| match parameter {
         Parameter::Link { joint, quantity: LinkQuantity::Beta } => Some(joint),
@@ -84,7 +74,6 @@ fn with_beta(chain: &Chain) -> Vec<usize> {
 }
 
 impl Arm {
-    /// The arm that a robot file states.
     pub(super) fn of_file(nominal: Nominal) -> Self {
         Self {
             parallel: with_beta(&nominal.chain),
@@ -97,9 +86,8 @@ impl Arm {
         }
     }
 
-    /// An arm built from the joints and the chain of a saved model; `map` is the joint map, row by row.
-    ///
-    /// The chain must read as many joint variables as there are joints.
+    /// An arm of a saved model; `map` is the joint map, row by row. The chain reads as many variables as there are
+    /// joints.
     pub fn new(
         model: String,
         convention: Convention,
@@ -117,25 +105,19 @@ impl Arm {
         }))
     }
 
-    /// This arm with another chain on the same joints.
-    ///
-    /// The chain must read as many joint variables as there are joints.
     #[must_use]
     pub fn with_chain(&self, chain: Chain) -> Self {
         Self { parallel: with_beta(&chain), chain, ..self.clone() }
     }
 
-    /// The model's name.
     pub fn model(&self) -> &str {
         &self.model
     }
 
-    /// The convention that its links are stated in.
     pub const fn convention(&self) -> Convention {
         self.convention
     }
 
-    /// The joints from base to flange.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
@@ -145,7 +127,6 @@ impl Arm {
         self.home.as_deref()
     }
 
-    /// The chain from base to flange, on axis variables (see [`Self::axes`]).
     pub const fn chain(&self) -> &Chain {
         &self.chain
     }
@@ -170,10 +151,7 @@ impl Arm {
         self.map.clone().unwrap_or_else(|| DMatrix::identity(joints, joints))
     }
 
-    /// The axis variables at reported joint angles: the joint map applied, or the angles themselves without one.
-    ///
-    /// # Panics
-    /// When the number of angles is not the number of joints.
+    /// The axis variables at reported joint angles, which are as many as the joints.
     pub fn axes(&self, joints: &[f64]) -> Vec<f64> {
         assert_eq!(joints.len(), self.joints.len(), "one angle for each joint");
         match &self.map {
@@ -184,7 +162,6 @@ impl Arm {
         }
     }
 
-    /// Twists per reported joint angle, from twists per axis variable.
     pub fn joint_twists(&self, axis_twists: &[Twist]) -> Vec<Twist> {
         let Some(map) = &self.map else {
             return axis_twists.to_vec();
@@ -198,10 +175,7 @@ impl Arm {
         (0..self.joints.len()).map(column).collect()
     }
 
-    /// The flange pose in the base frame of the nominal arm at reported joint angles, rad.
-    ///
-    /// # Panics
-    /// When the number of angles is not the number of joints.
+    /// The nominal flange pose at reported joint angles (rad), which are as many as the joints.
     pub fn flange(&self, joints: &[f64]) -> Transform<Base, Flange> {
         Transform::claim(self.nominal_isometry(joints))
     }

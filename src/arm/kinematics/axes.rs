@@ -1,39 +1,31 @@
-//! The joints of a chain at one pose as gravity sees them: how far a weight sinks per unit of an axis variable.
-//!
-//! The generalised force of a variable is the velocity of the weight's point per unit of the variable, times the direction of down.
-//! For a joint that turns that is `z·((p − o) × down)`, for one that slides `z·down`; a variable with several joints (one that
-//! follows another) has the sum over those between the base and the weight.
+//! The joints of a chain at one pose as gravity sees them. The generalised force of a variable is `z·((p − o) × down)`
+//! of a joint that turns, `z·down` of one that slides, summed over its joints between the base and the weight.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::units::MM_PER_M;
 
-/// Origins and directions of a chain's joints at one pose, in the root frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axes {
     /// Origin (mm) and direction of the first joint of each axis variable.
     pub first: Vec<(Point3<f64>, Vector3<f64>)>,
-    /// Every joint in the chain's order; empty where every variable has one joint, which turns, in the variables' order.
+    /// Every joint in the chain's order; empty where every variable has one joint, which turns, in the variables'
+    /// order.
     pub(super) joints: Vec<AxisJoint>,
 }
 
-/// One joint of a chain at one pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisJoint {
     /// Index of its axis variable, from 0.
     pub(super) variable: usize,
-    /// Whether it slides.
     pub(super) slides: bool,
     /// Its motion per unit of the variable; in [`Axes`], per unit of the variable's first joint.
     pub(super) factor: f64,
-    /// Its origin, mm.
     pub(super) origin: Point3<f64>,
-    /// Its direction.
     pub(super) axis: Vector3<f64>,
 }
 
 impl Axes {
-    /// The joints of a chain with `variables` axis variables, in the chain's order.
     pub(super) fn of(mut joints: Vec<AxisJoint>, variables: usize) -> Self {
         let nowhere = (Point3::origin(), Vector3::z());
         let first = |variable: usize| joints.iter().find(|joint| joint.variable == variable);
@@ -52,8 +44,8 @@ impl Axes {
         Self { first: places, joints }
     }
 
-    /// Generalised force of a unit weight at the origin of each later variable's first joint and, last, at `end` (mm), in the
-    /// sense of the first joint of `variable`: a lever in m where that joint turns, a share of the weight where it slides.
+    /// Generalised force of a unit weight at each later variable's first joint and, last, at `end` (mm): a lever in m
+    /// where the joint of `variable` turns, a share of the weight where it slides.
     pub fn forces(
         &self,
         variable: usize,
@@ -66,7 +58,8 @@ impl Axes {
         weights.map(move |(place, weight)| self.force(variable, place, &weight, &down))
     }
 
-    /// Generalised force of a weight that moves with what is before the first joint of the variable `place`, or with the end.
+    /// Generalised force of a weight that moves with what is before the first joint of the variable `place`, or with
+    /// the end.
     fn force(
         &self,
         variable: usize,

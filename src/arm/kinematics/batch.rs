@@ -1,13 +1,11 @@
-//! Forward kinematics of many poses at once: the chain of [`HeldChain`](super::HeldChain), block by block.
-//!
-//! Inputs: a chain at given offsets and its axis variables as columns, `axes[j][i]` that of axis j at pose i. Outputs:
-//! columns of positions or of whole poses of the chain's end.
+//! Forward kinematics of many poses at once: the chain of [`HeldChain`](super::HeldChain), block by block; `axes[j][i]`
+//! is the variable of axis j at pose i.
 //!
 //! 1. What is constant between two joints becomes one transform; each joint is turned so that it acts about or along z.
-//! 2. Between two turning joints that transform's rotation is `Rot(z,φ) Rot(x,α) Rot(z,ψ)`: φ and ψ join the two angles,
-//!    and only a turn about x is left (what makes four numbers a link in Denavit and Hartenberg 1955).
-//! 3. From the end back to the root, the end's point and two of its axes are carried through joint after joint, a block at
-//!    a time; the third axis is the cross product of the two.
+//! 2. Between two turning joints that transform's rotation is `Rot(z,φ) Rot(x,α) Rot(z,ψ)`: φ and ψ join the two angles
+//!    (Denavit and Hartenberg 1955).
+//! 3. From the end back to the root, the end's point and two of its axes are carried through joint after joint; the
+//!    third axis is their cross product.
 //!
 //! Sums are in a fixed order and free of fused multiply-adds: a pose gives the same bytes at any place in the columns.
 
@@ -23,17 +21,13 @@ pub use super::sin_cos::{BLOCK, Block};
 pub use columns::{BatchColumns, Column, Variables};
 use dh::{Joint, Link};
 
-/// A chain at given offsets, ready for many poses.
 #[derive(Debug, Clone)]
 pub struct BatchChain {
-    /// The joints from the root to the end, each with the link before it.
     joints: Vec<(Link, Joint)>,
-    /// The transform from the last joint to the end.
     end: Isometry3<f64>,
     axes: usize,
 }
 
-/// Whole poses as columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Poses {
     /// `position[row][i]`, mm.
@@ -46,26 +40,20 @@ pub struct Poses {
 type Vectors<const N: usize> = [[Block; 3]; N];
 
 impl BatchChain {
-    /// `chain` with `offsets` added to its free parameters.
-    ///
-    /// # Panics
-    /// When there are fewer offsets than parameters.
+    /// `chain` with `offsets` added to its free parameters, one each.
     pub fn new(chain: &Chain, offsets: &[f64]) -> Self {
         let (joints, end) = dh::links(chain, offsets);
         Self { joints, end, axes: chain.joint_count() }
     }
 
-    /// Positions of the end in the root frame, `[row][i]` in mm.
-    ///
-    /// # Panics
-    /// When `axes` has fewer columns than the chain has axis variables, or columns of different lengths.
+    /// Positions of the end in the root frame, `[row][i]` in mm; `axes` has a column of one length for each axis
+    /// variable.
     pub fn positions<C: AsRef<[f64]>>(&self, axes: &[C]) -> [Vec<f64>; 3] {
         let mut positions = <[Vec<f64>; 3]>::default();
         self.positions_into(axes, &mut positions);
         positions
     }
 
-    /// [`Self::positions`], written into existing columns.
     pub fn positions_into<C: AsRef<[f64]>>(&self, axes: &[C], positions: &mut [Vec<f64>; 3]) {
         let count = self.pose_count(axes);
         for column in positions.iter_mut() {
@@ -77,17 +65,13 @@ impl BatchChain {
         }
     }
 
-    /// Poses of the end in the root frame.
-    ///
-    /// # Panics
-    /// When `axes` has fewer columns than the chain has axis variables, or columns of different lengths.
+    /// Poses of the end in the root frame; `axes` as in [`Self::positions`].
     pub fn poses<C: AsRef<[f64]>>(&self, axes: &[C]) -> Poses {
         let mut poses = Poses::default();
         self.poses_into(axes, &mut poses);
         poses
     }
 
-    /// [`Self::poses`], written into existing columns.
     pub fn poses_into<C: AsRef<[f64]>>(&self, axes: &[C], poses: &mut Poses) {
         let count = self.pose_count(axes);
         let columns = poses.rotation.iter_mut().flatten();
@@ -111,7 +95,6 @@ impl BatchChain {
         count
     }
 
-    /// The first N vectors of the end in the root frame, for the block of poses that begins at `first`.
     fn block<const N: usize, C: AsRef<[f64]>>(&self, axes: &[C], first: usize) -> Vectors<N> {
         let mut vectors = self.at_end();
         for (link, joint) in self.joints.iter().rev() {
@@ -122,7 +105,6 @@ impl BatchChain {
         vectors
     }
 
-    /// Origin, x axis and y axis of the end, in the last joint's frame.
     fn at_end<const N: usize>(&self) -> Vectors<N> {
         let rotation = self.end.rotation.to_rotation_matrix();
         let vector = |place: usize| -> Vector3<f64> {
@@ -136,20 +118,15 @@ impl BatchChain {
 }
 
 impl Poses {
-    /// Number of poses.
     pub fn len(&self) -> usize {
         self.position[0].len()
     }
 
-    /// Whether there are no poses.
     pub fn is_empty(&self) -> bool {
         self.position[0].is_empty()
     }
 
     /// The pose of row `i`, mm.
-    ///
-    /// # Panics
-    /// When `i` is not below the number of poses.
     pub fn isometry(&self, i: usize) -> Isometry3<f64> {
         let rotation = Matrix3::from_fn(|row, column| self.rotation[column][row][i]);
         Isometry3::from_parts(
@@ -160,7 +137,6 @@ impl Poses {
 }
 
 impl Joint {
-    /// Transforms vectors from the frame after the joint to the frame before it.
     fn pass<const N: usize>(&self, variable: &Block, vectors: &mut Vectors<N>) {
         let amount: Block = std::array::from_fn(|i| self.sign * variable[i] + self.shift);
         if self.slides {
@@ -182,7 +158,8 @@ impl Joint {
 }
 
 impl Link {
-    /// Transforms vectors from the frame after the link to the frame before it; only the first is a point, and is shifted.
+    /// Transforms vectors from the frame after the link to the frame before it; only the first is a point, and is
+    /// shifted.
     fn pass<const N: usize>(&self, vectors: &mut Vectors<N>) {
         for (place, vector) in vectors.iter_mut().enumerate() {
             let shift = if place == 0 { self.origin() } else { [0.0; 3] };
@@ -231,7 +208,6 @@ fn read(column: &[f64], first: usize) -> Block {
     block
 }
 
-/// Writes a block to the columns from `first` on, up to their end.
 fn write(columns: &mut [Vec<f64>; 3], first: usize, block: &[Block; 3]) {
     for (column, block) in columns.iter_mut().zip(block) {
         let rest = &mut column[first..];

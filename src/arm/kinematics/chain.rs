@@ -1,8 +1,6 @@
-//! A chain of elementary transforms: forward kinematics and its differential with respect to joints and parameters.
-//!
-//! The differential is that of `posegrid::method::kinematics` (the seed paper's Eqs. 3–7) in its geometric form: a free
-//! element that moves by `ε` moves everything after it by `ε` times its unit twist, so a column is that twist carried
-//! to the chain's end.
+//! A chain of elementary transforms, and its differential in geometric form (`posegrid::method::kinematics`, the seed
+//! paper's Eqs. 3–7): a free element that moves by `ε` moves everything after it by `ε` times its unit twist, so a
+//! column is that twist carried to the end.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -12,27 +10,21 @@ use super::motion::Motion;
 use super::parameter::Parameter;
 use super::twist::{Twist, UnitMotion};
 
-/// One element of a chain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Element {
-    /// A constant transform.
     Fixed(Isometry3<f64>),
     /// A joint variable: the motion by `sign · q[joint]`.
     Joint {
-        /// Translation along or rotation about an axis.
         motion: Motion,
-        /// Index of the axis variable, counted from 0.
         joint: usize,
         /// Its motion per unit of the variable: +1 or −1, or any factor for a joint that follows another.
         sign: f64,
     },
     /// A constant with a free parameter: the motion by `nominal + offset`.
     Free {
-        /// Translation along or rotation about an axis.
         motion: Motion,
         /// The nominal value, mm or rad.
         nominal: f64,
-        /// The parameter that `offset` is.
         parameter: Parameter,
     },
 }
@@ -40,15 +32,12 @@ pub enum Element {
 /// The pose of the chain's end, and the end's motion with every joint and every free parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Differential {
-    /// The end in the root frame, mm.
     pub end: Isometry3<f64>,
-    /// One twist per joint variable.
     pub joints: Vec<Twist>,
     /// One twist per free parameter, in [`Chain::parameters`]' order.
     pub parameters: Vec<Twist>,
 }
 
-/// A chain of elementary transforms from a root frame to an end frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Chain {
     elements: Vec<Element>,
@@ -56,18 +45,15 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// A chain of `elements`, from the root to the end.
     pub fn new(elements: Vec<Element>) -> Self {
         let joints = elements.iter().filter_map(Element::joint).max().map_or(0, |last| last + 1);
         Self { elements, joints }
     }
 
-    /// The elements, from the root to the end.
     pub fn elements(&self) -> &[Element] {
         &self.elements
     }
 
-    /// Number of joint variables that the chain reads.
     pub const fn joint_count(&self) -> usize {
         self.joints
     }
@@ -77,7 +63,6 @@ impl Chain {
         self.elements.iter().filter_map(Element::parameter).collect()
     }
 
-    /// This chain with `before` in front of it and `after` behind it.
     #[must_use]
     pub fn extended(&self, before: Vec<Element>, after: Vec<Element>) -> Self {
         let mut elements = before;
@@ -87,9 +72,6 @@ impl Chain {
     }
 
     /// This chain with `offsets` (in [`Self::parameters`]' order) added to its nominal values.
-    ///
-    /// # Panics
-    /// When there are fewer offsets than parameters.
     #[must_use]
     pub fn with_offsets(&self, offsets: &[f64]) -> Self {
         let mut next = offsets.iter();
@@ -103,10 +85,7 @@ impl Chain {
         Self { elements: elements.collect(), joints: self.joints }
     }
 
-    /// The end in the root frame at the axis variables `q` (rad or mm) with `offsets` added to the free parameters.
-    ///
-    /// # Panics
-    /// When `q` or `offsets` is shorter than the chain needs.
+    /// The end in the root frame at the axis variables `q` (rad or mm), `offsets` added to the free parameters.
     pub fn forward(&self, q: &[f64], offsets: &[f64]) -> Isometry3<f64> {
         self.walk(q, offsets, |_, _| {})
     }
@@ -164,9 +143,6 @@ impl Chain {
     }
 
     /// The end and its twists at the axis variables `q` with `offsets` added to the free parameters.
-    ///
-    /// # Panics
-    /// When `q` or `offsets` is shorter than the chain needs.
     pub fn differential(&self, q: &[f64], offsets: &[f64]) -> Differential {
         let mut joints = Vec::with_capacity(self.joints);
         let mut parameters = Vec::with_capacity(offsets.len());
@@ -208,7 +184,6 @@ impl Chain {
 }
 
 impl Element {
-    /// The free parameter of this element, if it has one.
     pub const fn parameter(&self) -> Option<Parameter> {
         match self {
             Self::Free { parameter, .. } => Some(*parameter),

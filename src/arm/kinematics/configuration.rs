@@ -1,18 +1,14 @@
-//! Arm configuration (one of eight) of a six-axis arm at a pose, and its distance from the singularities between them.
-//!
-//! Inputs: an arm, parameter offsets, reported joint angles. Outputs: three signs, and three factors whose zeros are
-//! the arm's singularities. With `z_i` the unit vector of axis i and `o_i` a point on it:
+//! Arm configuration (one of eight) of a six-axis arm, and its distance from the singularities between them. With `z_i`
+//! the unit vector of axis i and `o_i` a point on it:
 //!
 //! 1. wrist: `(z4 × z5) · z6`, zero where axes 4 and 6 align.
 //! 2. elbow: `z2 · ((o3 − o2) × (o5 − o3))`, zero where the arm is stretched or folded.
 //! 3. shoulder: `det J / (elbow · wrist)`, the distance of the wrist from the shoulder's plane or axis.
 //!
-//! The determinant of the geometric Jacobian, which does not depend on the tool, has these factors where six axes rotate,
-//! axes 2 and 3 are parallel, and either axes 4, 5 and 6 meet in one point (KUKA, ABB) or axis 4 is parallel too and axes
-//! 5 and 6 meet (UR). The elbow is then measured to the point where they meet, or to axis 4. Other arms (offset wrists,
-//! linear axes, more or fewer than six axes) have no such factors: elbow and wrist do not divide their determinant, so the
-//! quotient would change its sign where nothing is singular. They have no configuration; how near they are to a
-//! singularity is the smallest singular value of their Jacobian (`conditioning`).
+//! The Jacobian's determinant has these factors where six axes rotate, axes 2 and 3 are parallel, and either axes 4, 5
+//! and 6 meet in one point (KUKA, ABB) or axis 4 is parallel too and axes 5 and 6 meet (UR), where the elbow is
+//! measured to. Other arms have no configuration; how near they are to a singularity is the smallest singular value of
+//! their Jacobian (`conditioning`).
 
 use std::fmt;
 
@@ -21,17 +17,14 @@ use nalgebra::{DMatrix, Matrix6, Point3, Vector3};
 use super::arm::Arm;
 use super::twist::Twist;
 
-/// Axes whose directions differ by an angle of less than this sine count as parallel: what identified arms are off their
-/// drawing by, ten times over.
+/// Axes at a smaller angle's sine count as parallel: ten times what identified arms are off by.
 const PARALLEL_SINE: f64 = 0.02;
-/// Axes that miss each other by less than this share of the stretched arm count as meeting. Wrists are drawn with axes that
-/// meet or with offsets of several hundredths; identified arms miss by thousandths.
+/// Axes that miss each other by less than this share of the stretched arm count as meeting: identified arms miss by
+/// thousandths, drawn offsets are hundredths.
 const MEETING_SHARE: f64 = 0.01;
 
-/// An axis: a point of it and its unit vector.
 type Line = (Point3<f64>, Vector3<f64>);
 
-/// The arm configuration of a six-axis arm: which side of each of its three singularities it is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Configuration {
     /// In front of the shoulder's singularity or behind it.
@@ -42,17 +35,14 @@ pub struct Configuration {
     pub wrist: Side,
 }
 
-/// One side of a singularity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
-    /// The factor is negative.
     Minus,
     /// The factor is zero or positive.
     Plus,
 }
 
-/// The three factors of a six-axis arm's Jacobian determinant, each made dimensionless: 0 at its singularity, of order
-/// 1 far from it.
+/// The factors of the Jacobian's determinant, dimensionless: 0 at the singularity, of order 1 far from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SingularityFactors {
     /// Distance of the wrist from the shoulder's singularity over the length of the stretched arm.
@@ -85,11 +75,8 @@ impl fmt::Display for Configuration {
 }
 
 impl SingularityFactors {
-    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm whose determinant has no such
-    /// factors (see the module's text), or whose upper arm or forearm has no length.
-    ///
-    /// # Panics
-    /// When the number of angles or offsets does not fit the arm.
+    /// Factors at reported joint angles (rad); `None` for an arm that has none, or whose upper arm or
+    /// forearm has no length.
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
         if arm.joints().len() != 6 {
             return None;
@@ -125,7 +112,6 @@ impl SingularityFactors {
         self.shoulder.abs().min(self.elbow.abs()).min(self.wrist.abs())
     }
 
-    /// The signs of the factors.
     pub fn configuration(&self) -> Configuration {
         Configuration {
             shoulder: Side::of(self.shoulder),
@@ -136,18 +122,14 @@ impl SingularityFactors {
 }
 
 impl Configuration {
-    /// The arm configuration at reported joint angles (rad) with parameter offsets; `None` for an arm that has none
-    /// ([`SingularityFactors::of`]).
-    ///
-    /// # Panics
-    /// When the number of angles or offsets does not fit the arm.
+    /// Configuration at reported joint angles (rad); `None` for an arm that has none ([`SingularityFactors::of`]).
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
         SingularityFactors::of(arm, offsets, joints).map(|factors| factors.configuration())
     }
 }
 
-/// The point at which the elbow's triangle ends; `None` where the determinant does not have the three factors. It is the
-/// chain's own point of axis 5 where that is as good.
+/// The point at which the elbow's triangle ends, the chain's own point of axis 5 where that is as good; `None` where
+/// the determinant does not have the three factors.
 fn forearm_end(axes: &[Line], twists: &[Twist]) -> Option<Point3<f64>> {
     let rotates = |twist: &Twist| twist.angular.norm_squared() > 0.0;
     let &[_, second, third, fourth, fifth, sixth] = axes else {
@@ -188,14 +170,9 @@ fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
     Some((line.0 + line.1 * along, distance))
 }
 
-/// Distance of an arm from a singularity at reported joint angles (rad, mm): the smallest singular value of its Jacobian
-/// over `lever_mm`; 0 at a singularity.
-///
-/// Rows of angles are multiplied by `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a
-/// length). There are as many singular values as joints, at most six; it works for any arm.
-///
-/// # Panics
-/// When the number of joints, scales or offsets does not fit the arm.
+/// The smallest singular value of the Jacobian over `lever_mm`: 0 at a singularity. Rows of angles are multiplied by
+/// `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a length); it works for any
+/// arm.
 pub(super) fn conditioning(
     arm: &Arm,
     offsets: &[f64],

@@ -1,7 +1,5 @@
-//! A chain at given parameter offsets: everything constant between two joints is one transform, so that a pose costs a
-//! turn per joint and a few products, however many elements the chain has.
-//!
-//! The kinematics are those of [`Chain::differential`], for many poses at the same offsets.
+//! A chain at given parameter offsets, for many poses: everything constant between two joints is one transform, so that
+//! a pose costs a turn per joint and a few products.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -10,14 +8,12 @@ use super::chain::{Chain, Element};
 use super::motion::{Axis, Motion};
 use super::twist::{Twist, UnitMotion};
 
-/// A chain at given offsets.
 #[derive(Debug, Clone)]
 pub struct HeldChain {
     segments: Vec<Segment>,
     joints: usize,
 }
 
-/// The constant part between a joint (or the root) and the next joint (or the end).
 #[derive(Debug, Clone)]
 struct Segment {
     /// Free elements: the unknown that moves each, and its unit motion in the frame where the segment begins.
@@ -37,15 +33,12 @@ pub struct ChainView {
     pub unknowns: Vec<(usize, Twist)>,
     /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
-    /// Origins and directions of the joints.
     pub axes: Axes,
 }
 
 impl HeldChain {
-    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed one.
-    ///
-    /// # Panics
-    /// When there are fewer offsets or unknowns than parameters.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed
+    /// one.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
         let mut segments = Vec::with_capacity(chain.joint_count() + 1);
         let (mut free, mut end) = (Vec::new(), Isometry3::identity());
@@ -83,7 +76,6 @@ impl HeldChain {
         frame.isometry()
     }
 
-    /// The end and its motion at the axis variables `q` (rad or mm).
     pub fn view(&self, q: &[f64]) -> ChainView {
         self.view_of(q, &Vector3::zeros())
     }
@@ -115,7 +107,6 @@ impl HeldChain {
         }
     }
 
-    /// The joints, from their axes in the order of the chain.
     fn axes(&self, axes: &[(Point3<f64>, Vector3<f64>)]) -> Axes {
         let joints = self.segments.iter().filter_map(|segment| segment.joint);
         let joint = |((motion, variable, factor), (origin, axis)): (_, &(_, _))| AxisJoint {
@@ -154,7 +145,6 @@ impl Segment {
     }
 }
 
-/// A frame on the way from the root to the end.
 struct Frame {
     rotation: Matrix3<f64>,
     origin: Vector3<f64>,

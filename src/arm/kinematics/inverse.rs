@@ -1,18 +1,14 @@
-//! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and on its branch, or from the
-//! pose alone.
+//! Inverse kinematics of any chain: reported joint angles that bring the end to a pose, or why there are none.
 //!
-//! Inputs: an arm with parameter offsets, the pose of the end, the end's pose on the flange, a seed. Output: reported
-//! joint angles (lengths of linear joints, mm), or why there are none.
-//!
-//! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a lever),
-//!    with the analytic Jacobian. Damping proportional to the squared residual keeps the convergence quadratic
-//!    (Yamashita and Fukushima 2001); a step that does not lower the residual is damped ten times more.
+//! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a
+//!    lever). Damping proportional to the squared residual keeps the convergence quadratic (Yamashita and Fukushima
+//!    2001).
 //! 2. Where that fails or ends in another configuration, the pose is approached from the seed's in small steps.
-//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity. An arm without
-//!    configurations keeps the sign of its determinant, and its joints go no further than the way in small steps shows.
-//! 4. An arm with more than six joints takes, of all joint angles that reach the pose, those closest to the seed; one with
-//!    fewer takes the orientation that is nearest to the pose's, where the settings allow it to differ.
-//! 5. Without a seed ([`Anywhere`]): the search from joint angles spread over the limits, the nearest to the pose first.
+//! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity; an arm
+//!    without configurations keeps the sign of its determinant.
+//! 4. An arm with more than six joints takes the joint angles closest to the seed; one with fewer the nearest
+//!    orientation, where the settings allow it to differ.
+//! 5. Without a seed ([`Anywhere`]): from joint angles spread over the limits, the nearest to the pose first.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -30,22 +26,18 @@ pub use anywhere::Anywhere;
 use search::Search;
 pub use variables::{JointVariable, spread};
 
-/// Settings of the search: when it stops and which solutions it refuses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InverseSettings {
-    /// The position is reached when its error is below this, mm.
     pub position_tolerance_mm: f64,
-    /// The orientation is reached when its error is below this, rad.
     pub orientation_tolerance_rad: f64,
-    /// Length that makes a turn of the end comparable with its position, mm. It changes the path of the search, not its result.
+    /// Length that makes a turn of the end comparable with its position, mm. It changes the path of the search, not its
+    /// result.
     pub lever_mm: f64,
-    /// Newton steps per pose before giving up.
     pub iterations: usize,
-    /// Refuse solutions with a [`smallest`](super::configuration::SingularityFactors::smallest) below this; 0 refuses none. For
-    /// an arm without such factors: the smallest singular value of its Jacobian over the lever.
+    /// Refuse solutions with a smaller singularity factor, or [conditioning](super::configuration) of an arm without
+    /// such factors; 0 refuses none.
     pub least_singularity_factor: f64,
-    /// By how much the orientation may differ from the pose's where an arm with fewer than six joints has the position but
-    /// not the orientation, rad; 0 refuses such poses.
+    /// Largest difference of the orientation where an arm with fewer than six joints cannot have it, rad.
     pub orientation_slack_rad: f64,
 }
 
@@ -62,74 +54,51 @@ impl Default for InverseSettings {
     }
 }
 
-/// The reason why there are no joint angles for a pose.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum InverseError {
-    /// The search ended away from the pose.
     #[error(
         "the pose is not reachable from the seed: the nearest found is off by {position_mm:.3} mm and {orientation_rad:.6} rad; \
          use a seed nearer to the pose, or check that the pose lies in the working space"
     )]
-    NotReachable {
-        /// Remaining position error, mm.
-        position_mm: f64,
-        /// Remaining orientation error, rad.
-        orientation_rad: f64,
-    },
-    /// The arm has too few joints for the orientation.
+    NotReachable { position_mm: f64, orientation_rad: f64 },
     #[error(
         "an arm with {joints} joints reaches the position with another orientation only, {off_deg:.3}° off at the least; an \
          orientation cannot be chosen freely with fewer than six joints: give joint angles, or a pose that the arm has"
     )]
     Orientation {
-        /// The number of joints.
         joints: usize,
         /// The smallest angle between an orientation that the arm has there and the one asked for, degrees.
         off_deg: f64,
     },
-    /// The pose needs an angle or a length beyond a joint limit.
     #[error(
         "joint {joint:?} would have to {} {value:.3}{unit}, its limits are {lower}{unit} and {upper}{unit}; \
          move the pose, or correct the joint's limits in the robot file",
         if *unit == "°" { "turn to" } else { "move to" }
     )]
     LimitReached {
-        /// The joint's name.
         joint: String,
-        /// The angle or length that the pose needs, degrees or mm.
         value: f64,
-        /// The lower limit, degrees or mm.
         lower: f64,
-        /// The upper limit, degrees or mm.
         upper: f64,
         /// The unit of the three, as it follows a number.
         unit: &'static str,
     },
-    /// The search reached the pose only across a singularity, in another arm configuration.
     #[error(
         "the pose was reached only in arm configuration {found}, but the seed has {seed}; \
          use a seed in the wanted arm configuration"
     )]
-    ConfigurationChanged {
-        seed: Configuration,
-        /// Configuration of the solution found.
-        found: Configuration,
-    },
-    /// The search reached the pose only on another branch of an arm that has no configurations.
+    ConfigurationChanged { seed: Configuration, found: Configuration },
     #[error(
         "the pose was reached only across a singularity or far from the seed, on another branch; use a seed nearer to it"
     )]
     BranchChanged,
-    /// The solution lies too near a singularity.
     #[error(
         "the pose is {factor:.4} from a singularity{}, refused below {least:.4}; \
          turn or move the pose away from it",
         configuration.map_or_else(String::new, |own| format!(" ({own})"))
     )]
     NearSingularity {
-        /// The smallest singularity factor of the solution, or the conditioning of an arm that has none.
         factor: f64,
-        /// The least factor that the settings accept.
         least: f64,
         /// The arm configuration of the solution; `None` for an arm that has none.
         configuration: Option<Configuration>,
@@ -137,7 +106,6 @@ pub enum InverseError {
 }
 
 impl InverseError {
-    /// A joint's value (rad or mm) beyond its limits.
     pub fn beyond(joint: &Joint, value: f64) -> Self {
         Self::LimitReached {
             joint: joint.name.clone(),
@@ -154,8 +122,8 @@ const APPROACHES: [u32; 3] = [1, 8, SMALLEST];
 /// The steps of the approach that stays on its branch, being the smallest.
 const SMALLEST: u32 = 64;
 
-/// Reported joint angles (rad) at which `arm(q) · flange_from_end` is `base_from_end`: the solution that the search reaches
-/// from `seed`, in the arm configuration of `seed`.
+/// Reported joint angles (rad) at which `arm(q) · flange_from_end` is `base_from_end`: the solution that the search
+/// reaches from `seed`, in the arm configuration of `seed`.
 ///
 /// `offsets` are those of the arm's free parameters, in [`super::Chain::parameters`]' order; zeros for the nominal arm.
 /// Angles of coupled axes are the reported ones, as everywhere.

@@ -1,7 +1,4 @@
 //! A joint's variable for people and files: degrees where the joint turns, mm where it slides.
-//!
-//! Inside, a joint that turns is in rad and one that slides in mm. Where both have to be compared with one number, the stop of an
-//! arm for one, a mm of sliding counts as a mrad ([`SLIDE_MM_PER_RAD`]).
 
 use super::arm::{Arm, Joint};
 use crate::units::SLIDE_MM_PER_RAD;
@@ -39,7 +36,6 @@ impl Joint {
 }
 
 impl Arm {
-    /// Whether any joint slides.
     pub fn has_slides(&self) -> bool {
         self.joints().iter().any(|joint| joint.slides)
     }

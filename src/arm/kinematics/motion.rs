@@ -1,5 +1,3 @@
-//! Elementary motions: along or about an axis.
-
 use std::fmt;
 use std::str::FromStr;
 
@@ -8,22 +6,16 @@ use serde::{Deserialize, Serialize};
 
 use super::named::UnknownName;
 
-/// An axis of the frame that an element acts in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Axis {
-    /// The x axis.
     X,
-    /// The y axis.
     Y,
-    /// The z axis.
     Z,
 }
 
 impl Axis {
-    /// The three axes in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
-    /// The axis as a unit vector of its own frame.
     pub fn unit(self) -> UnitVector3<f64> {
         match self {
             Self::X => Vector3::x_axis(),
@@ -33,12 +25,9 @@ impl Axis {
     }
 }
 
-/// An elementary motion: along an axis in mm, or about it in rad.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Motion {
-    /// Along the axis, mm.
     Translation(Axis),
-    /// About the axis, rad.
     Rotation(Axis),
 }
 
@@ -58,7 +47,6 @@ impl FromStr for Motion {
 }
 
 impl Motion {
-    /// The six motions: along and about each axis in turn.
     pub const ALL: [Self; 6] = [
         Self::Translation(Axis::X),
         Self::Rotation(Axis::X),
@@ -80,15 +68,13 @@ impl Motion {
         }
     }
 
-    /// The motion's axis, as a unit vector of its own frame.
     pub fn axis(self) -> Vector3<f64> {
         match self {
             Self::Translation(axis) | Self::Rotation(axis) => axis.unit().into_inner(),
         }
     }
 
-    /// Moves a frame by `amount` (mm or rad) along or about its own axis: [`Self::by`], which most free parameters do not need, as they
-    /// are zero.
+    /// Moves a frame by `amount` (mm or rad): [`Self::by`], which most free parameters do not need, as they are zero.
     pub fn carry(self, frame: &mut Isometry3<f64>, amount: f64) {
         if amount == 0.0 {
             return;

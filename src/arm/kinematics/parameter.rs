@@ -13,27 +13,22 @@ use super::named::UnknownName;
 pub enum Parameter {
     /// A small motion of the base, after `tracker_from_base`.
     Base(Motion),
-    /// A quantity of a link.
     Link {
         /// The joint that moves the link, counted from 1 as in the literature.
         joint: usize,
         quantity: LinkQuantity,
     },
-    /// A small motion of the measured target on the flange.
     Target(Motion),
-    /// A quantity of an instrument that reads one length, in the base's frame.
     Gauge(GaugePart),
 }
 
-/// The quantities of an instrument that reads one length: the place of an anchor that distances are read from, or the plane that
-/// heights are read above.
+/// An instrument that reads one length: distances from an anchor, or heights above a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum GaugePart {
     /// A coordinate of the anchor.
     Place(Axis),
     /// Reading at no distance from the anchor.
     Offset,
-    /// The tilt of the plane's normal towards the first axis across it.
     Tilt,
     /// The tilt of the plane's normal towards the second axis across it.
     OtherTilt,
@@ -42,10 +37,8 @@ pub enum GaugePart {
 }
 
 impl GaugePart {
-    /// The parts of an anchor.
     pub const ANCHOR: [Self; 4] =
         [Self::Place(Axis::X), Self::Place(Axis::Y), Self::Place(Axis::Z), Self::Offset];
-    /// The parts of a plane.
     pub const PLANE: [Self; 3] = [Self::Tilt, Self::OtherTilt, Self::Height];
 
     /// Whether the part is an angle (rad); otherwise it is a length (mm).
@@ -67,7 +60,8 @@ impl GaugePart {
     }
 }
 
-/// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift along it.
+/// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift
+/// along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum LinkQuantity {
     /// Joint offset, about z; a small turn about the joint's axis where the convention places axes.
@@ -90,12 +84,10 @@ pub enum LinkQuantity {
     Y,
     /// Small tilt of the joint's axis about its frame's x.
     Rx,
-    /// Small tilt of the joint's axis about its frame's y.
     Ry,
 }
 
 impl LinkQuantity {
-    /// All quantities.
     pub const ALL: [Self; 11] = [
         Self::Theta,
         Self::D,
@@ -110,7 +102,6 @@ impl LinkQuantity {
         Self::Ry,
     ];
 
-    /// The quantity's name in tables and saved models.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Theta => "theta",
@@ -127,7 +118,6 @@ impl LinkQuantity {
         }
     }
 
-    /// Whether the quantity is an angle (rad); otherwise it is a length (mm).
     pub const fn is_angle(self) -> bool {
         match self {
             Self::Theta | Self::Alpha | Self::Beta | Self::Gamma | Self::Rx | Self::Ry => true,
@@ -146,7 +136,6 @@ impl Parameter {
         }
     }
 
-    /// The parameter's unit inside the crate and in the tables.
     pub const fn unit(self) -> &'static str {
         if self.is_angle() { "rad" } else { "mm" }
     }
@@ -166,7 +155,6 @@ impl fmt::Display for Parameter {
 impl FromStr for Parameter {
     type Err = UnknownName;
 
-    /// The parameter that is written so.
     fn from_str(name: &str) -> Result<Self, UnknownName> {
         const MOST_JOINTS: usize = 16;
         let frames =

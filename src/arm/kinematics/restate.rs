@@ -1,9 +1,7 @@
-//! A robot file stated again in another convention: the same arm, other numbers.
-//!
-//! From the [lines of the axes](super::screws) each convention's numbers follow by the rule that it is known for: common normals
-//! for the tables (Denavit and Hartenberg 1955; Craig 1986), directions and shifts for CPC (Zhuang, Roth and Hamano 1992), the
-//! lines themselves for products of exponentials. What a table cannot state before its first or behind its last link stands in
-//! `[base]` and `[flange]`.
+//! A robot file stated again in another convention. From the [lines of the axes](super::screws) follow common normals
+//! for the tables (Denavit and Hartenberg 1955; Craig 1986), directions and shifts for CPC (Zhuang, Roth and Hamano
+//! 1992), the lines themselves for products of exponentials. What a table cannot state stands in `[base]` and
+//! `[flange]`.
 
 mod tables;
 
@@ -19,33 +17,19 @@ use crate::geometry::{EulerOrder, Placement, rpy};
 /// Numbers below this are rounding, mm or rad.
 const ROUNDING: f64 = 1e-12;
 
-/// A reason why an arm cannot be stated in a convention.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RestateError {
-    /// The file states no arm.
     #[error(transparent)]
     Arm(#[from] ArmError),
-    /// Two axes are so nearly parallel that their common normal is far away.
     #[error(
         "joints {joint:?} and the one behind it are {angle_deg:.2e}° from parallel: convention {convention:?} would put the link {distance_m:.0} m \
          away; make them exactly parallel, or use \"cpc\", \"poe\" or \"urdf\", which have no such place"
     )]
-    NearlyParallel {
-        /// The first of the two joints.
-        joint: String,
-        /// The convention's word.
-        convention: &'static str,
-        /// Angle between the two axes, degrees.
-        angle_deg: f64,
-        /// Distance of the common normal from the link, m.
-        distance_m: f64,
-    },
+    NearlyParallel { joint: String, convention: &'static str, angle_deg: f64, distance_m: f64 },
 }
 
 impl RobotFile {
-    /// The file of an arm in a convention, from the lines of its axes alone; an error where the convention cannot state it.
-    ///
-    /// A joint that follows another is named after it.
+    /// The file of an arm in a convention. A joint that follows another is named after it.
     pub fn of_arm(arm: &Arm, convention: Convention) -> Result<Self, RestateError> {
         let offsets = vec![0.0; arm.chain().parameters().len()];
         let screws = Screws::of(arm.chain(), &offsets);
@@ -69,7 +53,6 @@ impl RobotFile {
         file.with_links(&screws)
     }
 
-    /// The file of the same arm in another convention; an error where the file is wrong, or the convention cannot state the arm.
     pub fn restated(&self, convention: Convention) -> Result<Self, RestateError> {
         let arm = self.arm()?;
         let offsets = vec![0.0; arm.chain().parameters().len()];
@@ -86,7 +69,6 @@ impl RobotFile {
         file.with_links(&screws)
     }
 
-    /// The file with the links of its convention, from the lines of the axes.
     fn with_links(mut self, screws: &Screws) -> Result<Self, RestateError> {
         match self.convention {
             Convention::StandardDh | Convention::MdH | Convention::SModel => {
@@ -131,8 +113,7 @@ fn joint_of(reported: &Joint, screw: &Screw, is_new: bool, place: usize) -> Join
     }
 }
 
-/// A joint without its link: name, kind, direction of counting and limits. What a joint that follows adds at zero is part of
-/// the lines.
+/// The shift that a joint that follows adds at zero is part of the lines.
 fn unlinked(joint: &JointFile) -> JointFile {
     JointFile {
         name: joint.name.clone(),
@@ -149,8 +130,7 @@ fn unlinked(joint: &JointFile) -> JointFile {
     }
 }
 
-/// The frame on the first axis where a base frame is stated: at the point of the axis nearest to the base, turned as little as
-/// may be.
+/// The frame on the first axis where a base frame is stated: nearest to the base, turned as little as may be.
 fn on_first_axis(first: &Line) -> Isometry3<f64> {
     let point = first.nearest_to(&Point3::origin());
     lines::frame_along(point.coords, &first.direction)

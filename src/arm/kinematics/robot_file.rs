@@ -1,8 +1,6 @@
-//! A robot file: a nominal arm as its maker states it, in one of the [conventions](super::convention), made into an arm.
-//!
-//! Every key of every convention stands in [`JointFile`]; which of them a joint has to have follows from the convention and the
-//! kind of joint (`keys`). A file with the wrong ones, or with numbers in other units than its keys say, is an error that
-//! names the joint (`checks`).
+//! A robot file: a nominal arm as its maker states it, in one of the [conventions](super::convention). Which keys a
+//! joint has to have follows from the convention and the kind of joint (`keys`); numbers in other units than the keys
+//! say are refused (`checks`).
 
 mod checks;
 mod keys;
@@ -22,27 +20,23 @@ pub use super::arm_error::{ArmError, WrongKeys};
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotFile {
-    /// The robot model's name for display: `"KUKA KR 210 R2700 extra"`.
     pub model: String,
     /// The source of the numbers: a data sheet or drawing.
     pub source: String,
-    /// The convention that the link values follow.
     pub convention: Convention,
-    /// A pose that can be checked at the cell, reported angles in degrees (mm for a joint that slides): `posegrid check`
-    /// prints the nominal flange there.
+    /// A pose that can be checked at the cell, degrees or mm: `posegrid check` prints the nominal flange there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home_deg: Option<Vec<f64>>,
-    /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when absent.
+    /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when
+    /// absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_map: Option<Vec<Vec<f64>>>,
     /// The frame of the first link in the base frame; the base frame itself when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<Placement>,
-    /// The flange in the frame of the last link, or in the base frame at zero for products of exponentials; that frame itself
-    /// when absent.
+    /// The flange in the frame of the last link, or in the base frame at zero for products of exponentials.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flange: Option<Placement>,
-    /// The joints from base to flange.
     pub joint: Vec<JointFile>,
 }
 
@@ -60,11 +54,9 @@ pub enum JointKind {
     Fixed,
 }
 
-/// One joint of a robot file, with the link that its convention gives it.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointFile {
-    /// The name under which the controller reports it.
     pub name: String,
     #[serde(default, skip_serializing_if = "is_revolute")]
     pub kind: JointKind,
@@ -95,7 +87,8 @@ pub struct JointFile {
     /// CPC: shift to the next joint's frame, in that frame's axes, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift_mm: Option<[f64; 3]>,
-    /// Direction of the joint's axis: in the base frame at zero (product of exponentials), or in the joint's frame (URDF).
+    /// Direction of the joint's axis: in the base frame at zero (product of exponentials), or in the joint's frame
+    /// (URDF).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// A point of the joint's axis in the base frame at zero, mm.
@@ -122,7 +115,6 @@ pub struct JointFile {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mimic {
-    /// The joint that it follows.
     pub joint: String,
     /// Its motion per motion of the other.
     pub multiplier: f64,
@@ -140,7 +132,6 @@ fn is_revolute(kind: &JointKind) -> bool {
 }
 
 impl RobotFile {
-    /// The arm that the file describes; an error where a value is wrong.
     pub fn arm(&self) -> Result<Arm, ArmError> {
         self.check()?;
         let reported: Vec<&JointFile> = self.joint.iter().filter(|j| j.is_reported()).collect();
@@ -219,7 +210,8 @@ impl RobotFile {
         }
     }
 
-    /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of exponentials.
+    /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of
+    /// exponentials.
     fn link(
         &self,
         (file, joint): (&JointFile, &Moving),
@@ -262,7 +254,6 @@ impl RobotFile {
         })
     }
 
-    /// The transform of a joint that does not move.
     fn constant(&self, file: &JointFile) -> Result<Element, ArmError> {
         let joint = Moving { number: 0, variable: 0, factor: 0.0, slides: false, shift: 0.0 };
         let elements = match self.convention {
@@ -326,7 +317,6 @@ fn unit(direction: Option<[f64; 3]>) -> UnitVector3<f64> {
     UnitVector3::new_normalize(direction)
 }
 
-/// A stated placement, mm; `None` where none is stated.
 fn placement(place: &str, stated: Option<&Placement>) -> Result<Option<Isometry3<f64>>, ArmError> {
     let isometry = stated.map(Placement::isometry).transpose();
     isometry.map_err(|source| ArmError::Placement { place: place.to_owned(), source })
@@ -363,7 +353,6 @@ impl JointFile {
         Joint { name: self.name.clone(), lower, upper, slides }
     }
 
-    /// The numbers of its link in a table, with the shift of the joint that it follows in the joint's own.
     fn table(&self, joint: &Moving) -> TableLink {
         let angle = |degrees: Option<f64>| degrees.unwrap_or(0.0).to_radians();
         let (turned, slid) = if joint.slides { (0.0, joint.shift) } else { (joint.shift, 0.0) };

@@ -1,15 +1,11 @@
-//! An arm as the lines of its axes: what every convention states, each in numbers of its own.
-//!
-//! At zero of every axis variable, in the base frame: where each axis lies and points, and where the flange is. The motion by an
-//! axis variable is the turn about, or the slide along, its lines (the product of exponentials of Brockett 1984). Two arms with the
-//! same screws are the same arm.
+//! An arm as the lines of its axes at zero, in the base frame. The motion by a variable is the turn about, or the slide
+//! along, its lines (the product of exponentials of Brockett 1984). Two arms with the same screws are the same arm.
 
 use nalgebra::{Isometry3, Point3, UnitVector3};
 
 use super::chain::{Chain, Element};
 use super::motion::Motion;
 
-/// A line with a direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// A point of it, mm.
@@ -17,14 +13,11 @@ pub struct Line {
     pub direction: UnitVector3<f64>,
 }
 
-/// An axis at zero, in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Screw {
     /// Index of the axis variable that moves it, from 0.
     pub variable: usize,
-    /// Its motion per unit of the variable.
     pub factor: f64,
-    /// Whether it slides along the line instead of turning about it.
     pub slides: bool,
     pub line: Line,
 }
@@ -32,14 +25,11 @@ pub struct Screw {
 /// The axes of an arm and its flange at zero, in the base frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screws {
-    /// The axes in the order of the chain.
     pub axes: Vec<Screw>,
-    /// The flange, mm.
     pub flange: Isometry3<f64>,
 }
 
 impl Line {
-    /// The z axis of a frame.
     pub fn z_of(frame: &Isometry3<f64>) -> Self {
         Self {
             point: frame.translation.vector.into(),
@@ -54,10 +44,7 @@ impl Line {
 }
 
 impl Screws {
-    /// The screws of a chain with `offsets` added to its free parameters.
-    ///
-    /// # Panics
-    /// When there are fewer offsets than parameters.
+    /// `offsets` are added to the free parameters.
     pub fn of(chain: &Chain, offsets: &[f64]) -> Self {
         let chain = chain.with_offsets(offsets);
         let zeros = vec![0.0; chain.joint_count()];

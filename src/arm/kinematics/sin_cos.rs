@@ -11,7 +11,6 @@
 /// Poses computed together: enough for the vector units, few enough that all of a block stays in the fastest cache.
 pub const BLOCK: usize = 64;
 
-/// One number for each pose of a block.
 pub type Block = [f64; BLOCK];
 
 /// The largest angle (rad) computed here: up to it, k has 17 bits and its products with the parts of π/2 are exact.
@@ -44,7 +43,6 @@ const COS: [f64; 6] = [
     -1.138_263_233_774_121_4e-11,
 ];
 
-/// Sine and cosine of each angle, rad.
 pub fn sin_cos(angles: &Block, sin: &mut Block, cos: &mut Block) {
     let mut beyond = false;
     for place in 0..BLOCK {
@@ -122,8 +120,8 @@ mod tests {
         (found - wanted).abs() / unit
     }
 
-    /// Angles through several turns, near every multiple of π/4, and tiny ones. The standard library's error is below one unit
-    /// in the last place and so is ours: the two may differ by up to two units.
+    /// Angles through several turns, near every multiple of π/4, and tiny ones. The standard library's error is below
+    /// one unit in the last place and so is ours: the two may differ by up to two units.
     #[test]
     fn sine_and_cosine_are_within_two_units_of_the_standard_library() {
         let mut worst = 0.0_f64;

@@ -4,7 +4,6 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::motion::Motion;
 
-/// The motion of the chain's end, in the chain's root frame, per unit of one variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Twist {
     /// Velocity of the end's origin, mm per unit.
@@ -14,7 +13,6 @@ pub struct Twist {
 }
 
 impl Twist {
-    /// No motion at all.
     pub fn zero() -> Self {
         Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
     }

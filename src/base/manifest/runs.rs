@@ -1,34 +1,23 @@
-//! A run's counts and written files, and the machine that computes it.
-
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 use super::ManifestError;
 
-/// The inputs of a stage, counted by outcome.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StageCount {
-    /// The stage's name.
     pub stage: &'static str,
     /// The kind of thing counted: messages, readings, dwells.
     pub of: &'static str,
-    /// Number read.
     pub read: u64,
-    /// Number kept.
     pub kept: u64,
-    /// Number rejected, by reason.
     pub rejected: BTreeMap<String, u64>,
 }
 
-/// One table file that a run wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written {
-    /// The table's name.
     pub table: String,
-    /// The session that the file belongs to.
     pub session: String,
-    /// Number of rows.
     pub rows: u64,
     /// BLAKE3 of the file, hexadecimal.
     pub digest: String,
@@ -37,7 +26,6 @@ pub struct Written {
 /// A run that another run replaces.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Replaced {
-    /// The replaced run's name.
     pub run: String,
     /// The digest of its row in `runs`, as `posegrid::io::tables::runs::row_digest` gives it.
     pub row_digest: String,
@@ -51,7 +39,6 @@ impl Written {
 }
 
 impl StageCount {
-    /// Checks that everything read was kept or rejected.
     pub fn check(&self) -> Result<(), ManifestError> {
         let rejected = self.rejected.values().sum();
         if self.kept.checked_add(rejected) == Some(self.read) {

@@ -1,23 +1,19 @@
-//! The end's motion per unit of every free parameter, a block of poses at a time: the columns of the Jacobian.
-//!
-//! The chain is walked element by element from the root, as [`Chain::differential`](super::super::Chain::differential)
-//! does for one pose: at a free element the parameter's axis is a column of the frame there, and once the end is known that
-//! axis carried to it is the parameter's column.
+//! The end's motion per unit of every free parameter, a block of poses at a time: the columns of the Jacobian. A free
+//! element's axis is a column of the frame there; carried to the end it is the parameter's column.
 
 use super::super::sin_cos::{BLOCK, Block, sin_cos};
 use super::read;
 use crate::geometry::rpy;
 use crate::kinematics::{Axis, Chain, Element, Motion};
 
-/// A chain at given offsets whose free parameters are unknowns.
 #[derive(Debug, Clone)]
 pub struct BatchColumns {
     steps: Vec<Step>,
     unknowns: Vec<usize>,
 }
 
-/// The axis variables of many poses as columns, `[j][i]` that of axis j at pose i, with sine and cosine of each: a fit walks the same
-/// poses in each of its steps.
+/// Axis variables of many poses, `[j][i]` that of axis j at pose i, with their sine and cosine, which each step of a
+/// fit reuses.
 #[derive(Debug, Clone)]
 pub struct Variables {
     values: Vec<Vec<f64>>,
@@ -35,10 +31,8 @@ pub struct Column {
     turns: bool,
 }
 
-/// One step of the walk.
 #[derive(Debug, Clone)]
 enum Step {
-    /// A free element: its axis belongs to an unknown.
     Unknown(Motion),
     /// A shift along an own axis, mm.
     Shift(Axis, f64),
@@ -48,7 +42,6 @@ enum Step {
     Joint(Motion, usize, f64),
 }
 
-/// A frame on the way from the root to the end: its axes and its origin.
 #[derive(Debug, Clone)]
 struct Walk {
     axes: [[Block; 3]; 3],
@@ -56,10 +49,8 @@ struct Walk {
 }
 
 impl BatchColumns {
-    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed one.
-    ///
-    /// # Panics
-    /// When there are fewer offsets or unknowns than parameters.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed
+    /// one.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
         let mut steps = Vec::new();
         let mut parameter = 0;
@@ -89,16 +80,12 @@ impl BatchColumns {
         Self { steps, unknowns: unknowns[..parameter].iter().flatten().copied().collect() }
     }
 
-    /// The unknown of each column, in the order of the columns.
     pub fn unknowns(&self) -> &[usize] {
         &self.unknowns
     }
 
     /// The end's axes, its origin and one column for each of [`Self::unknowns`], for the poses from `first` on;
     /// `columns` is reused.
-    ///
-    /// # Panics
-    /// When there are fewer variables than the chain has axis variables.
     pub fn block(
         &self,
         variables: &Variables,
@@ -151,7 +138,6 @@ impl Variables {
         Self { values, sines, cosines }
     }
 
-    /// The variables of each axis.
     pub fn values(&self) -> &[Vec<f64>] {
         &self.values
     }
@@ -161,7 +147,6 @@ impl Variables {
         read(&self.values[axis], first).map(|own| factor * own)
     }
 
-    /// Sine and cosine of that.
     #[expect(clippy::float_cmp, reason = "factors of one are stated as such")]
     fn turned(&self, factor: f64, axis: usize, first: usize) -> (Block, Block) {
         // Nearly all joints turn by their variable; one that follows another has a factor of its own.
@@ -186,7 +171,6 @@ impl Step {
         }
     }
 
-    /// Whether the step changes the frame.
     fn moves(&self) -> bool {
         match self {
             Self::Shift(_, by) => *by != 0.0,
@@ -205,7 +189,8 @@ impl Column {
         self.turns.then_some(&self.angular)
     }
 
-    /// Carries an axis from its own place (kept in `linear`) to the end: the cross product of the axis and the way there.
+    /// Carries an axis from its own place (kept in `linear`) to the end: the cross product of the axis and the way
+    /// there.
     fn carry_to(&mut self, end: &[Block; 3]) {
         if !self.turns {
             return;

@@ -15,7 +15,6 @@ pub struct Joint {
     pub slides: bool,
 }
 
-/// The constant transform before a joint.
 #[derive(Debug, Clone, Copy)]
 pub enum Link {
     /// A turn about x between two turning joints, whose angles include the constant turns about z.
@@ -40,7 +39,6 @@ impl Link {
     }
 }
 
-/// The joints, each with the link before it, and the transform from the last joint to the end.
 pub fn links(chain: &Chain, offsets: &[f64]) -> (Vec<(Link, Joint)>, Isometry3<f64>) {
     let mut links: Vec<(Link, Joint)> = Vec::with_capacity(chain.joint_count());
     let mut constant = Isometry3::identity();
@@ -64,7 +62,6 @@ pub fn links(chain: &Chain, offsets: &[f64]) -> (Vec<(Link, Joint)>, Isometry3<f
     (links, constant)
 }
 
-/// The turn that brings z to the joint's axis, and whether the joint slides.
 fn along_z(motion: Motion) -> (UnitQuaternion<f64>, bool) {
     let (Motion::Translation(axis) | Motion::Rotation(axis)) = motion;
     let quarter = std::f64::consts::FRAC_PI_2;

@@ -1,7 +1,5 @@
-//! Links between lines: each joint has a frame whose z lies along its axis, and small motions of that frame are what may be wrong.
-//!
-//! The small motions are counted from the nominal frame, so no angle of them is ever near a singularity: two axes that are
-//! nearly parallel, or that nearly meet, are like any others.
+//! Links between lines: each joint has a frame with z along its axis, and small motions of that frame, counted from the
+//! nominal, are what may be wrong: nearly parallel axes are like any others.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 
@@ -10,7 +8,6 @@ use super::super::motion::{Axis, Motion};
 use super::super::parameter::LinkQuantity;
 use super::Moving;
 
-/// Small motions in the order of a link's elements.
 const SMALL: [(Motion, LinkQuantity); 6] = [
     (Motion::Translation(Axis::X), LinkQuantity::X),
     (Motion::Translation(Axis::Y), LinkQuantity::Y),
@@ -28,13 +25,11 @@ pub fn z_to(axis: &UnitVector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&about.unwrap_or_else(Vector3::x_axis), across.atan2(axis.z))
 }
 
-/// A frame at `point` with z along `axis`.
 pub fn frame_along(point: Vector3<f64>, axis: &UnitVector3<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(point), z_to(axis))
 }
 
-/// The link to a joint's frame: the nominal way there, its six small motions, and the joint; `zero` is added to the joint's
-/// variable.
+/// The nominal way to a joint's frame, its six small motions, and the joint; `zero` is added to its variable.
 pub fn placed(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
     let mut elements = vec![Element::Fixed(nominal)];
     elements.extend(SMALL.map(|(motion, quantity)| joint.free(motion, 0.0, quantity)));
@@ -42,7 +37,8 @@ pub fn placed(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element
     elements
 }
 
-/// The link to a joint's frame with the small motions that change its axis: four for a line, two for the direction of a slide.
+/// The link to a joint's frame with the small motions that change its axis: four for a line, two for the direction of a
+/// slide.
 pub fn line(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
     let mut elements = vec![Element::Fixed(nominal)];
     let changes_axis = |quantity: LinkQuantity| match quantity {
@@ -77,7 +73,6 @@ pub fn cpc(
     elements
 }
 
-/// The joint's variable about or along z, with its zero.
 fn own(joint: &Moving, zero: f64) -> Vec<Element> {
     let motion =
         if joint.slides { Motion::Translation(Axis::Z) } else { Motion::Rotation(Axis::Z) };

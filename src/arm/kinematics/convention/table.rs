@@ -1,5 +1,3 @@
-//! Links of a table: four numbers (DH in its two forms, with Hayati's β) or six (S-model).
-
 use super::super::chain::Element;
 use super::super::motion::{Axis, Motion};
 use super::super::parameter::LinkQuantity;
@@ -14,13 +12,9 @@ const ALONG_X: Motion = Motion::Translation(Axis::X);
 /// The numbers of one link, mm and rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TableLink {
-    /// Joint offset θ, about z.
     pub theta: f64,
-    /// Link offset d, along z.
     pub d: f64,
-    /// Link length a, along x.
     pub a: f64,
-    /// Link twist α, about x.
     pub alpha: f64,
     /// The S-model's γ, about z behind the twist.
     pub gamma: f64,
@@ -33,19 +27,17 @@ const PARALLEL_SINE: f64 = 0.0087;
 /// Below this they are exactly parallel: a shift along one is a shift along the other.
 const EXACT_SINE: f64 = 1e-6;
 
-/// Ways that d and β stand beside each other where two axes are parallel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parallel {
-    /// The axes are not parallel: there is no β.
     No,
     /// β in place of d, whose shift the next d makes as well.
     InPlaceOfD,
-    /// β beside d: the axes are nearly parallel, as in a table that was calibrated before, and the two d are two directions.
+    /// β beside d: the axes are nearly parallel, as in a table that was calibrated before, and the two d are two
+    /// directions.
     BesideD,
 }
 
 impl Parallel {
-    /// The way for a twist between two axes, rad.
     pub fn of(twist: f64) -> Self {
         match twist.sin().abs() {
             exact if exact < EXACT_SINE => Self::InPlaceOfD,
@@ -54,7 +46,6 @@ impl Parallel {
         }
     }
 
-    /// With β, d stays free beside it.
     #[must_use]
     pub const fn keeping_d(self) -> Self {
         match self {

@@ -14,7 +14,6 @@ const NEAREST: usize = 16;
 /// Seeds tried after them, evenly from the nearest to the furthest.
 const OTHERS: usize = 80;
 
-/// Joint angles that a search may begin at, and the pose of the end there.
 #[derive(Debug)]
 struct Seed {
     joints: Vec<f64>,
@@ -48,10 +47,7 @@ pub struct Anywhere<'a> {
 }
 
 impl<'a> Anywhere<'a> {
-    /// The seeds of an arm with parameter offsets, as [`super::inverse`] takes them, within its limits.
-    ///
-    /// # Panics
-    /// When the number of offsets does not fit the arm.
+    /// Seeds within the limits of an arm with parameter offsets, as [`super::inverse`] takes them.
     pub fn new(
         arm: &'a Arm,
         offsets: &'a [f64],
@@ -69,13 +65,9 @@ impl<'a> Anywhere<'a> {
         Self { arm, offsets, flange_from_end, settings, seeds }
     }
 
-    /// Joint angles within the limits at which the end has the pose; an error where no seed leads to it.
-    ///
-    /// With `near`, joints take the turn that is nearest to it; without, the one nearest to the middle of their limits. The
-    /// error is of the seed that came nearest to a solution: too near a singularity, beyond a limit, or not reached.
-    ///
-    /// # Panics
-    /// When the length of `near` does not fit the arm.
+    /// Joint angles within the limits at which the end has the pose. With `near`, joints take the turn that is nearest
+    /// to it; without, the one nearest to the middle of their limits. The error is of the seed that came nearest to a
+    /// solution.
     pub fn joints(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -84,7 +76,8 @@ impl<'a> Anywhere<'a> {
         self.joints_where(base_from_end, near, |_| true)
     }
 
-    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of the seeds that led to no solution.
+    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of the seeds that led to no
+    /// solution.
     pub fn joints_where(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -125,7 +118,6 @@ impl<'a> Anywhere<'a> {
 }
 
 impl Search<'_> {
-    /// The solution that one seed leads to, on the right turns and checked.
     fn tried(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -156,7 +148,6 @@ impl Search<'_> {
     }
 }
 
-/// The error of the search that came nearer to a solution.
 fn nearer(before: Option<InverseError>, error: InverseError) -> InverseError {
     let Some(before) = before else { return error };
     if key(&error) < key(&before) { error } else { before }

@@ -13,11 +13,9 @@ const SHORTEST: f64 = 1e-11;
 const ZERO: f64 = 1e-6;
 
 impl Search<'_> {
-    /// Joint angles near `seed` at which the position is the target's and the orientation as near to the target's as may be;
-    /// an error where it is further from it than the settings allow.
-    ///
-    /// Each step moves the position by Newton's method, and within the motions that leave the position alone it turns the end
-    /// towards the orientation (task priority; Siciliano and Slotine 1991).
+    /// Joint angles near `seed` with the target's position and the nearest orientation; an error where the settings do
+    /// not allow it. Each step moves the position by Newton's method and turns the end within the motions that leave it
+    /// alone (task priority; Siciliano and Slotine 1991).
     pub(super) fn nearest_orientation(
         &self,
         target: &Isometry3<f64>,
@@ -47,7 +45,8 @@ impl Search<'_> {
         Ok(joints)
     }
 
-    /// The step that moves the position by its residual and, with what freedom is left, turns by as much of the rotation's.
+    /// The step that moves the position by its residual and, with what freedom is left, turns by as much of the
+    /// rotation's.
     fn prioritised(&self, joints: &[f64], residual: &Vector6<f64>) -> DVector<f64> {
         let jacobian = self.jacobian(joints);
         let position = jacobian.rows(0, 3).into_owned();

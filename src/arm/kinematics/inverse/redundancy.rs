@@ -15,10 +15,8 @@ const INWARDS: f64 = 0.1;
 const SHORTEST: f64 = 1e-10;
 
 impl Search<'_> {
-    /// Joint angles of the same pose that are closest to `seed`, a length counted in levers; an arm with at most six joints
-    /// has no choice. They do not depend on the way from the seed.
-    ///
-    /// Each step is the part of `seed − q` that does not move the end, `(I − J⁺ J)(seed − q)`.
+    /// Joint angles of the same pose that are closest to `seed`, whatever the way from it: each step is the part of
+    /// `seed − q` that does not move the end, `(I − J⁺ J)(seed − q)`.
     pub(super) fn closest(
         &self,
         target: &Isometry3<f64>,
@@ -49,8 +47,8 @@ impl Search<'_> {
         joints
     }
 
-    /// Joint angles of the same pose within the limits, where the arm's own motion brings joints back that are beyond them; those
-    /// given where it does not.
+    /// Joint angles of the same pose within the limits, by the arm's own motion; those given where it does not bring
+    /// them back.
     pub(super) fn within_limits(&self, target: &Isometry3<f64>, given: Vec<f64>) -> Vec<f64> {
         if given.len() <= 6 {
             return given;

@@ -9,17 +9,15 @@ use crate::kinematics::configuration::{Configuration, SingularityFactors, condit
 
 /// Longest Newton step, rad, or that many levers for a length: a longer one may end on another branch.
 const LONGEST_STEP: f64 = 0.5;
-/// A joint of an arm without configurations that moves by more than this in one step (rad, or that many levers) may have
-/// gone to another branch: the way there is then taken in smaller steps.
+/// A joint of an arm without configurations that moves further in one step (rad, or levers) may be on another branch:
+/// the way is then taken in smaller steps.
 const FAR: f64 = 1.5;
 
-/// The inverse-kinematics problem of one arm.
 pub(super) struct Search<'a> {
     pub(super) arm: &'a Arm,
     pub(super) offsets: &'a [f64],
     pub(super) flange_from_end: &'a Isometry3<f64>,
     pub(super) settings: &'a InverseSettings,
-    /// The kind of each joint.
     pub(super) variables: Vec<JointVariable>,
     /// The unit in which the search counts each joint: 1 rad, or the lever for a length.
     pub(super) scales: Vec<f64>,
@@ -37,8 +35,8 @@ impl<'a> Search<'a> {
         Self { arm, offsets, flange_from_end, settings, scales: scales.collect(), variables }
     }
 
-    /// This search of a redundant arm with its linear axes held: a millimetre of theirs counts like a radian, so a track under
-    /// an arm stays where the seed has it. `None` for an arm that has none, or needs them.
+    /// This search with the linear axes of a redundant arm held, so a track under an arm stays where the seed has it;
+    /// `None` for an arm that has none, or needs them.
     pub(super) fn with_lengths_held(&self) -> Option<Self> {
         let is_redundant = self.scales.len() > 6;
         let has_lengths = self.variables.contains(&JointVariable::Length);
@@ -49,7 +47,6 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Joint values moved by a step in the search's units.
     pub(super) fn moved(&self, joints: &[f64], step: &DVector<f64>) -> Vec<f64> {
         let steps = step.iter().zip(&self.scales);
         let moved = joints.iter().zip(steps).map(|(q, (d, scale))| q + d * scale);
@@ -86,8 +83,8 @@ impl<'a> Search<'a> {
         Ok(joints)
     }
 
-    /// The joint angles where damped Newton steps from `seed` end; those nearest to the target pose as an error when they do not
-    /// reach it.
+    /// The end of damped Newton steps from `seed`; the joint angles nearest to the target pose as an error when they do
+    /// not reach it.
     pub(super) fn solve(
         &self,
         target: &Isometry3<f64>,
@@ -239,13 +236,11 @@ impl<'a> Search<'a> {
         self.check_conditioning(joints)
     }
 
-    /// Whether the determinant of the Jacobian, which has as many columns as rows, is negative.
     fn orientation(&self, joints: &[f64]) -> bool {
         self.jacobian(joints).determinant() < 0.0
     }
 
-    /// Refuses joint angles too near a singularity, by the factors of the arm's determinant or, where it has none, by the
-    /// conditioning of its Jacobian.
+    /// Judged by the factors of the arm's determinant or, where it has none, by the conditioning of its Jacobian.
     pub(super) fn check_singularity(&self, joints: &[f64]) -> Result<(), InverseError> {
         match SingularityFactors::of(self.arm, self.offsets, joints) {
             Some(factors) => self.check_factor(factors.smallest(), Some(factors.configuration())),
@@ -275,7 +270,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A step in the search's units no longer than [`LONGEST_STEP`].
 pub(super) fn shortened(step: DVector<f64>) -> DVector<f64> {
     let longest = step.amax();
     if longest > LONGEST_STEP { step * (LONGEST_STEP / longest) } else { step }

@@ -22,7 +22,6 @@ pub enum JointVariable {
 }
 
 impl JointVariable {
-    /// Every joint of an arm, in order: from its joint map and the multipliers of its chain.
     pub fn of(arm: &Arm) -> Vec<Self> {
         let joints = arm.joints().len();
         let at_rest = arm.axes(&vec![0.0; joints]);
@@ -63,8 +62,8 @@ impl JointVariable {
         }
     }
 
-    /// The range that a search has to cover: the limits, or one turn within them where all turns are alike. Limits that
-    /// are not finite count as a turn, or 10 m, about zero.
+    /// The limits, or one turn within them where all turns are alike; 2π or 10 m about zero where limits are not
+    /// finite.
     pub(super) fn range(self, joint: &Joint) -> [f64; 2] {
         let widest = if self == Self::Length { 1e4 } else { PI };
         let [low, high] = [joint.lower.max(-1e3 * widest), joint.upper.min(1e3 * widest)];
@@ -97,13 +96,12 @@ impl JointVariable {
     }
 }
 
-/// Whether a value is within the limits, rounding aside.
 pub(super) fn is_within(joint: &Joint, value: f64) -> bool {
     value >= joint.lower - LIMIT_ROUNDING && value <= joint.upper + LIMIT_ROUNDING
 }
 
-/// Point `number` of a sequence that fills the box of `ranges` evenly: multiples of the powers of the generalised golden
-/// ratio, modulo 1 (Roberts 2018).
+/// Point `number` of a sequence that fills the box of `ranges` evenly: multiples of the powers of the generalised
+/// golden ratio, modulo 1 (Roberts 2018).
 pub fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
     let degree = ranges.len() as f64 + 1.0;
     // The root of φ^degree = φ + 1, by fixed-point iteration.

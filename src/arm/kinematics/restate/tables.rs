@@ -18,7 +18,6 @@ const FARTHEST_MM: f64 = 1e6;
 struct Normal {
     on_first: Point3<f64>,
     on_second: Point3<f64>,
-    /// Unit vector across both lines.
     across: Vector3<f64>,
 }
 
@@ -30,7 +29,8 @@ struct Hint {
     across: Vector3<f64>,
 }
 
-/// Standard DH: the link behind each joint goes to the common normal with the next axis; the last one to the flange's z axis.
+/// Standard DH: the link behind each joint goes to the common normal with the next axis; the last one to the flange's z
+/// axis.
 pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
     let Some(first) = lines.first() else {
@@ -60,7 +60,8 @@ pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
     Ok(())
 }
 
-/// Modified DH: the link before each joint leads along the common normal with the axis before; the base's z axis comes first.
+/// Modified DH: the link before each joint leads along the common normal with the axis before; the base's z axis comes
+/// first.
 pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
     let Some(first) = lines.first() else {
@@ -91,7 +92,6 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
     Ok(())
 }
 
-/// The hint of a frame that stands there: its origin and its x axis.
 fn hint_of(frame: &Isometry3<f64>) -> Hint {
     Hint { point: frame.translation.vector.into(), across: frame.rotation * Vector3::x() }
 }
@@ -170,7 +170,6 @@ impl Normal {
     }
 }
 
-/// Orders of a table's four motions.
 #[derive(Clone, Copy)]
 enum Order {
     /// `Rot(z,θ) Trans(z,d) Trans(x,a) Rot(x,α)`.
@@ -179,7 +178,6 @@ enum Order {
     TwistFirst,
 }
 
-/// Writes the four numbers of a link into its joint.
 fn put(file: &mut RobotFile, place: usize, link: &Isometry3<f64>, order: Order) {
     let matrix = link.rotation.to_rotation_matrix();
     let at = link.translation.vector;
@@ -206,7 +204,8 @@ fn put(file: &mut RobotFile, place: usize, link: &Isometry3<f64>, order: Order) 
     }
 }
 
-/// Transform left between the last link's frame and the flange, which share their z axis: γ and b of the S-model, else `[flange]`.
+/// Transform left between the last link's frame and the flange, which share their z axis: γ and b of the S-model, else
+/// `[flange]`.
 fn finish(file: &mut RobotFile, last: &Isometry3<f64>, flange: &Isometry3<f64>) {
     let left = last.inverse() * flange;
     let (convention, joint) = (file.convention, file.joint.last_mut());

@@ -4,7 +4,6 @@ use super::super::convention::Convention;
 use super::keys;
 use super::{ArmError, JointFile, JointKind, RobotFile, WrongKeys};
 
-/// The most joints of an arm.
 const MOST_JOINTS: usize = 16;
 /// The most [[joint]] tables of a file, those that do not move included.
 const MOST_TABLES: usize = 64;
@@ -14,7 +13,6 @@ const LEAST_LENGTHS_MM: f64 = 20.0;
 const RADIANS: f64 = 2e-4;
 
 impl RobotFile {
-    /// The first fault of the file, joint by joint.
     pub(super) fn check(&self) -> Result<(), ArmError> {
         let moving = self.joint.iter().filter(|joint| joint.is_reported()).count();
         let all = self.joint.iter().filter(|j| j.kind != JointKind::Fixed).count();
@@ -51,7 +49,6 @@ impl RobotFile {
         }
     }
 
-    /// Refuses an arm whose lengths are in metres.
     fn check_lengths(&self) -> Result<(), ArmError> {
         let lengths = || {
             let own = |joint| JointFile::lengths(joint).into_iter().map(move |l| (joint, l));

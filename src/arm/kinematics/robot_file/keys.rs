@@ -3,7 +3,6 @@
 use super::super::convention::Convention;
 use super::{JointFile, JointKind};
 
-/// Uses of a key by a convention for one kind of joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Use {
     Needed,
@@ -62,7 +61,6 @@ fn use_of(key: &str, joint: &JointFile, convention: Convention) -> Use {
 }
 
 impl JointFile {
-    /// Every optional key with whether it is there.
     fn keys(&self) -> [(&'static str, bool); 16] {
         [
             ("a_mm", self.a_mm.is_some()),
