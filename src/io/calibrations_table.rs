@@ -1,9 +1,6 @@
-//! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run.
-//!
-//! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
-//! 2. The row `base_target` has the nominal arm; every row has the error reference frame.
-//! 3. The best model that there is a row of predicts ([`Model::serving`]): `full`, or without it `geometric`.
-//! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
+//! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run. The row `base_target` has the nominal
+//! arm; the best model that there is a row of predicts ([`Model::serving`]). Frames, joint ranges, configurations and
+//! validity have to be the same in every row.
 
 use std::path::{Path, PathBuf};
 
@@ -26,59 +23,36 @@ use crate::geometry::Transform;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 
-/// An identified arm as a run published it.
 #[derive(Debug)]
 pub struct PublishedArm {
-    /// The run that identified it.
     pub key: RunKey,
-    /// Whether targets that its model corrects meet the pipeline's tolerance.
     pub verdict: TableVerdict,
     pub arm: IdentifiedArm,
-    /// The base that its errors are stated in.
     pub error_frame: StatedFrame,
 }
 
-/// Why a file cannot be read as an identified arm.
 #[derive(Debug, Error)]
 pub enum CalibrationsTableError {
-    /// No such table file.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The program does not know its own table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// It does not say one thing of itself.
     #[error(transparent)]
     Common(#[from] CommonError),
-    /// A model that every run has.
     #[error("{path} has no row of model {kind:?}; take the file of a whole run")]
-    Absent {
-        path: PathBuf,
-        /// The model.
-        kind: &'static str,
-    },
-    /// A model that cannot be read.
+    Absent { path: PathBuf, kind: &'static str },
     #[error(transparent)]
     Model(#[from] At<SavedError>),
-    /// Rows of several arms or sessions.
     #[error(
         "{path}: models \"base_target\" and {kind:?} are not of the same {what}; take the file of a single run"
     )]
-    Others {
-        path: PathBuf,
-        /// The other model.
-        kind: &'static str,
-        /// What differs.
-        what: &'static str,
-    },
+    Others { path: PathBuf, kind: &'static str, what: &'static str },
 }
 
-/// Reads the arm that a run identified, with the best model it has.
 pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
     CalibrationsFile::read(path)?.arm(&Model::serving().collect::<Vec<_>>())
 }
 
-/// Reads the arm that a run identified, with the geometry alone.
 pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
     CalibrationsFile::read(path)?.arm(&[Model::Geometric])
 }
@@ -93,7 +67,6 @@ pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), Calib
     Ok((arm, saved.map_err(|source| file.wrong(model, source))?))
 }
 
-/// A file that keeps the schema.
 struct CalibrationsFile<'t> {
     path: &'t Path,
     table: Table,
@@ -106,7 +79,6 @@ impl<'t> CalibrationsFile<'t> {
         Ok(Self { path, rows: CalibrationRow::read(&table), table })
     }
 
-    /// The arm with the first of the `wanted` models that there is.
     fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
         let base_target = Model::BaseTarget;
         let base = self.head(base_target)?.ok_or_else(|| self.absent(base_target))?;
@@ -143,7 +115,6 @@ impl<'t> CalibrationsFile<'t> {
         self.rows.iter().find(|row| row.model_kind == model)
     }
 
-    /// The frames that errors are stated in.
     fn frames(&self, own: &ArmColumns) -> Result<FramePair, CalibrationsTableError> {
         let base = &own.valid_for.error_frame.error_frame_base;
         let base = common::placement(self.path, "error_frame_base", base)?;
@@ -168,7 +139,6 @@ impl<'t> CalibrationsFile<'t> {
         head.map_err(|source| self.wrong(model, source))
     }
 
-    /// The first of the `wanted` models that there is a row of.
     fn first(
         &self,
         wanted: &[Model],

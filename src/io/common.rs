@@ -15,13 +15,10 @@ use crate::manifest::RunKey;
 /// A quaternion further from unit norm than this is none.
 const UNIT_NORM: f64 = 1e-6;
 
-/// Why a table does not say one thing of itself.
 #[derive(Debug, Error)]
 pub enum CommonError {
-    /// Rows of several tables.
     #[error("{0}, and every row has the same there: take the file of a single run")]
     NotOne(At<String>),
-    /// A value that no such table has.
     #[error("{0}; run the session again")]
     Value(At<String>),
 }

@@ -1,13 +1,5 @@
-//! Tables of a run → files for controllers and off-line programming.
-//!
-//! - [`nodes_csv`]: a compensation table as CSV, one row per node, after `#` lines with the values of the whole table;
-//! - [`parameters_csv`]: the identified parameters in any convention, with standard errors, from `calibrations`;
-//! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
-//! - [`corrected_urdf`]: a URDF with the identified geometry in the origins of its joints, from `calibrations`;
-//! - [`ur_calibration`]: the identified geometry as the calibration file of a UR's ROS description, from `calibrations`;
-//! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
-//!
-//! Names come from logs and pipeline files: each is written so that it can only be read as a name.
+//! Tables of a run → files for controllers and off-line programming. Names come from logs and pipeline files: each is
+//! written so that it can only be read as a name.
 
 pub mod controller_base;
 pub mod corrected_urdf;
@@ -37,129 +29,87 @@ use crate::kinematics::RestateError;
 use origins::OriginsError;
 use urdf_chain::UrdfChainError;
 
-/// The reason why a table is not exported.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The file holds no table.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// A fault in the content of the file, or in writing it.
     #[error("{}", kind.message(path))]
     At { path: PathBuf, kind: ExportErrorKind },
-    /// The table of nodes cannot be read.
     #[error(transparent)]
     Nodes(#[from] CompensationTableError),
-    /// The identified arm cannot be read.
     #[error(transparent)]
     Arm(#[from] CalibrationsTableError),
-    /// The rows are of several runs.
     #[error(transparent)]
     Common(#[from] CommonError),
-    /// There is no table with the times of a session's stations.
     #[error(
         "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
          {source}; give its file by --stations"
     )]
     NoTimes { session: String, source: Box<LakeError> },
-    /// A station has no time.
     #[error(
         "no table \"stations\" that was read has station {station} of session {session:?}; give the files of all sessions of \
          the run by --stations"
     )]
     NoTime { session: String, station: usize },
-    /// A time is outside the range of MCAP.
     #[error(
         "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP times start at 0: \
          the controller's stamps are wrong"
     )]
-    EarlyTime {
-        session: String,
-        station: usize,
-        /// Its stamp, ns.
-        ns: i64,
-    },
-    /// Times are given for a format that does not use them.
+    EarlyTime { session: String, station: usize, ns: i64 },
     #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
     NoUseForTimes(&'static str),
-    /// A convention is given for a format that does not use it.
     #[error("--convention is for --format parameters; {0} has none: leave it out")]
     NoUseForConvention(&'static str),
-    /// A URDF is given for a format that does not use it.
     #[error(
         "--urdf, --base and --tip are for --format urdf; {0} has no use for them: leave them out"
     )]
     NoUseForUrdf(&'static str),
-    /// The MCAP writer failed.
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
-    /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Write(#[from] io::Error),
-    /// The CSV writer failed.
     #[error(transparent)]
     Csv(#[from] csv::Error),
-    /// The JSON writer failed.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
 }
 
-/// The fault in a file that is exported, or in the file made from it.
 #[derive(Debug)]
 pub enum ExportErrorKind {
-    /// The file holds another table.
     OtherTable {
         /// The table in the file, or that there is none.
         found: String,
-        /// Name of the format.
         format: &'static str,
-        /// The tables that it is made from.
         needs: &'static str,
     },
-    /// The table has no row.
     Empty,
-    /// Rows differ in a value that all should share.
     NotOne {
         column: String,
-        /// Number of the row that differs.
         row: usize,
     },
-    /// An arm that URDF cannot say: what it has.
     NoUrdf(&'static str),
-    /// An arm that the wanted convention cannot state.
     Convention(RestateError),
     /// An arm that is not one of Universal Robots: why, or `None` for one without six axes.
     NoUr(Option<OriginsError>),
-    /// A URDF without the chain that is asked for.
     NoChain(UrdfChainError),
-    /// A chain that is not the run's arm.
     OtherChain(OriginsError),
-    /// The file cannot be read.
     NotRead(io::Error),
-    /// The file is in no lake.
     NoLake,
-    /// The stations are of another run.
     OtherRun {
-        /// The run of the file.
         found: String,
-        /// The run of the residuals.
         expected: String,
     },
-    /// The output file exists already.
     Exists,
-    /// The file cannot be written.
     NotWritten(io::Error),
 }
 
 impl ExportErrorKind {
-    /// This problem of the file at `path`.
     pub fn at(self, path: &Path) -> ExportError {
         ExportError::At { path: path.to_owned(), kind: self }
     }
 
-    /// The message for a person, with the file's path.
     fn message(&self, path: &Path) -> String {
         let path = path.display();
         match self {

@@ -1,7 +1,5 @@
-//! Input files other than logs: only files are opened, and read only up to a bound.
-//!
-//! Reading a pipe, a device or a socket under a file's name could wait without end, and a file may be larger than the
-//! memory, whatever size the file system states. Both are reported before anything is read.
+//! Input files other than logs: only files are opened, and read only up to a bound. A pipe, a device or a socket could
+//! wait without end, and a file may be larger than the memory, whatever size the file system states.
 
 use std::fs::{File, FileType};
 use std::io::{self, Read as _};
@@ -12,12 +10,9 @@ use thiserror::Error;
 use super::log::Limits;
 use super::system;
 
-/// The largest size of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bound {
-    /// The size, bytes.
     pub bytes: u64,
-    /// Advice where a file is larger.
     pub advice: &'static str,
 }
 
@@ -44,7 +39,6 @@ impl Bound {
     /// For a table of a run where there is no pipeline file.
     pub const TABLE: Self = Self { bytes: 1 << 30, advice: "is it a table of a run?" };
 
-    /// For the files of a session other than its logs.
     pub const fn of(limits: Limits) -> Self {
         Self { bytes: limits.file_bytes, advice: "if that is right, raise file_bytes in [limits]" }
     }
@@ -56,24 +50,17 @@ impl Bound {
     }
 }
 
-/// The reason why a file is not read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 enum Refused {
-    /// Not a regular file.
     #[error("it is {0}, and only files are read")]
     NoFile(&'static str),
-    /// Larger than the limit.
     #[error("it has {found} bytes, more than the limit of {limit}; {advice}")]
     TooLarge { found: u64, limit: u64, advice: &'static str },
-    /// Larger than the limit, although the file system stated less.
     #[error("it continues after the limit of {limit} bytes; {advice}")]
     GoesOn { limit: u64, advice: &'static str },
 }
 
-/// Opens a file that is not too large.
-///
-/// # Errors
-/// The system's own; and for anything but a file, or a file above the bound, an error that states so.
+/// An error for anything but a file, and for a file above the bound.
 pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
     let metadata = path.metadata()?;
     if let Some(other) = other_than_file(metadata.file_type()) {
@@ -89,9 +76,6 @@ pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
     File::open(path)
 }
 
-/// Reads the bytes of a file that is not too large.
-///
-/// # Errors
 /// Those of [`open`], and an error where there are more bytes than the file system stated.
 pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
@@ -103,9 +87,6 @@ pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads the text of a file that is not too large.
-///
-/// # Errors
 /// Those of [`bytes()`], and an error where it is not UTF-8.
 pub fn text(path: &Path, bound: Bound) -> io::Result<String> {
     let bytes = bytes(path, bound)?;
@@ -116,8 +97,7 @@ pub fn text(path: &Path, bound: Bound) -> io::Result<String> {
     })
 }
 
-/// What a reader of TOML says is wrong, in a line: where, and what. The reader's own text draws the line of the file on lines of its
-/// own, which a message cannot have.
+/// The fault of a TOML file, in a line: the reader's own text draws lines of the file.
 pub fn toml_problem(error: &toml::de::Error) -> String {
     let drawn = error.to_string();
     let place = drawn.lines().next().unwrap_or_default();
@@ -131,7 +111,6 @@ fn refused(refused: Refused) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, refused)
 }
 
-/// The kind of a thing that is no file; `None` for a file.
 fn other_than_file(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;

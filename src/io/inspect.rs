@@ -1,8 +1,5 @@
-//! Inspect: a log file → a summary of each channel: types, rates, gaps, clocks, damage.
-//!
-//! 1. Read the log like ingest ([`super::log`]), so damage is what ingest would lose.
-//! 2. From each message take log time, publish time, sequence and, where its schema has one, the header stamp.
-//! 3. Sum up each channel block by block, in the order of the file; no message is kept.
+//! Inspect: a log file → a summary of each channel: types, rates, gaps, clocks, damage. The log is read like ingest
+//! does ([`super::log`]), so damage is what ingest would lose; no message is kept.
 
 mod clock;
 mod sizes;
@@ -25,27 +22,20 @@ pub use sizes::Sizes;
 
 /// Most joint names of a message that are kept, and most letters of each: as many as an arm can have.
 const MOST_JOINTS: usize = 64;
-/// The longest message that is kept for guessing its fields.
 const LONGEST_SAMPLE: usize = 64 * 1024;
-/// Most bytes of joint names and guessed fields that are kept of one file.
 const MOST_GUESSES: usize = 4 * 1024 * 1024;
-/// Bytes of the shortest message record.
 const SHORTEST_MESSAGE: u64 = 31;
 
-/// The contents of one log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
-    /// Size, header, chunks, metadata and damage of the file.
     pub read_summary: ReadSummary,
     /// Its channels, sorted by topic.
     pub channels: Vec<ChannelSummary>,
 }
 
-/// The contents of one channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelSummary {
     pub topic: String,
-    /// Encoding of the messages.
     pub encoding: String,
     /// The message type and its definition, shared by the channels that have it; `None` without a schema.
     pub schema: Option<Arc<Schema>>,
@@ -53,22 +43,16 @@ pub struct ChannelSummary {
     pub suggestion: Option<Suggestion>,
     /// The fields of its first message with their values, where it is JSON without a schema and nothing is suggested.
     pub fields: Vec<String>,
-    /// Summary of its messages.
     pub traffic: Box<Traffic>,
 }
 
 /// The messages of one channel, or of a part of it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Traffic {
-    /// Number of messages.
     pub messages: u64,
-    /// Bytes of all messages.
     pub bytes: u64,
-    /// Summary of log times.
     pub log: ClockSummary,
-    /// Summary of publish times.
     pub publish: ClockSummary,
-    /// Summary of header stamps, where messages have them.
     pub header: ClockSummary,
     /// Log time minus header stamp.
     pub log_less_header: Differences,
@@ -76,11 +60,9 @@ pub struct Traffic {
     pub log_less_publish: Differences,
     /// Largest sequence number; 0 where the recorder does not count.
     pub last_sequence: u32,
-    /// Steps of the sequence number other than one.
     pub sequence_jumps: u64,
     /// Number of messages that do not fit their schema.
     pub unreadable: u64,
-    /// The size of its angles or positions.
     pub sizes: Sizes,
     /// Joint names of the first message; empty unless they are joint states.
     pub joints: Vec<String>,
@@ -106,7 +88,6 @@ impl ChannelSummary {
         self.traffic.sizes.unit(self.suggestion.as_ref()?.layout)
     }
 
-    /// The time source that suits the channel best.
     pub fn best_time(&self) -> TimeSource {
         let Traffic { header, messages, .. } = &*self.traffic;
         let suggestion = self.suggestion.as_ref();
@@ -149,7 +130,6 @@ impl Traffic {
         self.messages += 1;
     }
 
-    /// Adds the part that follows in the file.
     fn append(&mut self, later: Self) {
         if let Some((first, last)) = later.sequences {
             self.count_sequence(first, last);
@@ -183,7 +163,6 @@ impl Traffic {
     }
 }
 
-/// Reads a log and summarises it.
 pub fn inspect(
     path: &Path,
     limits: Limits,
@@ -200,7 +179,6 @@ pub fn inspect(
 
 /// The values to take from a channel's messages.
 struct Take {
-    /// The channel's place among all.
     place: usize,
     kind: Arc<Kind>,
 }
@@ -223,7 +201,6 @@ impl Kind {
         }
     }
 
-    /// Whether it is of this schema: another log of the file may give its id to another one.
     fn is_of(&self, schema: Option<&Arc<Schema>>) -> bool {
         match (&self.schema, schema) {
             (Some(own), Some(schema)) => Arc::ptr_eq(own, schema),
@@ -245,7 +222,6 @@ struct Part {
     traffic: BTreeMap<usize, Box<Traffic>>,
 }
 
-/// A channel, and its summary so far.
 struct Surveyed {
     topic: String,
     encoding: String,

@@ -2,22 +2,15 @@
 //! `report/ROBOT/SESSION/RUN.html`, in a folder or on object storage ([`crate::store`]).
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
-//! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
-//!    the lake yet. A table whose rows are written before the run has a result ([`OpenTable`]) waits under a
-//!    temporary name ([`OpenRun::keep`]).
-//! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several processes that commit
-//!    the same run exactly one succeeds, and no file of a committed run is ever written again.
+//! 2. [`OpenRun::publish`] writes a table whole or not at all; a table that is written before the run has a result
+//!    ([`OpenTable`]) waits under a temporary name ([`OpenRun::keep`]).
+//! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several processes that
+//!    commit the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
-//! The results of stages that runs start from are written likewise, and exist by the rows of their stage ([`Stage`], [`Lake::start_in`]).
-//!
-//! The lake also holds the requests that changed the current run of a session ([`Lake::ask`]), and records of the files corrected with its
-//! tables ([`Correction`]); and beside the tables, as no part of them, what
-//! histories keep (`history`), the index of finished work (`index`) and the tables for people
-//! by month ([`CompactState`]).
-//!
-//! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
-//! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
-//! the same work at once.
+//! Results of stages exist likewise by the rows of their [`Stage`] ([`Lake::start_in`]). The lake also holds requests
+//! ([`Lake::ask`]) and records of corrected files ([`Correction`]), and beside the tables what histories keep, the
+//! index of finished work and the compact form. Files of a run that never committed are overwritten by the next run
+//! that does the same work; readers join `runs`.
 
 mod asked;
 mod compact;
@@ -63,7 +56,6 @@ pub use vouch::{VouchedBy, read_given};
 /// The folder of the pages, next to those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";
 
-/// The table whose rows make runs exist.
 const RUNS: &str = "runs";
 
 /// A stage whose results later runs start from. A result exists by its row, and has one other table.
@@ -114,14 +106,12 @@ impl Stage {
     }
 }
 
-/// Published tables, in a folder or on object storage.
 #[derive(Debug, Clone)]
 pub struct Lake {
     store: Arc<dyn Store>,
 }
 
 impl Lake {
-    /// The lake in the folder `root`, which is created when first written to.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self { store: Arc::new(Folder::new(root)) }
     }
@@ -133,7 +123,6 @@ impl Lake {
         Ok(Self { store })
     }
 
-    /// Place of the lake.
     pub fn root(&self) -> Place {
         self.store.place("")
     }
@@ -168,12 +157,10 @@ impl Lake {
         self.has(PAGES, key)
     }
 
-    /// Whether there is a file of a run: the table of that name, or its page ([`PAGES`]).
     pub fn has(&self, table: &str, key: &RunKey) -> Result<bool, LakeError> {
         Ok(self.store.exists(&file_key(table, key)?)?)
     }
 
-    /// Begins a run; `None` when the lake has it.
     pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
         self.start_in(RUNS, key)
     }
@@ -187,7 +174,6 @@ impl Lake {
         Ok((!self.has(rows, key)?).then(|| OpenRun::new(self, key, rows)))
     }
 
-    /// Opens a file of a run: the table of that name, or its page ([`PAGES`]).
     pub fn open(&self, table: &str, key: &RunKey) -> Result<File, LakeError> {
         Ok(self.store.open(&file_key(table, key)?)?)
     }
@@ -205,7 +191,6 @@ impl Lake {
         Ok(html)
     }
 
-    /// Copies the files of a session in these tables into a lake in a folder.
     pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
         for table in tables {
             for listed in self.store.list(&session_key(table, key)?, 0..=0)? {
@@ -215,7 +200,6 @@ impl Lake {
         Ok(())
     }
 
-    /// Copies the files of a run in these tables into a lake in a folder.
     pub fn copy_run(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
         for table in tables {
             if self.has(table, key)? {
@@ -304,7 +288,6 @@ fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
     Ok(format!("{}/{run}.{ending}", session_key(table, key)?))
 }
 
-/// The key of the folder of a session's runs.
 fn session_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
     let (robot, session) = (encoded("robot", &key.robot)?, encoded("session", &key.session)?);
     Ok(format!("{table}/{robot}/{session}"))

@@ -1,8 +1,5 @@
-//! Log writer: a recording → the two MCAP logs that a cell would have written, in ROS 2 CDR.
-//!
-//! Inputs: a [`Recording`] in the crate's units and the joints' names. Outputs: `controller.mcap` with `/joint_states`
-//! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose`, `/tracker/point` or, where readings state covariances,
-//! `/tracker/pose_with_covariance`, `/tracker/temperature`, and `/lengths/NAME` of each instrument of one length; metres, radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
+//! Log writer: a recording → the two MCAP logs that a cell would have written, in ROS 2 CDR: metres, radians, header
+//! stamps in each instrument's own clock. The same recording gives the same bytes.
 
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
@@ -32,36 +29,21 @@ const LATENCY_NS: u64 = 200_000;
 /// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// The reason why a log cannot be written.
 #[derive(Debug, Error)]
 pub enum LogWriteError {
-    /// The writer or the disk refused the log.
     #[error(
         "the log was not written: {0}; check the space and the permissions of the output folder"
     )]
     Mcap(#[from] mcap::McapError),
-    /// The format cannot hold a stamp.
     #[error(
         "{topic}: stamp {ns} ns does not fit a ROS 2 time (1970 to 2038); choose another clock origin or offset"
     )]
-    Stamp {
-        topic: String,
-        /// The stamp, ns since 1970.
-        ns: i64,
-    },
-    /// A message has more values than the format can count.
+    Stamp { topic: String, ns: i64 },
     #[error("{topic}: a message has {found} values, the format counts at most 4294967295")]
-    TooLong {
-        topic: String,
-        /// Number of values.
-        found: usize,
-    },
+    TooLong { topic: String, found: usize },
 }
 
-/// Writes the controller's log: joint states by `joint_names`, and commands.
-///
-/// # Panics
-/// When the recording's columns are not of equal length.
+/// Columns of the recording have one length.
 pub fn write_controller_log<W: Write + Seek>(
     sink: W,
     recording: &Recording,
@@ -77,10 +59,7 @@ pub fn write_controller_log<W: Write + Seek>(
     ])
 }
 
-/// Writes the tracker's log: poses of a 6-DoF target or points of a reflector, and temperatures.
-///
-/// # Panics
-/// When the recording's columns are not of equal length.
+/// Poses of a 6-DoF target or points of a reflector, and temperatures.
 pub fn write_tracker_log<W: Write + Seek>(
     sink: W,
     recording: &Recording,
@@ -96,13 +75,11 @@ pub fn write_tracker_log<W: Write + Seek>(
     log.write(sink, session)
 }
 
-/// The content of a tracker's log.
 #[derive(Debug, Clone, Copy)]
 pub struct TrackerLog<'a> {
     /// Readings of a single target, or of several that are not named.
     pub readings: &'a TargetReadings,
-    /// Readings of several targets with their names, in the place of `readings`: each message names its target (`child_frame_id`) and has
-    /// its position and no rotation. Empty of a single target.
+    /// Stands in place of `readings`: each message names its target (`child_frame_id`) and has no rotation.
     pub targets: &'a [(String, TargetReadings)],
     /// Readings of references with their names, likewise; empty without references.
     pub references: &'a [(String, TargetReadings)],
@@ -112,10 +89,7 @@ pub struct TrackerLog<'a> {
 }
 
 impl TrackerLog<'_> {
-    /// Writes the log; the session's record stands in its metadata.
-    ///
-    /// # Panics
-    /// When the columns of readings are not of equal length.
+    /// The session's record stands in the log's metadata.
     pub fn write<W: Write + Seek>(
         &self,
         sink: W,
@@ -137,7 +111,6 @@ impl TrackerLog<'_> {
         log.write_in_time_order(topics)
     }
 
-    /// The messages of the targets, and their topic.
     fn of_targets(&self) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
         if !self.targets.is_empty() {
             return named_messages(targets_topic(), self.targets);
@@ -154,7 +127,6 @@ impl TrackerLog<'_> {
     }
 }
 
-/// The messages of readings with names on a topic.
 fn named_messages(
     topic: Topic,
     all: &[(String, TargetReadings)],
@@ -172,7 +144,6 @@ struct Encoded {
     body: Vec<u8>,
 }
 
-/// Starts a message with its header and gives it to `fill`.
 fn encoded(
     topic: &str,
     ns: i64,
@@ -335,8 +306,7 @@ impl<W: Write + Seek> Log<W> {
         Ok(Self { writer })
     }
 
-    /// Writes the messages of all topics in the order of their stamps; where stamps are equal, the earlier topic comes
-    /// first.
+    /// Messages are in the order of stamps; where they are equal, the earlier topic comes first.
     fn write_in_time_order(
         &mut self,
         topics: Vec<(Topic, Vec<Encoded>)>,

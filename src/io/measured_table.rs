@@ -1,12 +1,7 @@
-//! A table of measured values as people have it: CSV, TSV, Parquet, JSON, YAML or a spreadsheet → named columns of cells.
-//!
-//! 1. The form of the file follows from its first bytes, then from its extension.
-//! 2. A text becomes UTF-8, its separator and its decimal mark are found in its rows; a spreadsheet has cells already.
-//! 3. The header, a line of units and the first row are found; above them may stand a title.
-//! 4. Each row with as many cells as the header becomes a row of the table; every other is left out, with its reason.
-//! 5. JSON, YAML and Parquet name their columns themselves: nested values become `pose.x` and `joints[0]`.
-//!
-//! Nothing here knows stations, joints or units: that is the mapping of columns, which comes after.
+//! A table of measured values as people have it: CSV, TSV, Parquet, JSON, YAML or a spreadsheet → named columns of
+//! cells. The form of the file follows from its first bytes, then from its extension; separator, decimal mark, header
+//! and units are found in its rows. Rows of another length are left out, with the reason. Nothing here knows stations,
+//! joints or units.
 
 mod cells;
 mod decoded;
@@ -41,24 +36,20 @@ pub struct Form {
     pub separator: Option<char>,
     /// The decimal mark of numbers that are written as text, `.` or `,`.
     pub decimal: Option<char>,
-    /// Name of the sheet of a spreadsheet.
     pub sheet: Option<String>,
     /// Line of the header, from 1, in a text or a sheet.
     pub header: Option<u64>,
 }
 
-/// The value in one row and column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cell<'a> {
-    /// Nothing is written there.
     Blank,
-    /// The double nearest to the number that is written there; NaN where the file writes `nan` or `inf` in any spelling.
+    /// The double nearest to the number that is written there; NaN where the file writes `nan` or `inf` in any
+    /// spelling.
     Number(f64),
-    /// The text written there, where it is no number.
     Text(&'a str),
 }
 
-/// A row of the file that is no row of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RowLeftOut {
     /// Its line, as [`MeasuredTable::line`] counts.
@@ -66,21 +57,12 @@ pub struct RowLeftOut {
     pub reason: LeftOutFor,
 }
 
-/// Why a row of the file is no row of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LeftOutFor {
-    /// It has fewer or more cells than the header.
     #[error("it has {found} cells, and the table {wanted} columns")]
-    Cells {
-        /// Number of its cells.
-        found: usize,
-        /// Number of columns.
-        wanted: usize,
-    },
-    /// It repeats the header or the units.
+    Cells { found: usize, wanted: usize },
     #[error("it repeats the header")]
     Header,
-    /// It is a comment.
     #[error("it is a comment")]
     Comment,
     /// It is a single value, a list or nothing where the others are objects.
@@ -88,7 +70,6 @@ pub enum LeftOutFor {
     NoObject,
 }
 
-/// Records of the file by what became of them. Every record is in one of the four.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Records {
     /// Rows of the table.
@@ -101,14 +82,10 @@ pub struct Records {
     pub blank: usize,
 }
 
-/// What [`MeasuredTable::line`] counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
-    /// Lines of a text.
     Line,
-    /// Rows of a sheet or of a Parquet file.
     Row,
-    /// Records of a JSON text.
     Record,
 }
 
@@ -123,7 +100,6 @@ impl Counted {
     }
 }
 
-/// Rows and columns of one file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredTable {
     columns: Vec<String>,
@@ -137,8 +113,8 @@ pub struct MeasuredTable {
 }
 
 impl MeasuredTable {
-    /// Names of the columns in the order of the file, without spaces at their ends; a column without a name has its number,
-    /// from 1. Two may have one name: see [`Self::find`].
+    /// Names in the order of the file, without spaces at their ends; a column without a name has its number, from 1.
+    /// Two may have one name: see [`Self::find`].
     pub fn columns(&self) -> &[String] {
         &self.columns
     }
@@ -148,12 +124,10 @@ impl MeasuredTable {
         self.find(name).ok()
     }
 
-    /// The place of the column of this name.
     pub fn find(&self, name: &str) -> Result<usize, ColumnError> {
         error::find(&self.columns, name)
     }
 
-    /// Number of rows.
     pub fn row_count(&self) -> usize {
         self.lines.len()
     }
@@ -174,7 +148,6 @@ impl MeasuredTable {
         self.cells.get(row * self.columns.len() + column)
     }
 
-    /// Rows of the file that are no rows of the table, in the order of the file.
     pub fn left_out(&self) -> &[RowLeftOut] {
         &self.left_out
     }
@@ -184,8 +157,7 @@ impl MeasuredTable {
         self.records
     }
 
-    /// The second header line, of units, without brackets; one for each column, empty where none is written. `None` where the
-    /// file has no such line.
+    /// The line of units, without brackets; empty for a column without. `None` without such a line.
     pub fn units(&self) -> Option<&[String]> {
         self.units.as_deref()
     }
@@ -198,15 +170,11 @@ impl MeasuredTable {
 
 /// Most columns of a table.
 const MOST_COLUMNS: usize = 4096;
-/// Most bytes of a column's name.
 const LONGEST_NAME: usize = 1024;
 /// Most cells of a table: half a gigabyte of them.
 const MOST_CELLS: usize = 1 << 26;
 
-/// Reads a file of measured values.
-///
-/// # Errors
-/// [`MeasuredTableError`] names the file and, wherever there is one, line and column.
+/// Errors name the file and, wherever there is one, line and column.
 pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, MeasuredTableError> {
     let read = || {
         form.check()?;
@@ -225,16 +193,13 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
     read().map_err(|kind: MeasuredTableErrorKind| At::new(path.display(), kind))
 }
 
-/// The forms of files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FileKind {
-    /// Lines of cells.
     Text,
     Json,
     Yaml,
     Parquet,
     Xlsx,
-    /// A workbook that is not read: which kind.
     OtherBook(&'static str),
 }
 
@@ -242,9 +207,7 @@ enum FileKind {
 const ODF: &[u8] = b"application/vnd.oasis.opendocument.spreadsheet";
 
 impl FileKind {
-    /// Spreadsheets of ODF.
     const ODS: Self = Self::OtherBook("a spreadsheet of ODF (.ods)");
-    /// Workbooks of Excel up to 2003.
     const XLS: Self = Self::OtherBook("a workbook of Excel up to 2003 (.xls)");
 
     /// The form that the first bytes of a file show; of a text that its name says, where lines of cells may begin so.

@@ -1,11 +1,6 @@
-//! A robot file of either kind → [`RobotFile`]: TOML as it is written, or a chain of a URDF.
-//!
-//! 1. [`text`] reads the file, up to a bound;
-//! 2. [`read`] makes a robot file of the text, by what it begins with: a `<` begins a URDF ([`urdf`]);
-//! 3. [`written`] states a robot file as TOML;
-//! 4. [`poses`] reads joint positions, for the flange there.
-//!
-//! [`ready`] holds the robot files that are part of the program.
+//! A robot file of either kind → [`RobotFile`]: TOML as it is written, or a chain of a URDF, which begins with `<`
+//! ([`urdf`]). [`written`] states a robot file as TOML, [`poses`] reads joint positions, and [`ready`] holds the robot
+//! files of the program.
 
 pub mod poses;
 pub mod ready;
@@ -23,7 +18,6 @@ use urdf::UrdfError;
 
 pub use urdf::LeftOut;
 
-/// The part of a robot file that is the arm, and the names of its joints.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Selection {
     /// The link of a URDF that is the base; its root where absent.
@@ -34,7 +28,6 @@ pub struct Selection {
     pub joints: Option<Vec<String>>,
 }
 
-/// A robot file, and what was left out of the file that it was read from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Read {
     pub file: RobotFile,
@@ -42,31 +35,21 @@ pub struct Read {
     pub left_out: Option<LeftOut>,
 }
 
-/// A reason why a text is no robot file.
 #[derive(Debug, Error)]
 pub enum RobotFault {
-    /// The TOML is no robot file.
     #[error("{}", toml_problem(.0))]
     Toml(Box<toml::de::Error>),
-    /// The URDF has no such chain.
     #[error(transparent)]
     Urdf(#[from] Box<UrdfError>),
-    /// Links chosen in a file that has none.
     #[error(
         "base and tip name links of a URDF, and this robot file is TOML, whose chain is the arm: take them out"
     )]
     NoLinks,
-    /// Other names than there are joints.
     #[error(
         "joints names {}, but the controller reports {}, from base to flange: {}; name each of them",
         counted(*.found), counted(.joints.len()), .joints.join(", ")
     )]
-    Names {
-        /// Number of names.
-        found: usize,
-        /// The reported joints as the file names them, quoted.
-        joints: Vec<String>,
-    },
+    Names { found: usize, joints: Vec<String> },
 }
 
 fn counted(count: usize) -> String {
@@ -76,16 +59,11 @@ fn counted(count: usize) -> String {
     }
 }
 
-/// Reads the text of a robot file.
-///
-/// # Errors
-/// Those of [`input::text`].
 pub fn text(path: &Path) -> io::Result<String> {
     let is_toml = path.extension().is_some_and(|ending| ending == "toml");
     input::text(path, if is_toml { Bound::SETTINGS } else { Bound::URDF })
 }
 
-/// Makes a robot file of the text of the file at `path`.
 pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, RobotFault> {
     let mut read = if is_urdf(path, text) {
         let (file, left_out) = urdf::read(path, text, selection)?;
@@ -111,7 +89,6 @@ fn is_urdf(path: &Path, text: &str) -> bool {
     begins.starts_with('<') || ending.is_some_and(|own| endings.contains(&own))
 }
 
-/// Gives the reported joints other names.
 fn rename(file: &mut RobotFile, names: &[String]) -> Result<(), RobotFault> {
     let reported = || file.joint.iter().filter(|joint| joint.is_reported());
     let own: Vec<String> = reported().map(|joint| joint.name.clone()).collect();

@@ -1,11 +1,7 @@
-//! Tables of stations, as people have them instead of logs → rows for [`crate::join::tabled`], by `[stations]` of a pipeline file.
-//!
-//! 1. [`measured_table`] reads the file: named columns of cells, whatever its form.
-//! 2. `columns`: each value of `[stations]` is found among the columns, a sum or difference of several where it is one.
-//! 3. `rows`: rows become joint angles, commands and readings in rad, mm and ns. What cannot be used is left out with its line,
-//!    its column and the reason: read = kept + rejected.
-//!
-//! A table may name robots and sessions in columns: [`named`] lists them, and [`own_text`] are the rows of one, which its run follows from.
+//! Tables of stations, as people have them instead of logs → rows for [`crate::join::tabled`], by `[stations]` of a
+//! pipeline file. [`measured_table`] reads the file; each value is found among its columns (`columns`); rows become
+//! joint angles, commands and readings in rad, mm and ns (`rows`). What cannot be used is left out with line, column
+//! and reason.
 
 mod columns;
 mod error;
@@ -29,16 +25,12 @@ use columns::Columns;
 pub use error::{StationTableError, StationTableErrorKind};
 pub use write::{LengthColumn, Read, csv};
 
-/// What was read from a table of stations.
 #[derive(Debug)]
 pub struct StationTable {
-    /// Its rows, and what was left out.
     pub rows: Rows,
     /// Number of rows read, those left out among them.
     pub read: u64,
-    /// Covariances that its rows state, by what became of them.
     pub covariances: CovarianceCounts,
-    /// What was found of the table's form.
     pub remarks: Vec<String>,
 }
 
@@ -49,7 +41,8 @@ pub struct Whose {
     pub session: Option<String>,
 }
 
-/// The rows of the stations in the table at `path` that are of this robot and session; `slides` says of each joint whether it slides, in mm.
+/// The rows of the stations in the table at `path` that are of this robot and session; `slides` says of each joint
+/// whether it slides, in mm.
 pub fn read(
     path: &Path,
     settings: &StationsSettings,
@@ -92,8 +85,8 @@ pub fn named(
     Ok((names, nameless))
 }
 
-/// The columns and cells of own rows as text, which the digest of a session's input is made of: rows of other robots and sessions, and
-/// the form of the file, change nothing of it.
+/// The columns and cells of own rows as text, for the digest of a session's input: rows of others, and the form of the
+/// file, change nothing of it.
 pub fn own_text(
     path: &Path,
     settings: &StationsSettings,
@@ -133,7 +126,6 @@ fn open(
     measured_table::read(path, bound, &form).map_err(|error| At::new(error.place, error.kind))
 }
 
-/// The columns that name robots and sessions.
 struct NameColumns {
     robot: Option<usize>,
     session: Option<usize>,

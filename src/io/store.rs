@@ -1,10 +1,6 @@
-//! A store of whole files under keys: a folder, or a bucket of S3-compatible storage.
-//!
-//! A key is a path within the store, with `/` between its parts: `runs/ROBOT/SESSION/RUN.parquet`. A store does not know
-//! the meaning of its files; the lake ([`crate::lake`]) and the reading of logs use these few operations. Only
-//! [`Store::create`] has to distinguish processes: of several that create one key exactly one succeeds.
-//!
-//! Buckets need the feature `s3`; their asynchronous code stays inside `bucket`.
+//! A store of whole files under keys (`runs/ROBOT/SESSION/RUN.parquet`): a folder, or a bucket of S3-compatible storage
+//! (feature `s3`). Only [`Store::create`] has to distinguish processes: of several that create one key exactly one
+//! succeeds.
 
 #[cfg(feature = "s3")]
 mod bucket;
@@ -25,7 +21,6 @@ pub use error::{BucketTrouble, StoreError, advice};
 pub use folder::Folder;
 pub use place::Place;
 
-/// A store of whole files under keys.
 pub trait Store: Debug + Send + Sync {
     /// Place of the file with a key, whether or not it is there; the empty key is the store as a whole.
     fn place(&self, key: &str) -> Place;
@@ -40,7 +35,6 @@ pub trait Store: Debug + Send + Sync {
         Ok(())
     }
 
-    /// Whether there is a file with this key.
     fn exists(&self, key: &str) -> Result<bool, StoreError>;
 
     /// Opens a file for reading: it stays readable as it is now, whatever happens to the key later.
@@ -51,7 +45,6 @@ pub trait Store: Debug + Send + Sync {
         self.open(&listed.key)
     }
 
-    /// Copies a file, as it was listed, into a local file.
     fn copy_to(&self, listed: &Listed, mut to: File) -> Result<(), StoreError> {
         let mut from = self.open_listed(listed)?;
         let place = self.place(&listed.key).named();
@@ -64,23 +57,20 @@ pub trait Store: Debug + Send + Sync {
         listed.iter().map(|listed| self.open_listed(listed)).collect()
     }
 
-    /// The files that are `levels` folders below a folder, in the order of their names, part by part; empty where there is
-    /// no such folder. Files whose names begin with a dot are temporaries, and not listed.
+    /// Files `levels` folders below a folder, by name, part by part; none where there is no such folder, nor
+    /// temporaries, whose names begin with a dot.
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError>;
 
-    /// The keys of all files below a folder, or of the store where that is empty, at any depth and hidden ones too, in the
-    /// order of their names, part by part. Links to folders are followed as deep as a lake is, and no deeper.
+    /// All files below a folder, or of the store where that is empty, hidden ones too, by name, part by part. Links to
+    /// folders are followed as deep as a lake is.
     fn all(&self, folder: &str) -> Result<Vec<String>, StoreError>;
 
-    /// A local file to write before it is put under the key.
     fn temporary(&self, key: &str) -> Result<Temporary, StoreError>;
 
-    /// Puts a written file under the key, whether or not one is there; it appears completely or not at all. Returns its
-    /// tag.
+    /// Whether or not a file is there; it appears completely or not at all.
     fn put(&self, key: &str, written: Temporary) -> Result<Tag, StoreError>;
 
-    /// Puts a written file under the key if there is none yet. Of several that create one key at once exactly one gets
-    /// `true`.
+    /// `true` if there was none yet: for exactly one of several that create one key at once.
     fn create(&self, key: &str, written: Temporary) -> Result<bool, StoreError>;
 
     /// The tag of the file under the key now.
@@ -96,7 +86,6 @@ pub type Tag = Option<String>;
 /// A file that a store lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Key of the file.
     pub key: String,
     /// Tag of its content.
     pub tag: Tag,
@@ -106,10 +95,7 @@ pub struct Listed {
     pub modified: Option<SystemTime>,
 }
 
-/// The store at a place.
-///
-/// # Errors
-/// When it is a bucket and this program was built without buckets, or the environment does not state how to reach it.
+/// An error for a bucket without the feature, or when the environment does not state how to reach it.
 pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
     match place {
         Place::Path(path) => Ok(Arc::new(Folder::new(path))),

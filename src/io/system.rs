@@ -1,7 +1,5 @@
-//! What operating systems do each in their own way: reading by position, files of other kinds, stdout without a buffer, names
-//! that last.
-//!
-//! Linux is the system of every proof; Windows, which trackers' computers run, does the main job under Wine.
+//! Operations that operating systems do each in their own way. Linux is the system of every proof; Windows, which
+//! trackers' computers run, does the main job under Wine.
 
 use std::fs::{File, FileType};
 use std::io;
@@ -76,8 +74,8 @@ pub fn write_stdout(bytes: &[u8]) -> io::Result<()> {
     }
 }
 
-/// Makes the names in a folder last: on Unix a new name is permanent only once its folder is synced. NTFS keeps a journal of
-/// names, and Windows syncs no folders.
+/// Makes the names in a folder last: on Unix a new name is permanent only once its folder is synced; NTFS keeps a
+/// journal of names.
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     File::open(folder)?.sync_all()?;

@@ -1,14 +1,6 @@
-//! Tables: typed columns → a checked Arrow batch → a Parquet file, and back.
-//!
-//! 1. [`Columns`] takes whole columns by name and puts them in the order of the schema.
-//! 2. Every column is checked against its contract: type, length, nulls, finite numbers, allowed words.
-//! 3. Rows of a published table are sorted by the schema's `order`; two rows with the same name are refused.
-//! 4. A struct of typed fields is the rows of a table ([`Row`]): it makes the columns, and is read back from them.
-//! 5. [`write()`] and [`read()`] convert a [`Table`] to the bytes of a Parquet file and back; a file is checked when it is
-//!    read.
-//!
-//! The same values give the same bytes. Every file carries the digest of its content (`digest`), and a published table is
-//! compared with it when it is read.
+//! Tables: typed columns → a checked Arrow batch → a Parquet file, and back. Every column is checked against its
+//! contract, rows are sorted by the schema's `order`, and two rows with the same name are refused. The same values give
+//! the same bytes. Every file carries the digest of its content (`digest`).
 
 mod cell;
 mod check;
@@ -41,7 +33,6 @@ pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 use super::schema::TableSchema;
 use crate::manifest::RunKey;
 
-/// Rows of one table that keep its contract.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     schema: &'static TableSchema,
@@ -52,7 +43,6 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table's contract.
     pub const fn schema(&self) -> &'static TableSchema {
         self.schema
     }
@@ -77,25 +67,19 @@ impl Table {
         &self.batch
     }
 
-    /// The number of rows.
     pub fn rows(&self) -> usize {
         self.batch.num_rows()
     }
 
-    /// A column of numbers.
-    ///
-    /// # Panics
-    /// When the schema has no such column of that type; the same holds for the other accessors.
+    /// Panics when the schema has no such column of that type, as the other accessors do.
     pub fn f64(&self, column: &str) -> &Float64Array {
         self.array(column).as_primitive::<Float64Type>()
     }
 
-    /// A column of whole numbers.
     pub fn i64(&self, column: &str) -> &Int64Array {
         self.array(column).as_primitive::<Int64Type>()
     }
 
-    /// A column of truth values.
     pub fn bool(&self, column: &str) -> &BooleanArray {
         self.array(column).as_boolean()
     }

@@ -1,11 +1,7 @@
 //! Files of targets, CSV, Parquet, JSON or KUKA data lists → [`Target`]s; their commands → files of the same kinds.
-//!
-//! 1. [`read()`] takes the columns of `schemas/targets.toml` by name, or the positions of a data list ([`krl`]), and refuses
-//!    a file with any wrong value, by its row and column: half a program is worse than none.
-//! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
-//! 3. [`write_csv()`] and [`write_json()`] write a table with lengths to the nanometre, joint angles in a column each;
-//!    [`super::table::write()`] writes Parquet, and [`krl::DataList::write`] a data list with its commands.
-//! 4. [`driving::read()`] reads such a file again, for the session that it drove.
+//! [`read()`] refuses a file with any wrong value, by its row and column: half a program is worse than none.
+//! [`corrected`] makes table `corrected_targets`; [`driving::read()`] reads such a file again, for the session that it
+//! drove.
 
 mod angles;
 mod bounded;
@@ -44,7 +40,6 @@ pub use write_json::write_json;
 pub use super::tables::words::Form;
 
 impl Form {
-    /// The form that a file's name says.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
         let extension =
             path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
@@ -58,14 +53,12 @@ impl Form {
     }
 }
 
-/// The targets of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets {
     /// The targets in the file's order.
     pub targets: Vec<Target>,
     /// Columns of the file with values that no correction uses.
     pub unused: Vec<String>,
-    /// The units of joint angles in the file.
     pub units: JointUnits,
     /// The text around the targets, where the file is a data list; otherwise `None`.
     pub list: Option<DataList>,
@@ -81,7 +74,6 @@ fn rows(path: &Path) -> Result<Rows, TargetsError> {
     }
 }
 
-/// Reads a file of targets; its extension determines its form.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let Rows { placed, unused, units, list } = rows(path)?;
     if placed.is_empty() {
@@ -99,8 +91,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     Ok(Targets { targets, unused, units, list })
 }
 
-/// The commands in a file: each target's name with its joint angles; from a corrected file, the corrected ones without the
-/// refused targets.
+/// Each target's name with its joint angles; from a corrected file, the corrected ones without the refused targets.
 pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, TargetsError> {
     let rows = rows(path)?.placed.into_iter().map(|(_, row)| row);
     let refused = |row: &Row| row.table_id.is_some() && row.joints.is_none();
@@ -112,7 +103,6 @@ pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, Targ
     Ok(commands)
 }
 
-/// The place of a row in its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// Line of a text, from 1.
@@ -121,7 +111,6 @@ pub enum Place {
     Row(usize),
 }
 
-/// The rows of a file, each with its place.
 struct Rows {
     placed: Vec<(Place, Row)>,
     /// Columns that no correction uses.
@@ -130,7 +119,6 @@ struct Rows {
     list: Option<DataList>,
 }
 
-/// A row as read from the file.
 #[derive(Debug, Clone, PartialEq)]
 struct Row {
     target: String,

@@ -36,10 +36,8 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// Writes `path` by `write`. When that fails, there is no file at `path` and no temporary is left.
-///
-/// # Errors
-/// Those of `write` and of the folder; `AlreadyExists` when there is a file at `path`, or one appears meanwhile.
+/// Writes `path` by `write`; when that fails, no file and no temporary is left. `AlreadyExists` when there is a file at
+/// `path`, or one appears meanwhile.
 pub fn write_whole<E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
@@ -74,8 +72,7 @@ fn written_beside<E: From<io::Error>>(
     Ok(temporary)
 }
 
-/// An empty temporary file in the folder of `path`, with the same name after a dot, and with the permissions of any new
-/// file.
+/// It has the same name after a dot, and the permissions of any new file.
 fn beside(path: &Path) -> io::Result<NamedTempFile> {
     let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?;
     let mut prefix = OsString::from(".");

@@ -1,5 +1,3 @@
-//! The nodes of a table: where they lie, and what each holds.
-
 use nalgebra::{Point3, Vector3};
 
 use super::{CompensationTableError, TableFile, common};
@@ -11,11 +9,9 @@ use crate::tables::compensation::NodeRow;
 /// A node further than this from its place in the lattice is not on it, mm.
 const ON_LATTICE_MM: f64 = 1e-6;
 
-/// Columns of the steps.
 const STEPS: [&str; 3] = ["step_x_mm", "step_y_mm", "step_z_mm"];
 
 impl TableFile<'_> {
-    /// The lattice of the nodes in the base frame.
     pub(super) fn lattice(
         &self,
         command_from_base: &Transform<Command, Base>,

@@ -1,5 +1,3 @@
-//! What a table says of itself, the same in every row.
-
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
 
 use super::{CommonError, TableFile, common};

@@ -1,8 +1,6 @@
-//! The identified geometry as a controller has to have it: from its own base to its own flange.
-//!
-//! A fit moves base and flange by millimetres along directions that are not identifiable. Errors are stated in the error reference
-//! frame of base and target ([`posegrid_numerics::method::compensation`]), so the chain is carried there: this arm's tool point is where the
-//! geometry's compensation puts it.
+//! The identified geometry from the controller's own base to its own flange. A fit moves both along directions that are
+//! not identifiable; the chain is carried to the error reference frame ([`posegrid_numerics::method::compensation`]),
+//! so this arm's tool point is where the geometry's compensation puts it.
 
 use std::path::Path;
 
@@ -15,9 +13,7 @@ use crate::fit::IdentifiedGeometry;
 use crate::fit::conversion::Errors;
 use crate::kinematics::{Axis, Chain, Element, Motion, Parameter};
 
-/// An identified geometry in the error reference frame.
 pub struct InControllerBase {
-    /// The run's arm.
     pub published: PublishedArm,
     /// The identified chain from the controller's base to its flange, mm.
     pub chain: Chain,
@@ -26,7 +22,6 @@ pub struct InControllerBase {
 }
 
 impl InControllerBase {
-    /// Reads a file of table `calibrations`.
     pub fn read(path: &Path) -> Result<Self, ExportError> {
         let (published, errors) = calibrations_table::read_geometry_errors(path)?;
         let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
@@ -68,7 +63,8 @@ pub(super) fn carried(
     Ok((base_from_root, &own.chain, Translation3::from(target).into()))
 }
 
-/// The errors with base and target as the error reference frame has them: the fit's own are counted from its own frames.
+/// The errors with base and target as the error reference frame has them: the fit's own are counted from its own
+/// frames.
 fn with_frames(mut errors: Errors, base: &Isometry3<f64>, flange: &Isometry3<f64>) -> Errors {
     let turns = moving_xyz(base);
     for axis in Axis::ALL {

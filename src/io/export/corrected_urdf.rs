@@ -1,10 +1,7 @@
-//! A URDF with the identified geometry in it: the file as it is, with other origins for the joints of its arm.
-//!
-//! Inputs: the geometry of table `calibrations`, the URDF and the two links in it that are the controller's base and flange. Output:
-//! the same bytes but for attributes `xyz` and `rpy` of the `<origin>` of each joint of the arm that moves, and of the first fixed
-//! joint behind the last of them. Joint offsets are in the origins, so joint angles stay those that the controller reports; axes,
-//! limits, links, comments and spaces stay. Nothing is added that says so, which leaves a difference of origins alone; and a URDF
-//! that was corrected is refused, since it is no longer the nominal arm.
+//! A URDF with the identified geometry in it: the same bytes but for `xyz` and `rpy` in the `<origin>` of each joint of
+//! the arm that moves, and of the first fixed joint behind the last of them. Joint offsets are in the origins, so joint
+//! angles stay those that the controller reports. A URDF that was corrected is refused: it is no longer the nominal
+//! arm.
 
 use std::io::Write;
 use std::ops::Range;
@@ -24,11 +21,9 @@ use crate::robot;
 use crate::robot::urdf::child;
 use crate::units::MM_PER_M;
 
-/// A URDF, and its links that are the controller's base and flange.
 #[derive(Debug, Clone, Copy)]
 pub struct GivenUrdf<'a> {
     pub path: &'a Path,
-    /// The two links.
     pub ends: Ends<'a>,
 }
 
@@ -52,12 +47,10 @@ pub fn write(
     Ok(remarks(&own, &steps, &origins, Limits::of(path)))
 }
 
-/// The text of a URDF.
 fn read(path: &Path) -> Result<String, ExportError> {
     robot::text(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))
 }
 
-/// The origins with which the URDF at `path` is the identified geometry.
 fn origins(
     own: &InControllerBase,
     steps: &[Step<'_, '_>],
@@ -67,7 +60,6 @@ fn origins(
     Origins::of(own, &chain).map_err(|source| ExportErrorKind::OtherChain(source).at(path))
 }
 
-/// A text in the place of another.
 type Edit = (Range<usize>, String);
 
 /// Changes of a joint's text that give it another origin, mm.
@@ -113,7 +105,6 @@ fn edited(text: &str, mut edits: Vec<Edit>) -> String {
     out
 }
 
-/// Sentences on the joints that changed and on the parts left out.
 fn remarks(
     own: &InControllerBase,
     steps: &[Step<'_, '_>],

@@ -1,4 +1,5 @@
-//! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the parts that an export drops.
+//! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the
+//! parts that an export drops.
 
 use std::path::{Path, PathBuf};
 
@@ -9,15 +10,13 @@ use crate::table::Row as _;
 use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::tables::words::Role;
 
-/// Mean errors on held-out blocks, mm.
 struct HeldOut {
     geometric: f64,
     full: f64,
     n: usize,
 }
 
-/// A sentence on what is dropped and what that costs. The figures are in table `accuracy` of the same run, beside the file of
-/// table `calibrations` in its lake.
+/// The parts dropped and their cost, by table `accuracy` of the same run.
 pub fn dropped(calibrations: &Path) -> String {
     let parts = "Not in it: joint curves, gear lines, gravity, drift and the difference of command and reported angle.";
     match figures(calibrations) {

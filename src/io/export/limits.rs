@@ -1,7 +1,6 @@
-//! Limits of an exported geometry: the parts of the error that it leaves out, and the frames and lengths that no station determined.
-//!
-//! Inputs: the tables `accuracy` and `parameters` of the run, beside its file of table `calibrations`. Output: sentences for the
-//! comment of the exported file and for standard error.
+//! Limits of an exported geometry, as sentences for the file's comment and standard error: the parts of the error that
+//! it leaves out, and the frames and lengths that no station determined. From `accuracy` and `parameters`, beside the
+//! file of `calibrations`.
 
 use std::path::Path;
 
@@ -15,16 +14,12 @@ use crate::table::Row as _;
 use crate::tables::parameters::{BelongsTo, ParameterRow};
 use crate::tables::words::Unit;
 
-/// Sentences on the limits of an exported geometry.
 pub(super) struct Limits {
-    /// The parts left out, and their cost.
     pub dropped: String,
-    /// The parameters of base, flange and lengths that are not identified.
     pub not_identified: String,
 }
 
 impl Limits {
-    /// The limits of the geometry in a file of table `calibrations`.
     pub(super) fn of(calibrations: &Path) -> Self {
         let rows = parameters(calibrations);
         Self {
@@ -39,7 +34,6 @@ impl Limits {
         }
     }
 
-    /// All sentences.
     pub(super) fn words(&self) -> String {
         format!("{} {}", self.not_identified, self.dropped)
     }
@@ -52,7 +46,8 @@ fn parameters(calibrations: &Path) -> Option<Vec<ParameterRow>> {
     Some(ParameterRow::read(&table))
 }
 
-/// A sentence that names the frames and lengths of the geometric model that are not identified, with their standard errors.
+/// A sentence that names the frames and lengths of the geometric model that are not identified, with their standard
+/// errors.
 fn not_identified(rows: &[ParameterRow]) -> String {
     let own = |row: &&ParameterRow| {
         row.model == Model::Geometric && row.identifiability != Identifiability::Identifiable

@@ -1,8 +1,5 @@
-//! A compensation table as CSV: one row per node; before them the values of the whole table, each in a line `# name:
-//! value`.
-//!
-//! Readers skip these lines: pandas with `comment="#"`, polars with `comment_prefix="#"`, `DuckDB` with `comment='#'`.
-//! Values there are JSON, so that no name breaks a line.
+//! A compensation table as CSV, one row per node, after lines `# name: value` in JSON with the values of the whole
+//! table. pandas, polars and `DuckDB` skip these with `comment="#"`, `comment_prefix="#"` and `comment='#'`.
 
 use std::io::Write;
 use std::path::Path;
@@ -75,8 +72,8 @@ fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, Exp
     Ok(no_formula(values.join(", ")))
 }
 
-/// JSON that no spreadsheet takes for a formula where it splits such a line at its commas: a comma followed by a formula's
-/// first character occurs only in texts, and there a letter may be written by its number.
+/// JSON that no spreadsheet takes for a formula where it splits a line at commas: a formula's first character after a
+/// comma is written by its number.
 fn no_formula(json: String) -> String {
     ["=", "+", "-", "@"].iter().fold(json, |json, sign| {
         let letter = sign.as_bytes()[0];

@@ -1,13 +1,11 @@
 //! The identified geometry as the joint origins of a chain that states its nominal arm as a URDF does.
 //!
-//! Inputs: the identified geometry in the controller's base, and the chain: origins and axes from the controller's base to its
-//! flange. Output: new origins for its joints; axes stay, and so do joint angles, whose offsets the origins hold. Steps:
-//! 1. the chain has to be the run's nominal arm ([`OriginsError::OtherArm`]);
-//! 2. the identified errors are carried into small motions of the chain's own frames, the least that there are
-//!    ([`crate::fit::conversion`]);
-//! 3. a frame that moved is a new origin. Motions of the base are part of the first joint's, those of the flange on the last link
-//!    part of the first fixed joint behind it. Without one, what turns about and slides along the last axis is part of the last
-//!    joint's origin, and the rest is given back.
+//! 1. The chain has to be the run's nominal arm ([`OriginsError::OtherArm`]).
+//! 2. The identified errors are carried into the least small motions of the chain's own frames
+//!    ([`crate::fit::conversion`]).
+//! 3. A frame that moved is a new origin; axes and joint angles stay. Motions of the base are part of the first
+//!    joint's, those of the flange of the first fixed joint behind the last link. Without one, what turns about and
+//!    slides along the last axis is part of the last joint's origin, and the rest is given back.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
@@ -19,7 +17,6 @@ use crate::kinematics::{
     Arm, ArmError, Chain, Convention, Element, Joint, JointFile, JointKind, RobotFile,
 };
 
-/// Poses that a chain is compared with the run's nominal arm at.
 const POSES: u32 = 50;
 /// A chain this near to the run's nominal arm is that arm: angles that are written as 1.5708 are off by less.
 const SAME_MM: f64 = 0.05;
@@ -28,22 +25,18 @@ const SAME_RAD: f64 = 5e-5;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ChainJoint {
     pub name: String,
-    /// Its frame in that of the joint before, mm.
     pub origin: Isometry3<f64>,
     /// Its motion; `None` for a joint that does not move.
     pub moves: Option<Moves>,
 }
 
-/// The motion of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moves {
-    /// Its axis in its own frame.
     pub axis: UnitVector3<f64>,
     /// Whether it slides along it instead of turning about it.
     pub slides: bool,
 }
 
-/// A chain with the identified geometry in it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Origins {
     /// The new origin of each joint of the chain, mm; `None` for one that stays as it is.
@@ -52,64 +45,36 @@ pub(super) struct Origins {
     pub rest: Option<Isometry3<f64>>,
 }
 
-/// The reason why a chain cannot carry the identified geometry.
 #[derive(Debug, Error)]
 pub enum OriginsError {
-    /// The controller's angles are not those of the axes.
     #[error("the arm has coupled joints, and origins of joints cannot say how")]
     Coupled,
-    /// Other joints than the run's arm.
     #[error("the chain has {found} joints that move ({chain}), the run's arm {wanted} ({arm})")]
-    Count {
-        /// Joints of the chain that move.
-        found: usize,
-        /// Their names.
-        chain: String,
-        /// Joints of the run's arm.
-        wanted: usize,
-        /// Their names.
-        arm: String,
-    },
-    /// A joint that turns for one that slides.
+    Count { found: usize, chain: String, wanted: usize, arm: String },
     #[error(
         "joint {chain:?} of the chain turns where joint {arm:?} of the run slides, or the other way round"
     )]
-    OtherMotion {
-        /// The chain's joint.
-        chain: String,
-        /// The run's.
-        arm: String,
-    },
-    /// Numbers of the chain that make no arm.
+    OtherMotion { chain: String, arm: String },
     #[error("the chain makes no arm: {0}")]
     Arm(#[from] ArmError),
-    /// Another arm than the run's nominal one.
     #[error(
         "the chain is not the nominal arm of the run: its flange is up to {mm:.4} mm and {rad:.6} rad away from that arm's, with joints as \
          {names}{constant}"
     )]
     OtherArm {
-        /// The largest distance of the two flanges, mm.
         mm: f64,
-        /// The largest angle between them, rad.
         rad: f64,
-        /// Names of the chain's joints and of the run's, pair by pair.
         names: String,
         /// Another base or another flange, where one of them explains it all.
         constant: &'static str,
     },
-    /// The two chains could not be brought together.
     #[error(
         "the chain's origins leave {mm:.1e} mm of the identified geometry; this is a defect of posegrid, please report it"
     )]
-    Left {
-        /// The largest distance left, mm.
-        mm: f64,
-    },
+    Left { mm: f64 },
 }
 
 impl Origins {
-    /// The origins with which the chain is the identified geometry.
     pub fn of(own: &InControllerBase, chain: &[ChainJoint]) -> Result<Self, OriginsError> {
         Self::carrying(&own.published.arm.arm, &own.flange_errors(), chain)
     }
@@ -127,7 +92,6 @@ impl Origins {
         Ok(Self::cut(chain, &AtZero::of(&whole), &moved))
     }
 
-    /// The origins of a chain whose frames moved.
     fn cut(chain: &[ChainJoint], plain: &AtZero, moved: &AtZero) -> Self {
         let mut frames = plain.axes.iter().zip(&moved.axes);
         let (mut nominal, mut before) = (Isometry3::identity(), Isometry3::identity());
@@ -198,7 +162,6 @@ impl AtZero {
     }
 }
 
-/// The arm that a chain states, its joints named and limited as the run's are.
 fn nominal(run: &Arm, chain: &[ChainJoint]) -> Result<Arm, OriginsError> {
     let count = run.joints().len();
     if run.axes_from_joints() != nalgebra::DMatrix::identity(count, count) {
@@ -263,7 +226,6 @@ fn moving_joint(
     })
 }
 
-/// Refuses a chain that is another arm than the run's nominal one.
 fn same_arm(run: &Arm, chain: &Arm, joints: &[ChainJoint]) -> Result<(), OriginsError> {
     let pairs: Vec<[Isometry3<f64>; 2]> = (0..POSES)
         .map(|place| spread_joints(run, place))

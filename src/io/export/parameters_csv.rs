@@ -1,10 +1,6 @@
-//! The identified parameters as CSV, in any convention, with their standard errors.
-//!
-//! Inputs: the geometry of table `calibrations`. Output: a row for each parameter of the links, the base and the target, mm and
-//! degrees, after `#` lines with what the numbers are. Rows of the target are those of the flange: its shift and its turn behind the
-//! last link. In another convention than the robot file's, the nominal arm as a robot file of that convention stands before the
-//! rows too, with the constants that no row has: signs, base and flange. The errors are carried from the robot file's convention into the wanted one
-//! with their covariance ([`crate::fit::conversion`]).
+//! The identified parameters as CSV, in any convention, with standard errors, mm and degrees, after `#` lines with what
+//! the numbers are. In another convention than the robot file's, the nominal arm as a robot file of it stands before
+//! the rows too, and the errors are carried into it with their covariance ([`crate::fit::conversion`]).
 
 use std::io::Write;
 use std::path::Path;
@@ -17,8 +13,7 @@ use super::{ExportError, ExportErrorKind};
 use crate::fit::conversion::{Carried, carried};
 use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
 
-/// Writes the parameters of a file of table `calibrations` in a convention; in the robot file's own without one. Gives remarks for a
-/// person, a line each.
+/// The robot file's convention without one. Gives remarks for a person, a line each.
 pub fn write(
     path: &Path,
     convention: Option<Convention>,
@@ -68,7 +63,6 @@ fn in_convention(arm: &Arm, convention: Convention) -> Result<Arm, ExportErrorKi
     Ok(other)
 }
 
-/// Lines of the nominal arm as a robot file of another convention than its own.
 fn nominal_file(arm: &Arm, convention: Convention) -> Vec<String> {
     if convention == arm.convention() {
         return vec!["nominal: as the robot file of the run states it".to_owned()];
@@ -81,7 +75,6 @@ fn nominal_file(arm: &Arm, convention: Convention) -> Vec<String> {
     lines
 }
 
-/// Lines on the numbers: run, convention, units, frame and limits.
 fn remarks(
     limits: &Limits,
     own: &InControllerBase,

@@ -1,15 +1,11 @@
-//! Residuals as an MCAP file that Foxglove opens without conversion.
+//! Residuals as an MCAP file that Foxglove opens without conversion: for each model, way of judging and session, named
+//! `/before/…` or `/after/…`,
 //!
-//! Inputs: a file of table `residuals`, and the time of each station, from tables `stations` of the same run. Output: for
-//! each model, way of judging and session two topics, named `/before/…` for the robot's uncorrected errors and `/after/…`
-//! for the errors that a model or a table leaves:
-//! - `…/vectors`, `foxglove.SceneUpdate`: one arrow per station, from the predicted towards the measured position of the
-//!   target, [`ARROW_SCALE`] times as long as the error, in frame `base`. All arrows of a topic are in one message at its
-//!   first station, so that they are visible at every time of the file;
-//! - `…/error`, `posegrid.Residual`: the numbers of each row, at its station's time, to plot.
+//! - `…/vectors`, `foxglove.SceneUpdate`: one arrow per station, from the predicted towards the measured position, all in
+//!   one message at the first station;
+//! - `…/error`, `posegrid.Residual`: the numbers of each row, at its station's time.
 //!
-//! Messages are JSON. Times are the controller's, the first stationary moment; values of the whole file are in its metadata
-//! record `posegrid`. The same tables give the same bytes.
+//! Times are the controller's. The same tables give the same bytes.
 
 mod rows;
 mod scene;
@@ -38,14 +34,14 @@ use times::Times;
 /// Length of arrows divided by that of the errors: 1 mm is 200 mm in a work space of metres.
 pub const ARROW_SCALE: f64 = 200.0;
 
-/// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 /// Characters that stay unchanged in a topic's name; names of sessions may hold any.
 const TOPIC: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
 
 const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 
-/// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that holds the file.
+/// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that holds the
+/// file.
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
@@ -83,7 +79,6 @@ impl Log {
         let mut writer = WriteOptions::new()
             .library("posegrid")
             .chunk_size(Some(CHUNK_BYTES))
-            // Bytes must not depend on the number of cores of the machine.
             .compression_threads(0)
             .compression_level(9)
             .create(Cursor::new(Vec::new()))?;
@@ -94,7 +89,6 @@ impl Log {
         Ok(Self { writer, messages: Vec::new() })
     }
 
-    /// Adds the two topics of rows with one subject.
     fn add(&mut self, of: &Of, rows: &[ResidualRow], times: &Times) -> Result<(), ExportError> {
         let topic = topic(of);
         let vectors = self.channel(&topic, "vectors", "foxglove.SceneUpdate", scene::SCHEMA)?;
@@ -145,7 +139,6 @@ impl Log {
     }
 }
 
-/// The values of the whole file.
 fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
     [
         ("format", "posegrid residuals 1".to_owned()),
@@ -161,7 +154,6 @@ fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
     .into()
 }
 
-/// The topic's name: before or after, the model, the way of judging, the session.
 fn topic(of: &Of) -> String {
     let judged = match of.subject.split {
         Split::None => "training",

@@ -1,13 +1,8 @@
-//! The identified geometry of a Universal Robots arm as the calibration file of its ROS description.
-//!
-//! Inputs: the geometry of table `calibrations`. Output: YAML that package `ur_description` takes as its `kinematics_params`: for
-//! each of the six links the frame of its joint in the one before, m and rad, each joint about z. Sources: files
+//! The identified geometry of a Universal Robots arm as the YAML that `ur_description` takes as its
+//! `kinematics_params`: the frame of each joint, which turns about z, in the one before, m and rad. Sources:
 //! `config/*/default_kinematics.yaml`, `urdf/inc/ur_common.xacro` and `urdf/ur_macro.xacro` of
-//! `UniversalRobots/Universal_Robots_ROS2_Description`, and `ur_calibration` of `Universal_Robots_ROS2_Driver`. Steps:
-//! 1. the six frames of a nominal UR follow from the lines of the run's nominal axes; an arm that they are not the whole of is no UR;
-//! 2. the identified errors become the least motions of those frames ([`super::origins`]);
-//! 3. the description has its flange, `tool0`, in the sixth frame itself. A flange that stands off axis 6, or tilted against it, is
-//!    stated in a comment: it belongs to the tool.
+//! `Universal_Robots_ROS2_Description`, and `ur_calibration` of `Universal_Robots_ROS2_Driver`. The description has its
+//! flange, `tool0`, in the sixth frame itself; a flange off axis 6 is stated in a comment: it belongs to the tool.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -24,7 +19,6 @@ use crate::geometry::isometry_from_rpy;
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, Screws};
 
-/// Names of the links whose joints the file places.
 const LINKS: [&str; 6] = ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"];
 
 /// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
@@ -39,7 +33,8 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
     Ok(vec![limits.not_identified])
 }
 
-/// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between each two.
+/// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between
+/// each two.
 fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
     let none = vec![0.0; arm.chain().parameters().len()];
     let screws = Screws::of(arm.chain(), &none);
@@ -86,7 +81,6 @@ fn text(own: &InControllerBase, origins: &Origins, limits: &Limits) -> String {
     yaml
 }
 
-/// Lines on the file: run, use, hash, frame and limits.
 fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, limits: &Limits) -> Vec<String> {
     let key = &own.published.key;
     let mut lines = vec![
@@ -122,7 +116,6 @@ fn left(rest: &Isometry3<f64>) -> String {
     )
 }
 
-/// An arm that is no UR, for a person.
 pub(super) fn no_ur(source: Option<&OriginsError>) -> String {
     let why = source.map_or_else(|| "it has not six axes".to_owned(), ToString::to_string);
     format!(

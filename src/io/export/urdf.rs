@@ -1,13 +1,6 @@
-//! The identified geometry as URDF.
-//!
-//! Inputs: the arm of table `calibrations` with its geometry alone. Output: links `base_link`, `link_1` …, `flange`, `tool`
-//! with a revolute joint for each joint of the arm, m and rad. Steps:
-//! 1. the chain is cut at its joint variables: the transform before one is the joint's origin;
-//! 2. `base_link` is the controller's base and `flange` its flange, in the error reference frame of base and target
-//!    ([`posegrid_numerics::method::compensation`]), not the root and the end of the identified chain, which a fit may move by
-//!    millimetres along directions that are not identifiable. So this arm's tool point is where the geometry's compensation
-//!    puts it;
-//! 3. each rotation becomes roll, pitch, yaw that restore it even where the pitch is ±90°.
+//! The identified geometry as URDF, m and rad, cut at the joint variables. `base_link` is the controller's base and
+//! `flange` its flange, in the error reference frame ([`posegrid_numerics::method::compensation`]), not the ends of the
+//! identified chain, which a fit may move by millimetres along directions that are not identifiable.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -35,11 +28,8 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
     Ok(vec![limits.not_identified])
 }
 
-/// The chain between its joint variables.
 struct Pieces {
-    /// Origin and axis of each joint.
     joints: Vec<(Isometry3<f64>, Vector3<f64>)>,
-    /// From the last joint to the flange.
     flange: Isometry3<f64>,
 }
 
@@ -59,7 +49,6 @@ impl Pieces {
         [("flange", self.flange), ("tool", *arm.flange_from_tool.isometry())]
     }
 
-    /// A chain after `before`, cut at its joint variables.
     fn cut(before: Isometry3<f64>, chain: &Chain) -> Result<Self, &'static str> {
         let mut joints = Vec::new();
         let mut since = before;
@@ -158,7 +147,6 @@ fn limit(joint: &Joint) -> String {
     )
 }
 
-/// The name of the fixed joint to a link: one that no joint of the arm has.
 fn fixed_name(child: &str, joints: &[Joint]) -> String {
     let mut own = format!("{child}_joint");
     while joints.iter().any(|joint| joint.name == own) {

@@ -1,8 +1,6 @@
-//! The chain of a URDF between two links, with the places of its origins in the text.
-//!
-//! The tree and the numbers are read as for a robot file ([`crate::robot::urdf`]). Here every origin of the way has to be that of
-//! a joint which can be given another one: joints on the way up are fixed, no joint follows another, and rotations are roll, pitch
-//! and yaw. Joints beside the way are not read.
+//! The chain of a URDF between two links, with the places of its origins in the text. It is read as a robot file is
+//! ([`crate::robot::urdf`]), but every origin has to be one that can be changed: joints on the way up are fixed, none
+//! follows another, and rotations are roll, pitch and yaw.
 
 use nalgebra::UnitVector3;
 use roxmltree::{Document, Node};
@@ -13,64 +11,30 @@ use crate::kinematics::JointKind;
 use crate::robot::Selection;
 use crate::robot::urdf::{self, Joint, Tree, UrdfError, child};
 
-/// The two ends of a chain.
 #[derive(Debug, Clone, Copy)]
 pub struct Ends<'a> {
-    /// The link that is the controller's base.
     pub base: &'a str,
-    /// The link that is the controller's flange.
     pub tip: &'a str,
 }
 
-/// A joint of the chain.
 #[derive(Debug)]
 pub(super) struct Step<'a, 'i> {
     pub joint: ChainJoint,
     pub node: Node<'a, 'i>,
 }
 
-/// The reason why a URDF has no such chain.
 #[derive(Debug, Error)]
 pub enum UrdfChainError {
-    /// No XML.
     #[error("is not XML: line {line}, column {column}: {problem}")]
-    Xml {
-        /// Counted from 1.
-        line: u32,
-        /// Counted from 1.
-        column: u32,
-        /// The fault, in the reader's words.
-        problem: String,
-    },
-    /// Properties and macros.
+    Xml { line: u32, column: u32, problem: String },
     #[error(
         "has in line {line} {found:?}, which is xacro; expand it first: xacro my.urdf.xacro > my.urdf"
     )]
-    Xacro {
-        /// Counted from 1.
-        line: u32,
-        /// The text.
-        found: String,
-    },
-    /// No such link.
+    Xacro { line: u32, found: String },
     #[error("has no link {link:?}; it has {}", links.join(", "))]
-    NoLink {
-        /// The link asked for.
-        link: String,
-        /// The links that there are.
-        links: Vec<String>,
-    },
-    /// A joint that the way cannot go through.
+    NoLink { link: String, links: Vec<String> },
     #[error("line {line}: joint {joint:?} {problem}")]
-    Joint {
-        /// Counted from 1.
-        line: u32,
-        /// The joint's name.
-        joint: String,
-        /// The fault, and what to do.
-        problem: String,
-    },
-    /// Another fault of the file.
+    Joint { line: u32, joint: String, problem: String },
     #[error("{0}")]
     Urdf(Box<UrdfError>),
 }
@@ -92,7 +56,6 @@ impl From<UrdfError> for UrdfChainError {
     }
 }
 
-/// The XML of a URDF.
 pub(super) fn document(text: &str) -> Result<Document<'_>, UrdfChainError> {
     Ok(urdf::document(text)?)
 }

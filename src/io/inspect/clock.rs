@@ -3,17 +3,12 @@
 /// One clock's times on one channel, ns.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ClockSummary {
-    /// Number of times.
     pub count: u64,
-    /// Earliest time.
     pub first: i64,
-    /// Latest time.
     pub last: i64,
-    /// Number of steps back.
     pub backward: u64,
     /// Largest step back, ns.
     pub largest_step_back: i64,
-    /// Number of steps of zero.
     pub duplicate: u64,
     /// Largest step forward, ns.
     pub largest_gap: i64,
@@ -26,7 +21,6 @@ pub struct ClockSummary {
 }
 
 impl ClockSummary {
-    /// Adds the next time.
     pub fn add(&mut self, time: i64) {
         let one =
             Self { count: 1, first: time, last: time, begin: time, end: time, ..Self::default() };
@@ -78,7 +72,6 @@ impl Differences {
         self.append(Self(Some((difference, difference))));
     }
 
-    /// Adds the differences of another summary.
     pub fn append(&mut self, others: Self) {
         self.0 = match (self.0, others.0) {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),

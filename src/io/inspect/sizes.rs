@@ -9,13 +9,12 @@ use crate::message::{FieldReader, Row};
 const EVERY: u64 = 64;
 /// Larger angles are degrees: no joint turns more than twice in either direction and is reported in radians.
 const LARGEST_RAD: f64 = 4.0 * PI;
-/// Larger distances are millimetres: no laser tracker reaches further in metres, and none measures nearer in millimetres.
+/// Larger distances are millimetres: no laser tracker reaches further in metres, and none measures nearer in
+/// millimetres.
 const LARGEST_M: f64 = 80.0;
 
-/// The largest value of the messages that were looked at.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Sizes {
-    /// Number of messages looked at.
     pub messages: u64,
     /// Largest absolute angle, or largest distance from the frame's origin, in the message's own unit.
     pub largest: f64,

@@ -1,13 +1,11 @@
 //! Inspect: a table of measured stations → its columns, and how `[stations]` of a pipeline file would read them.
 //!
-//! 1. `columns`: kinds of values and range of each column; `names`: the words of its name and the unit in it.
-//! 2. `groups` and `roles`: columns along x, y, z and numbered ones become positions, orientations, standard deviations, joints.
+//! 1. `columns` and `names`: values, words and unit of each column.
+//! 2. `groups` and `roles`: positions, orientations, standard deviations, joints.
 //! 3. `choices`: readings of the columns that may be meant; `long`: whether a row is a reading of one target.
-//! 4. `by_arm`: the nominal arm decides between them, and tells units and order of the joints; `turns` tells the form of
-//!    orientations, `commands` the frame of commanded poses.
-//! 5. `guess`: the settings, with everything that is unsure.
-//!
-//! Nothing is fitted but base and target of the nominal arm, and nothing is changed: what it says is checked by a person.
+//! 4. `by_arm`: the nominal arm decides between them; `turns` and `commands` tell the form of orientations and the
+//!    frame of commanded poses.
+//! 5. `guess`: the settings, with everything that is unsure, for a person to check.
 
 mod by_arm;
 mod choices;
@@ -37,14 +35,10 @@ pub use commands::Commands;
 pub use guess::{Doubt, Guess, Key};
 pub use names::StatedUnit;
 
-/// The contents of a table.
 #[derive(Debug)]
 pub struct TableInspection {
-    /// Number of rows read.
     pub rows: usize,
-    /// What was found of its form.
     pub remarks: Vec<String>,
-    /// Lines that are no row of the table, each with the reason.
     pub left_out: Vec<(u64, String)>,
     /// The word for what a line is: `line`, `row`, `record`.
     pub counted: &'static str,
@@ -53,10 +47,7 @@ pub struct TableInspection {
     pub guess: Result<Guess, String>,
 }
 
-/// Inspects the table at `path`: the arm that it is of is one of `arms`.
-///
-/// # Errors
-/// Those of [`measured_table::read`].
+/// The arm of the table is one of `arms`.
 pub fn inspect(
     path: &Path,
     bound: Bound,

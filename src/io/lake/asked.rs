@@ -1,9 +1,7 @@
-//! The current run of a session: the one that was asked for last.
-//!
-//! A request that changes it creates the next row of `asked`, `asked/ROBOT/SESSION/NUMBER.parquet`, completely or not at all: of several
-//! at once each number is created by one, and the others look again. A request that was stopped between its row of `runs` and its row
-//! here changed nothing, and is repeated. In a session without rows, which earlier versions wrote, the run that no other replaces is
-//! current; of several, which two machines writing at once can leave, the last by name.
+//! The current run of a session: the one that was asked for last. A request creates the next row of `asked`,
+//! `asked/ROBOT/SESSION/NUMBER.parquet`, whole or not at all: of several at once each number is created by one, and the
+//! others look again. In a session without rows, which earlier versions wrote, the run that no other replaces is
+//! current, the last by name of several.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,11 +13,9 @@ use crate::table::{self, Row as _, row};
 use crate::tables::runs::row_digest;
 use crate::units::WallTime;
 
-/// The table, and its folder.
 pub const ASKED: &str = "asked";
 
 row! {
-    /// A request that changed the current run of a session.
     pub struct AskedRow of "asked" {
         number: u64,
         replaced: Option<String>,
@@ -27,7 +23,6 @@ row! {
     }
 }
 
-/// What a request came to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Asked {
     /// Number of the session's last request that changed its current run.
@@ -45,7 +40,6 @@ pub fn request_of(key: &str) -> Option<(&str, u64)> {
     (is_own && is_number).then_some((folder, number))
 }
 
-/// The key of the row of a request in a session.
 pub fn request_key(key: &RunKey, number: u64) -> Result<String, LakeError> {
     let folder = session_key(ASKED, key)?;
     Ok(format!("{folder}/{}", file_name(number)))
@@ -61,7 +55,6 @@ impl Lake {
         self.current_by(&self.requests(&session_key(ASKED, key)?)?, key)
     }
 
-    /// The current run of a session with these requests.
     fn current_by(&self, requests: &[Listed], key: &RunKey) -> Result<Option<Replaced>, LakeError> {
         for file in requests.iter().rev() {
             let (own, _) = self.request(&file.key)?;
@@ -74,7 +67,8 @@ impl Lake {
         self.unreplaced(key)
     }
 
-    /// The last run of a session by name that no other replaces. A file that is not at the place of its row is not read as a row.
+    /// The last run of a session by name that no other replaces. A file that is not at the place of its row is not read
+    /// as a row.
     fn unreplaced(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
         let rows = self.rows(RUNS, &session_key(RUNS, key)?, 0)?;
         let (mut runs, mut replaced) = (BTreeMap::new(), BTreeSet::new());

@@ -8,12 +8,13 @@
 //! compact/keys/2026-11/GENERATION.txt.zst       the paths of their rows in runs and asked, a line each
 //! ```
 //!
-//! A generation is named by the digest of its bytes, so the same rows are the same file, and no file ever gets other bytes. A state
-//! exists once its file does: of several processes that create one number exactly one succeeds. A reader takes the state with the
-//! highest number and the files that it names, and so sees each row once. What is here may be removed at any time, and is then made again.
+//! A generation is named by the digest of its bytes, so the same rows are the same file, and no file ever gets other
+//! bytes. A state exists once its file does: of several processes that create one number exactly one succeeds. A reader
+//! takes the state with the highest number and the files that it names, and so sees each row once. What is here may be
+//! removed at any time, and is then made again.
 //!
-//! Files that the newest state does not name are kept for `KEPT` after the state that replaced them: a reader that began before has that
-//! long to end.
+//! Files that the newest state does not name are kept for `KEPT` after the state that replaced them: a reader that
+//! began before has that long to end.
 
 use std::collections::BTreeSet;
 use std::io::{Read as _, Write as _};
@@ -28,9 +29,7 @@ use crate::schema;
 use crate::store::Listed;
 use crate::table::{self, Table};
 
-/// The folder of the compact form.
 pub const COMPACT: &str = "compact";
-/// The folder of its states.
 const STATES: &str = "compact/states";
 /// The name that stands for a table where a file lists the paths of rows.
 pub const KEYS: &str = "keys";
@@ -41,7 +40,6 @@ const DIGITS: usize = 32;
 /// Level of the compression of paths.
 const LEVEL: i32 = 3;
 
-/// A file of a state.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct CompactFile {
     /// Name of the table, or [`KEYS`].
@@ -52,13 +50,10 @@ pub struct CompactFile {
     pub file: String,
     /// Number of runs with rows in it; of paths those of runs.
     pub runs: u64,
-    /// Number of its rows.
     pub rows: u64,
-    /// Its size.
     pub bytes: u64,
 }
 
-/// A state of the compact form.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CompactState {
     /// Its number, from 1; 0 where there is none yet.
@@ -104,7 +99,6 @@ impl Lake {
         Ok(self.store.create(&key, temporary)?)
     }
 
-    /// Writes the rows of a month's runs as a file of the compact form.
     pub fn put_compact(
         &self,
         table: &Table,
@@ -119,7 +113,6 @@ impl Lake {
         self.put_generation(key, temporary, (name, month), (runs, rows))
     }
 
-    /// Writes the paths of the rows of a month's runs likewise.
     pub fn put_compact_keys(
         &self,
         keys: &BTreeSet<String>,
@@ -178,7 +171,8 @@ impl Lake {
         Some(text.lines().map(str::to_owned).collect())
     }
 
-    /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their number.
+    /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their
+    /// number.
     pub fn remove_replaced(&self) -> Result<usize, LakeError> {
         let mut states: Vec<(u64, Listed)> = Vec::new();
         let listed = self.store.list(COMPACT, 1..=2)?;
@@ -207,7 +201,6 @@ impl Lake {
         Ok(gone.len() + unnamed.len())
     }
 
-    /// The paths that a state names.
     fn named_in(&self, state: &Listed) -> Result<Vec<String>, LakeError> {
         let mut text = String::new();
         let place = self.store.place(&state.key).named();
@@ -217,7 +210,6 @@ impl Lake {
         Ok(files.map(|own: CompactFile| own.file).collect())
     }
 
-    /// Bytes under a temporary name, and their digest.
     fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String), LakeError> {
         let mut temporary = self.store.temporary(key)?;
         let written = temporary.write_all(bytes);
@@ -243,7 +235,8 @@ fn is_state(key: &str) -> bool {
     key.starts_with(STATES)
 }
 
-/// Whether a name of a file in a folder of the compact form, given by its parts, is one that this form has; `None` for a temporary.
+/// Whether a name of a file in a folder of the compact form, given by its parts, is one that this form has; `None` for
+/// a temporary.
 pub(super) fn is_own(folder: &[&str], name: &str) -> Option<bool> {
     if Owner::of_temporary(name).is_some() {
         return None;

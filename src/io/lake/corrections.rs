@@ -1,10 +1,6 @@
 //! Records of the files that `posegrid compensate` wrote with the tables of a lake:
-//! `corrections/ROBOT/SESSION/CORRECTION.parquet`, one file each.
-//!
-//! A record is no part of a run: it is written later, each time somebody corrects a file, and its own digest shows whether
-//! it is unchanged ([`Correction::of`]). It is created like a run's row: completely or not at all, and once, even if
-//! another process writes the same record. Its name follows from its content, so the same correction gives the same file
-//! with the same bytes.
+//! `corrections/ROBOT/SESSION/CORRECTION.parquet`, created whole and once. A record is no part of a run; its own digest
+//! shows whether it is unchanged ([`Correction::of`]), and its name follows from its content.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -16,11 +12,9 @@ use crate::store::Place;
 use crate::table::{self, Row as _, Table, TableError, Word as _, row};
 use crate::tables::words::{CorrectingTable, Form};
 
-/// The table, and its folder.
 pub const CORRECTIONS: &str = "corrections";
 
 row! {
-    /// A record as its table has it.
     pub struct CorrectionRow of "corrections" {
         correction: String,
         corrected_by: CorrectingTable,
@@ -43,7 +37,6 @@ row! {
 /// Letters of a digest that name a file.
 const NAME: usize = 32;
 
-/// Whether a key of a lake's store is that of a record of corrections.
 pub fn is_correction(key: &str) -> bool {
     let parts: Vec<&str> = key.split('/').collect();
     let [CORRECTIONS, _robot, _session, file] = parts[..] else {
@@ -53,23 +46,17 @@ pub fn is_correction(key: &str) -> bool {
     name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// The record of one file that was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correction {
-    /// The run whose table corrected the targets.
     pub key: RunKey,
     pub corrected_by: CorrectingTable,
-    /// Form of the file.
     pub form: Form,
-    /// Version of the program that wrote it.
     pub version: String,
     /// BLAKE3 of the file of targets, hexadecimal.
     pub targets_digest: String,
     /// BLAKE3 of the file written, hexadecimal.
     pub file_digest: String,
-    /// Number of targets read.
     pub targets: i64,
-    /// Number of targets that have a command.
     pub corrected: i64,
     /// Positions commanded, mm, in the frame of commands.
     pub positions: Vec<[f64; 3]>,
@@ -77,8 +64,7 @@ pub struct Correction {
     pub joints: Vec<Vec<f64>>,
 }
 
-/// The place of a record, the time at which it was written, where the file system states it, and the record or why it
-/// cannot be read.
+/// The time at which it was written, where the file system states it; an error states why it cannot be read.
 pub type Recorded = (Place, Option<SystemTime>, Result<Correction, String>);
 
 impl Correction {
@@ -141,7 +127,6 @@ impl Correction {
         }
     }
 
-    /// Key of the record's file in its lake.
     fn file_key(&self) -> Result<String, LakeError> {
         let (robot, session) =
             (encoded("robot", &self.key.robot)?, encoded("session", &self.key.session)?);
@@ -185,8 +170,8 @@ impl Correction {
 }
 
 impl Lake {
-    /// The lake, in a folder, that holds a file of a run's table: `TABLE/ROBOT/SESSION/RUN.parquet` next to `runs`. `None`
-    /// where the file is elsewhere, or has another name than its run's.
+    /// The lake in a folder that holds a file `TABLE/ROBOT/SESSION/RUN.parquet` next to `runs`; `None` where the file
+    /// is elsewhere, or has another name than its run's.
     pub fn around(file: &Path, table: &str, key: &RunKey) -> Option<Self> {
         let real = file.canonicalize().ok()?;
         let root = real.ancestors().nth(4)?;
@@ -194,8 +179,7 @@ impl Lake {
         (root.join("runs").is_dir() && root.join(own) == real).then(|| Self::new(root))
     }
 
-    /// All records of corrections, in the order of robot, session and name; one that cannot be read does not stop the
-    /// others.
+    /// Sorted by robot, session and name; one that cannot be read does not stop the others.
     pub fn corrections(&self) -> Result<Vec<Recorded>, LakeError> {
         let listed = self.store.list(CORRECTIONS, 2..=2)?.into_iter();
         let keys = listed.map(|listed| listed.key);

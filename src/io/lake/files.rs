@@ -1,8 +1,6 @@
-//! All files under a lake, and the role of each by its place.
-//!
-//! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history`, `.index/runs.jsonl`, the compact form ([`COMPACT`]), the records of corrections ([`is_correction`]) and requests
-//! ([`request_of`]); and temporaries of processes that write or were stopped. Every other file there is foreign.
+//! All files under a lake, and the role of each by its place: files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and
+//! `report/ROBOT/SESSION/RUN.html`; its own (lock, history, index, [`COMPACT`], corrections, requests); and
+//! temporaries. Every other file there is foreign.
 
 use std::fs::File;
 
@@ -13,7 +11,6 @@ use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
 
-/// A file under a lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LakeFile {
     /// Its path below the lake, with `/` between the parts.
@@ -22,25 +19,18 @@ pub struct LakeFile {
     pub stands: Stands,
 }
 
-/// The role of a file, by its place.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stands {
-    /// At the place of a file of a run.
     OfRun {
-        /// Name of the table, or [`PAGES`].
         table: String,
-        /// Folder of the robot, its name encoded.
         robot: String,
-        /// Folder of the session, its name encoded.
         session: String,
-        /// Name of the run.
         run: String,
     },
     /// The lake's own: its lock, the summary of a history, the compact form, a record of corrections, or a request.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
-    /// At a place that no file of a lake has.
     Foreign,
 }
 
@@ -61,7 +51,6 @@ impl Lake {
         self.store.place(file_key)
     }
 
-    /// Opens any file under the lake.
     pub fn open_key(&self, file_key: &str) -> Result<File, LakeError> {
         Ok(self.store.open(file_key)?)
     }
@@ -71,7 +60,6 @@ impl Lake {
         name::decode(folder)
     }
 
-    /// The folders with files of runs: one for each published table, and that of the pages.
     pub fn folders() -> impl Iterator<Item = &'static str> {
         let tables = schema::all().iter();
         let published = tables.filter(|schema| schema.role == Role::Published);

@@ -1,7 +1,6 @@
-//! What a lake keeps for its histories, beside the tables and no part of them: `.history/ROBOT.jsonl.zst`, a robot's judged sessions, and
-//! `.history/figures/ROBOT/SESSION/RUN.json.zst`, the figures of a run that a history compares.
-//!
-//! Nothing published follows from it. It may be removed, and is then made again.
+//! Summaries that a lake keeps for its histories: `.history/ROBOT.jsonl.zst`, a robot's judged sessions, and
+//! `.history/figures/ROBOT/SESSION/RUN.json.zst`, the figures that a history compares. Nothing published follows from
+//! it; it may be removed, and is then made again.
 
 use std::io::{Read as _, Write as _};
 
@@ -11,11 +10,8 @@ use crate::input::Bound;
 use crate::manifest::RunKey;
 
 pub(super) const FOLDER: &str = ".history";
-/// The folder in it of the figures of runs.
 pub(super) const FIGURES: &str = "figures";
-/// Ending of a summary.
 pub(super) const SUMMARY: &str = ".jsonl.zst";
-/// Ending of a run's figures.
 pub(super) const RUN: &str = ".json.zst";
 /// Level of the compression: digits of numbers pack no better at higher ones.
 const LEVEL: i32 = 1;

@@ -1,7 +1,6 @@
-//! The lake's index of finished work: what a batch told of each run, by the state of the files that it was made from.
-//!
-//! `.index/runs.jsonl`, and beside it a file for each task that was done alone, is no part of the tables: nothing published follows from
-//! it, and a lake without it is whole. It may be removed, and is then made again as sessions are digested once more.
+//! The index of finished work, `.index/runs.jsonl`, and beside it a file for each task that was done alone: what a
+//! batch told of each run, by the state of its inputs. Nothing published follows from it; it may be removed, and is
+//! then made again.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -11,7 +10,6 @@ use super::error::folder_error;
 use super::{ASKED, Lake, LakeError, RUNS};
 use crate::store::{Listed, StoreError};
 
-/// The folder of the index, and its file.
 pub(super) const FOLDER: &str = ".index";
 const KEY: &str = ".index/runs.jsonl";
 /// The folder in it with a file for each task that was done alone.
@@ -89,13 +87,13 @@ impl Lake {
         Ok(())
     }
 
-    /// The keys of the rows of all runs and of all requests, as [`Lake::file_key`] and [`request_key`](super::request_key) have them.
+    /// The keys of the rows of all runs and of all requests, as [`Lake::file_key`] and
+    /// [`request_key`](super::request_key) have them.
     pub fn run_and_request_keys(&self) -> Result<BTreeSet<String>, LakeError> {
         let listed = [self.store.list(RUNS, 2..=2)?, self.requests(ASKED)?];
         Ok(listed.concat().into_iter().map(|own| own.key).collect())
     }
 
-    /// Whether there is a file with this key.
     pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
         Ok(self.store.exists(key)?)
     }

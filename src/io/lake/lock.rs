@@ -1,8 +1,6 @@
-//! The lock of a lake: of several batches at once, one works and the others learn which one.
-//!
-//! It saves work, but a lake is sound without it too, since a run is committed by a hard link. The system locks the file
-//! `.lock` for as long as the process lives, however it ends, so no lock is ever left over; the file itself stays and names
-//! the process that locked it last. Only processes that write whole batches lock; readers never do.
+//! The lock of a lake: of several batches at once, one works and the others learn which one. A lake is sound without
+//! it, since a run is committed by a hard link. The system locks `.lock` for as long as the process lives, so no lock
+//! is ever left over; the file names the process that locked it last.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
@@ -24,10 +22,8 @@ pub struct Lock {
     _file: File,
 }
 
-/// The process that holds the lock.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
-    /// The file that is locked.
     pub path: PathBuf,
     /// The holder's description of itself; empty where it has not written it yet.
     pub words: String,
@@ -35,12 +31,9 @@ pub struct Holder {
     pub age: Option<Duration>,
 }
 
-/// The outcome of locking.
 #[derive(Debug)]
 pub enum Locking {
-    /// The lake is locked by this process.
     Done(Lock),
-    /// Another process holds the lock.
     Held(Holder),
     /// This file system does not support locks here.
     Refused(LakeError),

@@ -1,10 +1,7 @@
-//! Names of robots and sessions → names of folders.
-//!
-//! Names come from logs and pipeline files and may hold any character. ASCII letters, digits, `-`, `_` and inner dots stay;
-//! every other byte is percent-encoded, also a leading or trailing dot, so no name is a path, a hidden file, a temporary
-//! (they begin with a dot), or a `key=value` folder that readers would guess columns from. The empty name is `%`. Names
-//! that differ only in case share a folder where the file system ignores case; nothing is lost, since the names of runs
-//! differ and every file has its robot and session as columns.
+//! Names of robots and sessions, of any characters → names of folders. ASCII letters, digits, `-`, `_` and inner dots
+//! stay; every other byte is percent-encoded, so no name is a path, a hidden file, a temporary, or a `key=value` folder
+//! that readers would guess columns from. The empty name is `%`. Names that differ only in case share a folder where
+//! the file system ignores case.
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 
@@ -32,7 +29,6 @@ pub(super) fn encode(name: &str) -> Result<String, usize> {
     Ok(encoded)
 }
 
-/// The name that a folder's name stands for.
 pub(super) fn decode(folder: &str) -> String {
     match folder {
         "%" => String::new(),

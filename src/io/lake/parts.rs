@@ -22,10 +22,8 @@ pub struct OpenTable<'r> {
     begun: Option<Begun>,
 }
 
-/// A table with at least one part.
 struct Begun {
     key: String,
-    /// The path that errors of writing name.
     path: PathBuf,
     encoder: Encoder,
     file: PartsFile<Temporary>,
@@ -41,12 +39,10 @@ pub struct WholeTable {
 }
 
 impl<'r> OpenTable<'r> {
-    /// A table of `run` without parts.
     pub const fn new(run: &'r OpenRun<'r>) -> Self {
         Self { run, begun: None }
     }
 
-    /// Encodes a part and appends it.
     pub fn append(&mut self, part: &Table) -> Result<(), LakeError> {
         let begun = match &mut self.begun {
             Some(begun) => begun,
@@ -57,8 +53,8 @@ impl<'r> OpenTable<'r> {
         begun.append(&encoded)
     }
 
-    /// Appends parts, in order. They are made (`table`) and encoded on all threads, while earlier ones are written; at most
-    /// four of each are in memory. The bytes are the same at any number of threads.
+    /// Parts are made (`table`) and encoded on all threads, at most four at a time, while earlier ones are written. The
+    /// bytes are the same at any number of threads.
     pub fn append_all<P: Send, E: From<LakeError> + Send>(
         &mut self,
         parts: impl IntoIterator<Item = P>,

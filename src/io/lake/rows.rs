@@ -35,13 +35,11 @@ impl Lake {
         Ok(listed)
     }
 
-    /// Opens a file as it was listed.
     pub fn open_listed(&self, listed: &Listed) -> Result<File, LakeError> {
         Ok(self.store.open_listed(listed)?)
     }
 
-    /// Calls `work` where parallel iterators have as many threads as this lake is read with: one for each processor in a folder, and
-    /// `WAITING` on object storage, where most of the time is waiting for answers.
+    /// Uses as many threads as this lake is read with: one for each processor in a folder, `WAITING` on object storage.
     pub fn read_with<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         let pool = ThreadPoolBuilder::new().num_threads(WAITING);
         match (self.folder(), pool.build()) {

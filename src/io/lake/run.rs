@@ -20,16 +20,13 @@ pub struct OpenRun<'a> {
     /// The table whose row makes it exist.
     rows: &'static str,
     written: Vec<Written>,
-    /// The store's tag of each table.
     tags: Vec<Tag>,
     /// Tables that wait for the run's result; they are removed if it has none.
     kept: Vec<WholeTable>,
 }
 
-/// The outcome of a commit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Commit {
-    /// This call committed the run.
     Done,
     /// Another process committed the same work first; its result stays.
     AlreadyThere,
@@ -47,7 +44,6 @@ impl<'a> OpenRun<'a> {
         }
     }
 
-    /// The lake that the run is written to.
     pub const fn lake(&self) -> &Lake {
         self.lake
     }
@@ -56,7 +52,6 @@ impl<'a> OpenRun<'a> {
         &self.key
     }
 
-    /// The tables written so far.
     pub fn written(&self) -> &[Written] {
         &self.written
     }
@@ -74,7 +69,6 @@ impl<'a> OpenRun<'a> {
         self.put_file(&key, temporary, written)
     }
 
-    /// Writes the run's page.
     pub fn publish_page(&mut self, html: &str) -> Result<(), LakeError> {
         let key = file_key(PAGES, &self.key)?;
         let mut temporary = self.lake.store.temporary(&key)?;
@@ -91,7 +85,6 @@ impl<'a> OpenRun<'a> {
         self.kept.push(table);
     }
 
-    /// Moves the kept tables to their places.
     pub fn publish_kept(&mut self) -> Result<(), LakeError> {
         for table in std::mem::take(&mut self.kept) {
             self.put_file(&table.key, table.temporary, table.written)?;
@@ -99,7 +92,6 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Moves a temporary to its place.
     fn put_file(
         &mut self,
         key: &str,
@@ -118,11 +110,8 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Commits the run by creating its row in `runs`, made with [`crate::tables::runs::table`]; or the result of a stage by its
-    /// row in the table of such results.
-    ///
-    /// # Panics
-    /// When the table is not the row of this run or result.
+    /// Creates the run's row in `runs`, made with [`crate::tables::runs::table`], or that of a stage's result. Panics
+    /// when the table is not that row.
     pub fn commit(self, row: &Table) -> Result<Commit, LakeError> {
         assert_eq!(
             row.schema().table,
@@ -147,7 +136,6 @@ impl<'a> OpenRun<'a> {
         Ok(self.lake.store.temporary(key)?)
     }
 
-    /// The key of a table of this run.
     pub(super) fn file_key(&self, table: &Table) -> Result<String, LakeError> {
         match table.key() {
             Some(key) if key.run == self.key.run && key.robot == self.key.robot => {

@@ -1,9 +1,6 @@
-//! Files that appear completely or not at all: written under a temporary name, synced, then renamed.
-//!
-//! The temporary is next to the file, as `.FILE.tmp-HOST-PID-START-N`: START is the time at which the process began, so
-//! leftovers of a process that is gone differ from files of a live one, even when its number was given to another process.
-//!
-//! A large file is synced to the disk while more of it is written (`Disk`), so that its end needs little waiting.
+//! Files that appear completely or not at all: written as `.FILE.tmp-HOST-PID-START-N`, synced, then renamed. START is
+//! the time at which the process began, so leftovers differ from files of a live process that got the same number. A
+//! large file is synced while more of it is written (`Disk`).
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -18,8 +15,8 @@ use crate::system;
 
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
-/// A temporary of another host, of a container that no longer exists, or on a system that does not state which processes run,
-/// is a leftover when it was not written to for a day: the largest table takes minutes.
+/// A temporary of another host, of a container, or on a system that does not state which processes run, is a leftover
+/// when it was not written to for a day.
 const OLD: Duration = Duration::from_hours(24);
 
 /// Bytes written and hashed at once: BLAKE3 takes sixteen blocks of 1 KiB in parallel, and large writes are few.
@@ -86,13 +83,11 @@ impl Temporary {
         Ok(Self { path, file })
     }
 
-    /// Path of the temporary.
     #[cfg(feature = "s3")]
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Size of what was written and synced.
     pub(crate) fn bytes(&self) -> io::Result<u64> {
         Ok(self.path.metadata()?.len())
     }
@@ -152,13 +147,11 @@ impl Drop for Temporary {
     }
 }
 
-/// A new name is permanent only once its folder is synced too.
 fn sync_folder(target: &Path) -> io::Result<()> {
     system::sync_folder(target.parent().expect("a lake's files are in folders"))
 }
 
-/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of processes of which that is unknown; returns their
-/// paths.
+/// Removes temporaries whose process on this host is gone, and old ones of processes of which that is unknown.
 pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -190,8 +183,7 @@ fn removed_now(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// A new folder under the system's temporary directory, removed when dropped; the folder of a process that was interrupted
-/// is removed by [`clean_folders`].
+/// Under the system's temporary directory, removed when dropped, or by [`clean_folders`] after an interruption.
 pub fn folder(of: &str) -> io::Result<TempDir> {
     // A number or letters follow, without a dash.
     let prefix = format!(".{of}.tmp-{}-", Owner::this_process().suffix());
@@ -255,8 +247,7 @@ pub(super) fn host() -> String {
     name.chars().filter(char::is_ascii_alphanumeric).take(24).collect()
 }
 
-/// Start time of a process, in ticks since the system started; the 22nd field of its `stat`, after a name that may hold
-/// spaces.
+/// Ticks since the system started: field 22 of `stat`, after a name that may hold spaces.
 fn start_of(pid: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     stat.rsplit_once(") ")?.1.split(' ').nth(19)?.parse().ok()

@@ -33,10 +33,8 @@ impl Lake {
         Ok(table::open(file, &place, schema)?)
     }
 
-    /// The digest of a file of a run, or of a session as joined, in its row: of the table of that name, or its page. `None` where there
-    /// is no row; an error where the row does not name the file.
-    ///
-    /// A run that learnt from several sessions has files in the folder of each, and its row in one of them.
+    /// `None` where there is no row; an error where the row does not name the file. A run that learnt from several
+    /// sessions has files in the folder of each, and its row in one of them.
     pub(super) fn written_digest(
         &self,
         table: &str,
@@ -122,10 +120,8 @@ pub fn read_given(path: &Path, schema: &'static TableSchema) -> Result<Table, Fi
     Ok(table)
 }
 
-/// Reads a published table by its path, and returns the evidence for it. Where it is in its lake, as
-/// `TABLE/ROBOT/SESSION/RUN.parquet` next to a folder `runs`, its run's row has to name it with its digest. Elsewhere the
-/// digest of its content, which the file carries, has to be right; a file without one is read too, and the missing evidence
-/// is reported.
+/// A table in its lake, next to a folder `runs`: its run's row has to name it with its digest. Elsewhere the digest
+/// that the file carries has to be right; missing evidence is reported.
 pub(super) fn read_by_path(
     path: &Path,
     schema: &'static TableSchema,
@@ -183,7 +179,6 @@ fn lake_of(path: &Path, schema: &TableSchema) -> Option<Lake> {
     lake.has_rows().unwrap_or(true).then_some(lake)
 }
 
-/// A list of texts in the only row of a table.
 fn texts(row: &Table, column: &str) -> Vec<String> {
     if row.rows() == 0 {
         return Vec::new();

@@ -1,9 +1,6 @@
-//! A block: one chunk, or a run of records outside chunks → its messages, given to a visitor.
-//!
-//! 1. Decompress and check the chunk ([`super::chunk`]); a run needs neither.
-//! 2. Walk the records. If one defines something new, or a message belongs to a channel not yet known, the walk ends:
-//!    definitions are recorded one block after another, in the order of the file.
-//! 3. Give each message to the visitor, which fills the block's part.
+//! A block: one chunk, or a run of records outside chunks → its messages, given to a visitor. If a record defines
+//! something new, or a message belongs to a channel not yet known, the walk ends: definitions are recorded one block
+//! after another, in the order of the file.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -20,7 +17,6 @@ use super::source::Source;
 /// A byte range of the file, and how it is stored.
 #[derive(Debug, Clone, Default)]
 pub struct Extent {
-    /// First byte.
     pub start: u64,
     /// One past the last byte.
     pub end: u64,
@@ -28,37 +24,28 @@ pub struct Extent {
     pub chunk: Option<ChunkRecord>,
 }
 
-/// The reason why records of a block, or all of it, are left out.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum BlockFault {
-    /// The chunk cannot be used.
     #[error(transparent)]
     Chunk(#[from] ChunkFault),
-    /// A frame inside the chunk is longer than the chunk.
     #[error(
         "records inside the chunk end in the middle of one, at its byte {0} after decompression"
     )]
     Framing(usize),
-    /// A record that a chunk must not contain.
     #[error("a record with opcode 0x{0:02x} does not belong in a chunk")]
     Opcode(u8),
-    /// The fields of a record do not fit its length.
     #[error("the fields of a record with opcode 0x{0:02x} do not fit its length")]
     Malformed(u8),
-    /// A message of a channel that nothing before it defines.
     #[error("messages of channel {0}, which no record before them defines")]
     UnknownChannel(u16),
-    /// A definition that contradicts an earlier one.
     #[error(
         "channel or schema {0} is defined again and differently: which of the two is meant is not known"
     )]
     Redefined(u16),
-    /// Messages of further channels without a definition, past the number that are named one by one.
     #[error("messages of other channels that no record before them defines")]
     UnknownChannels,
     #[error("the log defines more than {} MiB of schemas and channels", MOST_DEFINITIONS >> 20)]
     TooManyDefinitions,
-    /// More metadata than the limit.
     #[error("the log has more than {} MiB of metadata records; the rest was not read, no message is lost", MOST_METADATA >> 20)]
     TooMuchMetadata,
 }
@@ -78,7 +65,6 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Counts one message.
     pub fn add(&mut self, log_time: u64) {
         let (first, last) = self.times.unwrap_or((log_time, log_time));
         self.times = Some((first.min(log_time), last.max(log_time)));
@@ -86,32 +72,24 @@ impl Tally {
     }
 }
 
-/// The outcome of walking a block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// All messages were given to the visitor, except those in the noted faults.
     Walked,
     /// The block defines something new: it has to be walked again when its turn comes.
     Defines,
-    /// No record of it can be used.
     Rejected(BlockFault),
 }
 
-/// A block being worked on, with buffers that are reused for the next one.
 pub struct Block<P> {
-    /// Its place in the file.
     pub extent: Extent,
     /// Its bytes as stored.
     pub stored: Vec<u8>,
-    /// The visitor's result from its messages.
     pub part: P,
-    /// The outcome of the walk.
     pub outcome: Outcome,
     /// The messages left out of it, by reason.
     pub faults: Vec<(BlockFault, Tally)>,
     /// Its metadata records: name, key, value.
     pub metadata: Metadata,
-    /// Number of messages walked.
     pub messages: u64,
     /// The channel of each run of successive messages, and their number, in the order of the block.
     pub of_channels: Vec<(u16, u32)>,
@@ -366,7 +344,6 @@ fn body<'b>(chunk: &ChunkRecord, stored: &'b [u8]) -> &'b [u8] {
     stored.get(start..end.min(stored.len())).unwrap_or_default()
 }
 
-/// The kind of a record, for the walk.
 enum Seen {
     Known,
     New,

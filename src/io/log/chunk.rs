@@ -6,50 +6,27 @@ use thiserror::Error;
 
 use super::record::ChunkRecord;
 
-/// The reason why a chunk is left out.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ChunkFault {
-    /// Larger than the limit.
     #[error(
         "the chunk states that it takes {needed} bytes as stored and decompressed, the limit is {limit}; if that is right, raise \
          chunk_bytes in [limits]"
     )]
-    TooLarge {
-        /// Bytes stated by the header.
-        needed: u64,
-        /// Limit of the settings, bytes.
-        limit: u64,
-    },
-    /// An unknown compression.
+    TooLarge { needed: u64, limit: u64 },
     #[error("the chunk's compression is {0:?}; read are \"zstd\", \"lz4\" and none")]
     Compression(String),
-    /// The compressed bytes are damaged.
     #[error("the chunk cannot be decompressed: {0}")]
     Damaged(String),
-    /// The size differs from the header's.
     #[error("the chunk holds {found} bytes where its header states {stated}")]
-    Size {
-        /// Bytes stated by the header.
-        stated: u64,
-        /// Bytes after decompression.
-        found: u64,
-    },
-    /// The checksum differs from the header's.
+    Size { stated: u64, found: u64 },
     #[error(
         "the chunk's checksum is {found:08x} where its header states {stated:08x}: bytes are damaged"
     )]
-    Checksum {
-        /// Checksum stated by the header.
-        stated: u32,
-        /// Checksum of the records.
-        found: u32,
-    },
-    /// There is not enough memory.
+    Checksum { stated: u32, found: u32 },
     #[error("there is no memory for a chunk of {0} bytes; lower chunk_bytes in [limits]")]
     Memory(u64),
 }
 
-/// Refuses a chunk whose header asks for more than the limit.
 pub fn within(chunk: &ChunkRecord, limit: u64) -> Result<(), ChunkFault> {
     let needed = chunk.needs();
     if needed > limit {
@@ -65,8 +42,7 @@ pub struct Decompressor {
 }
 
 impl Decompressor {
-    /// Fills `records` with the chunk's records, or leaves them where they are stored if they are not compressed, and
-    /// checks their size and checksum.
+    /// Fills `records`, or leaves them where they are stored if not compressed; checks size and checksum.
     pub fn run(
         &mut self,
         chunk: &ChunkRecord,

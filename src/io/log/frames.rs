@@ -1,15 +1,10 @@
-//! The frames of a log's data section: the place of each record, and the bytes that are lost.
+//! The frames of a log's data section: the place of each record, and the bytes that are lost. A frame is trusted when
+//! its opcode belongs here and its length fits the file and its body.
 //!
-//! Only the data section is walked; the summary after it is a hint that can be missing or wrong. Each record is an opcode,
-//! a length and a body. A frame is trusted when its opcode belongs here and its length fits the file and, where the body
-//! repeats the length, the body. Application-specific records (opcodes 0x80 to 0xff) are skipped.
-//!
-//! The end of the data section is not trusted either: data records after it are read, and another log that begins there
-//! (magic bytes and a header, as `cat a.mcap b.mcap` leaves them) is walked too.
-//!
-//! An unsound record in a sound frame is lost alone. Where framing itself is lost, the walk searches for the next frame
-//! that cannot be there by chance: a chunk whose lengths add up, the end of the data section or, in logs without chunks,
-//! three sound records in a row.
+//! The end of the data section is not trusted: data records after it are read, and another log that begins there (as
+//! `cat a.mcap b.mcap` leaves it) is walked too. An unsound record in a sound frame is lost alone. Where framing itself
+//! is lost, the walk searches for the next frame that cannot be there by chance: a chunk whose lengths add up, the end
+//! of the data section or, in logs without chunks, three sound records in a row.
 
 mod again;
 mod behind;
@@ -32,7 +27,6 @@ pub use records::Records;
 /// Most candidates for a new frame that are tried in one log; it bounds the time that a hostile log takes.
 const MOST_PROBES: u32 = 1_000_000;
 
-/// A part of the file's data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
     /// A schema, channel, message or metadata record from `start` to `end`; `is_message` is true for a message.
@@ -56,11 +50,9 @@ pub enum Piece {
     Log {
         start: u64,
     },
-    /// Bytes that cannot be read.
     Lost(Lost),
 }
 
-/// Walks the frames of one file.
 pub struct Frames<'s> {
     source: &'s mut Source,
     limits: Limits,
@@ -68,13 +60,10 @@ pub struct Frames<'s> {
     probes_left: u32,
     /// Start of the record before, if it ends where the walk is and may contain the start of another record.
     before: Option<u64>,
-    /// The walk has reached the end of the file.
     ended: bool,
-    /// State of the log that is walked.
     log: LogSoFar,
 }
 
-/// Facts found so far about the log that is walked.
 #[derive(Debug, Default)]
 struct LogSoFar {
     /// Start of the log, with its magic bytes.
@@ -117,12 +106,10 @@ impl<'s> Frames<'s> {
         self.log = LogSoFar { start, ..LogSoFar::default() };
     }
 
-    /// The byte that the walk has reached.
     pub const fn at(&self) -> u64 {
         self.at
     }
 
-    /// The file walked.
     pub const fn source(&mut self) -> &mut Source {
         self.source
     }
@@ -137,7 +124,6 @@ impl<'s> Frames<'s> {
         self.log.data_end
     }
 
-    /// Start of the log that is walked.
     pub(super) const fn log_start(&self) -> u64 {
         self.log.start
     }

@@ -1,10 +1,7 @@
-//! The streams of a session while its logs are read: blocks of decoded rows → samples in order of time, each to its
-//! receiver.
-//!
-//! 1. The rows of a block wait ([`OrderedStream::take`]) until the next blocks are being opened; meanwhile
-//!    ([`OrderedStream::work`]) they are put in order of time ([`InOrder`]);
-//! 2. joint samples go to the receiver that wants them ([`JointSink`]), commanded poses and readings are spilled to disk
-//!    ([`SpillingPoses`]), because the join reads them again, and temperatures, which are few, stay in memory.
+//! The streams of a session while its logs are read: blocks of decoded rows → samples in order of time. The rows of a
+//! block wait until the next blocks are being opened; meanwhile they are put in order ([`InOrder`]). Joint samples go
+//! to their receiver ([`JointSink`]), commanded poses and readings are spilled to disk ([`SpillingPoses`]), because the
+//! join reads them again.
 
 use std::ops::Range;
 
@@ -34,11 +31,9 @@ pub trait Emit<B> {
 /// One stream, being put in order of time.
 pub struct OrderedStream<B: Buffer, T> {
     in_order: InOrder<B>,
-    /// The receiver of the samples.
     to: T,
     /// Rows of blocks and the bytes that they come from, in the order of the file.
     waiting: Vec<(B::Block, (u64, u64))>,
-    /// Buffers for the rows of blocks to come.
     spare: Vec<B::Block>,
 }
 
@@ -64,7 +59,6 @@ where
         }
     }
 
-    /// Puts the waiting rows in order of time.
     fn work(&mut self) {
         for (rows, bytes) in self.waiting.drain(..) {
             let emit = |buffer: &B, rows| self.to.emit(buffer, rows);
@@ -105,7 +99,8 @@ pub struct Ordered {
 }
 
 impl<'s> SessionStreams<'s> {
-    /// Streams before anything is read; joint samples will go to `joints`, and `buffered` samples of a stream are buffered.
+    /// Streams before anything is read; joint samples will go to `joints`, and `buffered` samples of a stream are
+    /// buffered.
     pub fn new(mapping: &Mapping, buffered: usize, joints: &'s mut dyn JointSink) -> Self {
         let (controller, tracker) = (&mapping.controller, &mapping.tracker);
         let of_joints = JointBuffer::of(mapping);
@@ -165,7 +160,6 @@ impl<'s> SessionStreams<'s> {
         }
     }
 
-    /// Puts the waiting rows of all streams in order of time.
     pub fn work(&mut self) {
         self.joints.work();
         if let Some(stream) = &mut self.commands {

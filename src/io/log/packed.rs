@@ -1,7 +1,5 @@
-//! Whole logs in zstd (`log.mcap.zst`) → the log in an unnamed temporary file, and the fault that ended decompression.
-//!
-//! A log is read by position, so it is decompressed first: in one pass, in bounded memory whatever the file states, into a
-//! file without a name that disappears with the process. Bytes before damage are kept.
+//! Whole logs in zstd (`log.mcap.zst`), decompressed in bounded memory into a file without a name that disappears with
+//! the process: a log is read by position. Bytes before damage are kept.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
@@ -17,7 +15,6 @@ const WINDOW_LOG: u32 = 27;
 /// Bytes decompressed at once.
 const PIECE: usize = 256 * 1024;
 
-/// Size of a compressed log, and the fault in it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Packed {
     /// Bytes of the compressed file.
@@ -26,12 +23,10 @@ pub struct Packed {
     pub fault: Option<PackedFault>,
 }
 
-/// Where and why decompression ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PackedFault {
     /// Byte of the compressed file, or a little after the damage.
     pub at: u64,
-    /// The reason as text.
     pub why: String,
     /// Whether a checksum was wrong: then the damage is somewhere in the decompressed bytes.
     pub anywhere: bool,

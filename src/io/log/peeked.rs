@@ -1,5 +1,4 @@
-//! Facts about a log that are known without reading its messages: whether it may still be written to, and the metadata of
-//! its session.
+//! Facts known without reading messages: whether a log may still be written to, and the metadata of its session.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -18,10 +17,7 @@ const SESSION: &str = "session";
 /// A metadata record longer than this is taken not to name the session.
 const MOST_METADATA: u64 = 1 << 20;
 
-/// Whether the file is the beginning of a log: it lacks the closing magic bytes, and is sound up to its end.
-///
-/// # Errors
-/// When the file cannot be read. One in zstd is decompressed.
+/// The log lacks the closing magic bytes, and is sound up to its end. One in zstd is decompressed.
 pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
     let name = path.display().to_string();
     let (mut source, packed) = match Source::open(path, &name, limits, &Quiet) {
@@ -43,10 +39,7 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
     Ok(cut || length < 2 * magic || end.map_err(at_fault)? != MAGIC)
 }
 
-/// The entries of the log's metadata record `session`; empty where it has none. Messages are skipped.
-///
-/// # Errors
-/// When the file cannot be read.
+/// The metadata record `session`; empty where there is none. Messages are skipped.
 pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, String>, FileError> {
     let file = path.display().to_string();
     let at_fault = |source: io::Error| FileError::new(&file, source);

@@ -11,7 +11,6 @@ use crate::ingest::LogReject;
 /// Most rejects of one log that are listed one by one; the rest become one reject.
 const MOST_REJECTS: usize = 10_000;
 
-/// Everything found in a log except its messages.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReadSummary {
     /// Name of the file, as given.
@@ -20,11 +19,9 @@ pub struct ReadSummary {
     pub bytes: u64,
     /// Size of the compressed file and the fault in it; `None` where the log is not stored in zstd as a whole.
     pub packed: Option<Packed>,
-    /// State of the log's end.
     pub ending: Ending,
     /// Conventions of the log, such as `ros2`.
     pub profile: String,
-    /// Program that wrote the log.
     pub library: String,
     /// Number of sound chunks, by compression.
     pub chunks: BTreeMap<String, u64>,
@@ -32,7 +29,6 @@ pub struct ReadSummary {
     pub chunks_unchecked: u64,
     /// Number of messages outside chunks: no checksum covers them one by one.
     pub messages_outside_chunks: u64,
-    /// Number of messages in sound blocks.
     pub messages: u64,
     /// Number of messages lost in damaged bytes or missing, as far as indexes and sound summaries count them.
     pub messages_lost: u64,
@@ -53,7 +49,6 @@ pub struct ReadSummary {
 }
 
 impl ReadSummary {
-    /// Counts a sound block.
     pub(super) fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
         self.messages += messages;
         match chunk {
@@ -65,12 +60,10 @@ impl ReadSummary {
         }
     }
 
-    /// Counts application-specific records.
     pub(super) fn private(&mut self, opcode: u8, count: u64) {
         *self.private_records.entry(opcode).or_default() += count;
     }
 
-    /// Counts messages of a topic as lost.
     pub(super) fn lose(&mut self, topic: &str, messages: u64) {
         if messages > 0 {
             let lost = self.lost_of.entry(topic.to_owned()).or_default();

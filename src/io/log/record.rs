@@ -1,9 +1,7 @@
-//! MCAP records: fields read from a record's bytes, with no allocation by a length that the file states.
-//!
-//! Source: the MCAP format specification, version 0. A reader returns `None` where a record is shorter than its fields. The
-//! parsers of the `mcap` crate are not used here: they panic or abort on some hostile lengths.
+//! MCAP records (format specification, version 0): fields read with no allocation by a length that the file states;
+//! `None` where a record is shorter than its fields. The parsers of the `mcap` crate panic or abort on some hostile
+//! lengths.
 
-/// Opcodes of the format's records.
 pub mod op {
     pub use mcap::records::op::*;
 
@@ -14,25 +12,21 @@ pub mod op {
 /// Opcode and length before each record.
 pub const FRAME_HEADER: u64 = 9;
 
-/// Fields of a record, read one after another.
 #[derive(Debug, Clone)]
 pub struct Fields<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Fields<'a> {
-    /// Starts at the first field.
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
 
-    /// The bytes not read yet.
     pub const fn rest(&self) -> &'a [u8] {
         self.rest
     }
 
-    /// Checks that the record ends here, except for an extension. A record much longer than its fields has a damaged
-    /// length.
+    /// Except for an extension: a record much longer than its fields has a damaged length.
     fn end(&self) -> Option<()> {
         (self.rest.len() as u64 <= MOST_EXTENSION).then_some(())
     }
@@ -78,8 +72,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Keys and values, read on demand: eight bytes of a record are enough for a pair, so a list of them would take many times
-/// the record's memory.
+/// Read on demand: a list of pairs would take many times the record's memory.
 #[derive(Debug, Clone)]
 pub struct TextMap<'a> {
     fields: Fields<'a>,
@@ -93,17 +86,14 @@ impl<'a> Iterator for TextMap<'a> {
     }
 }
 
-/// The first record of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HeaderRecord<'a> {
     /// Conventions of the log, such as `ros2`.
     pub profile: &'a str,
-    /// Program that wrote the log.
     pub library: &'a str,
 }
 
 impl<'a> HeaderRecord<'a> {
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let header = Self { profile: fields.text()?, library: fields.text()? };
@@ -111,12 +101,10 @@ impl<'a> HeaderRecord<'a> {
     }
 }
 
-/// A message definition.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SchemaRecord<'a> {
     /// Not zero.
     pub id: u16,
-    /// The message type.
     pub name: &'a str,
     /// The language of the definition.
     pub encoding: &'a str,
@@ -124,7 +112,6 @@ pub struct SchemaRecord<'a> {
 }
 
 impl<'a> SchemaRecord<'a> {
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let schema = Self {
@@ -137,7 +124,6 @@ impl<'a> SchemaRecord<'a> {
     }
 }
 
-/// A channel: messages of one schema on one topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelRecord<'a> {
     /// Id of the channel, valid in this log only.
@@ -150,7 +136,6 @@ pub struct ChannelRecord<'a> {
 }
 
 impl<'a> ChannelRecord<'a> {
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let channel = Self {
@@ -166,7 +151,6 @@ impl<'a> ChannelRecord<'a> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageRecord<'a> {
-    /// Id of the message's channel.
     pub channel_id: u16,
     /// Number given by the publisher; 0 where it gives none.
     pub sequence: u32,
@@ -174,7 +158,6 @@ pub struct MessageRecord<'a> {
     pub log_time: u64,
     /// Time of publishing, ns.
     pub publish_time: u64,
-    /// The serialised message.
     pub payload: &'a [u8],
 }
 
@@ -182,7 +165,6 @@ impl<'a> MessageRecord<'a> {
     /// Number of bytes before the payload.
     pub const HEADER: u64 = 22;
 
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         Some(Self {
@@ -206,9 +188,7 @@ pub struct ChunkRecord {
     pub uncompressed_size: u64,
     /// CRC-32 of the uncompressed records; 0: not given.
     pub crc: u32,
-    /// The name of the compression, empty for none.
     pub compression: String,
-    /// Bytes of the compressed records.
     pub compressed_size: u64,
     /// Bytes before the compressed records, from the start of the record's body.
     pub header_size: u64,
@@ -252,28 +232,23 @@ impl ChunkRecord {
         }
     }
 
-    /// Whether it can be decompressed here.
     pub(super) fn has_known_compression(&self) -> bool {
         matches!(self.compression.as_str(), "" | "zstd" | "lz4")
     }
 
-    /// Whether the record's fields fit its length.
     pub fn fits(&self, length: u64) -> bool {
         let fields = self.header_size.checked_add(self.compressed_size);
         fields.is_some_and(|fields| extends(fields, length))
     }
 }
 
-/// A named map of texts.
 #[derive(Debug, Clone)]
 pub struct MetadataRecord<'a> {
     pub name: &'a str,
-    /// Keys and values.
     pub pairs: TextMap<'a>,
 }
 
 impl<'a> MetadataRecord<'a> {
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let metadata = Self { name: fields.text()?, pairs: fields.text_map()? };
@@ -289,15 +264,13 @@ pub(super) fn extends(fields: u64, length: u64) -> bool {
     length.checked_sub(fields).is_some_and(|more| more <= MOST_EXTENSION)
 }
 
-/// A channel and the number of its messages in a message index; `None` where the start of its body does not fit that
-/// length.
+/// Channel and count of a message index; `None` where the start of its body does not fit that length.
 pub(super) fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u64)> {
     let mut fields = Fields::new(body_start);
     let (channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
     (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some((channel, bytes / 16))
 }
 
-/// The statistics record of a summary.
 #[derive(Debug, Clone)]
 pub struct StatisticsRecord<'a> {
     /// Number of messages of all channels.
@@ -307,7 +280,6 @@ pub struct StatisticsRecord<'a> {
 }
 
 impl<'a> StatisticsRecord<'a> {
-    /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let messages = fields.u64()?;
@@ -320,7 +292,6 @@ impl<'a> StatisticsRecord<'a> {
     }
 }
 
-/// Channels and counts.
 #[derive(Debug, Clone)]
 pub struct Counts<'a> {
     fields: Fields<'a>,

@@ -1,5 +1,4 @@
-//! The channels and schemas that a log has defined so far. Ids are valid within one log only; where a file holds several
-//! logs, one after another, the limits are those of the file.
+//! The channels and schemas that a log has defined so far. Ids are valid within one log; limits are those of the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -11,17 +10,13 @@ pub const MOST_DEFINITIONS: usize = 16 * 1024 * 1024;
 /// Most channels of one file: as many as a log has ids for.
 const MOST_CHANNELS: usize = 1 << 16;
 
-/// A message definition as the log has it.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Schema {
-    /// The message type.
     pub name: String,
-    /// The language of the definition.
     pub encoding: String,
     pub definition: Vec<u8>,
 }
 
-/// A channel as the log has it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
     /// Id of the channel, valid in this log only.
@@ -29,7 +24,6 @@ pub struct Channel {
     /// Id of the schema; 0: none.
     pub schema_id: u16,
     pub topic: String,
-    /// Encoding of the messages.
     pub encoding: String,
 }
 
@@ -45,12 +39,9 @@ pub struct Registry<D> {
     size: usize,
 }
 
-/// The reason why a definition is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refused {
-    /// The id is already defined differently.
     Redefined,
-    /// The limit is reached.
     TooMuch,
 }
 
@@ -67,12 +58,10 @@ impl<D> Default for Registry<D> {
 }
 
 impl<D> Registry<D> {
-    /// Whether exactly this schema is known.
     pub(super) fn has_schema(&self, record: &SchemaRecord<'_>) -> bool {
         self.schemas.get(&record.id).is_some_and(|schema| schema.is(record))
     }
 
-    /// Whether exactly this channel is known.
     pub(super) fn has_channel(&self, record: &ChannelRecord<'_>) -> bool {
         self.channels.get(&record.id).is_some_and(|(channel, _)| channel.is(record))
     }
@@ -117,7 +106,6 @@ impl<D> Registry<D> {
         Ok(())
     }
 
-    /// Records a channel; `decoder` makes its decoder.
     pub fn add_channel<E>(
         &mut self,
         record: &ChannelRecord<'_>,

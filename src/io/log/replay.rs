@@ -1,19 +1,10 @@
-//! The one way from a session's logs to the input of the join: a source of samples, replayed into a detector of dwells.
+//! The one way from a session's logs to the input of the join. Each replay gives the samples of every stream in order
+//! of time; memory grows with the dwells, not with the log. Joint samples go into the detector ([`Finder`]) and to any
+//! other receiver; commanded poses and readings are spilled to disk.
 //!
-//! The logs are the source, and can be read several times. Each time ([`LogSource::replay`]) the samples of every stream
-//! are emitted in order of time, whatever their order in the files (`ordered`); memory grows with the dwells, not with the
-//! log:
-//!
-//! 1. Joint samples go into the detector ([`Finder`]), and to any other receiver ([`JointSink`]); none is kept.
-//! 2. Commanded poses and readings are spilled to disk; the join detects the target's dwells on them in the same way.
-//!
-//! One replay is enough for nearly every session. A second one is needed
-//!
-//! - where messages are further out of order than the buffer reaches: with all samples buffered;
-//! - where the detector finds the stationary threshold too late to have kept the dwells by it: with that threshold alone
-//!   ([`stationary_of`]).
-//!
-//! Dwells and samples are always those of a single replay, to the last bit.
+//! A second replay is needed where messages are further out of order than the buffer reaches, with all samples
+//! buffered; and where the detector finds the stationary threshold too late, with that threshold alone
+//! ([`stationary_of`]). Dwells and samples are always those of a single replay, to the last bit.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -32,20 +23,18 @@ use crate::units::Tracker;
 pub trait JointSink: Send {
     /// Discards the samples given so far: all of them will be given again.
     fn restart(&mut self);
-    /// Takes the next 65 536 samples, or the remaining ones: stamps that do not decrease, and angles (rad), row after row.
+    /// Takes the next 65 536 samples, or the remaining ones: stamps that do not decrease, and angles (rad), row after
+    /// row.
     fn take(&mut self, stamps_ns: &[i64], angles: &[f64]);
 }
 
-/// Ignores all samples.
 impl JointSink for () {
     fn restart(&mut self) {}
     fn take(&mut self, _: &[i64], _: &[f64]) {}
 }
 
-/// The data read from a session's logs.
 #[derive(Debug)]
 pub struct SessionRead {
-    /// The dwells of the arm, and the samples that the join needs.
     pub input: JoinInput,
     /// Messages and byte ranges left out, with reasons.
     pub rejects: Vec<LogReject>,
@@ -55,11 +44,9 @@ pub struct SessionRead {
     pub counts: BTreeMap<String, u64>,
 }
 
-/// Reads all logs of a session: finds where the joints are stationary by `rule`, and gives each joint sample to `sink` too
-/// (`&mut ()` where nothing else needs them).
-///
-/// Damage is no error here: lost bytes and messages are in the rejects, and the pipeline's limit judges them. Zero
-/// positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
+/// Finds where the joints are stationary by `rule`, and gives each joint sample to `sink` too (`&mut ()` for none).
+/// Damage is no error here: the pipeline's limit judges the rejects. Zero positions are kept: some instruments write
+/// them for a missing reflector.
 pub fn read_session(
     logs: &SessionLogs,
     mapping: &Mapping,
@@ -114,7 +101,6 @@ pub fn read_session(
     })
 }
 
-/// The logs of a session, as a source of samples.
 struct LogSource<'a> {
     logs: &'a SessionLogs,
     mapping: &'a Mapping,
@@ -124,7 +110,6 @@ struct LogSource<'a> {
     buffered: usize,
 }
 
-/// The results of one replay.
 struct Replayed {
     ordered: Ordered,
     files: ReadFiles,

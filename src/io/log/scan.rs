@@ -1,15 +1,7 @@
-//! Scan: one log file → every sound message given to a visitor, every lost byte range recorded in the read summary.
-//!
-//! 1. Check the magic bytes and read the header.
-//! 2. Walk the frames and gather blocks: chunks, and runs of records outside chunks.
-//! 3. A batch of blocks, bounded in bytes, is decompressed, checked and decoded in parallel, each block into a part
-//!    of its own.
-//! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block that
-//!    defines channels is worked on when its turn comes. The visitor does the long part of its work while the next batch is
-//!    opened.
-//! 5. Judge what is known only at the end of the log: the checksum of all records, the log's end, whether as many messages
-//!    were read as its summary counts.
-//! 6. Where another log follows, continue with that one; its ids are its own.
+//! Scan: one log file → every sound message given to a visitor, every lost byte range recorded. A batch of blocks
+//! (chunks, and runs of records outside chunks), bounded in bytes, is decompressed and decoded in parallel, and merged
+//! in the order of the file, so the result does not depend on the number of threads. A block that defines channels is
+//! worked on when its turn comes; the visitor does the long part of its work while the next batch is opened.
 
 mod blocks;
 mod counts;
@@ -52,7 +44,6 @@ pub trait Visitor: Sync {
     type Decoder: Send + Sync;
     /// Its result from one block.
     type Part: Default + Send;
-    /// Error that ends the scan.
     type Error;
 
     /// Called when a channel is found for the first time.
@@ -75,7 +66,6 @@ pub trait Visitor: Sync {
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
 }
 
-/// Reads a whole log.
 pub fn scan<V, E>(
     path: &Path,
     name: &str,

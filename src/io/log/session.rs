@@ -1,12 +1,6 @@
-//! The files of a session: those of the controller's side and those of the tracker's.
-//!
-//! A recorder may split a recording into several files, and write some records only into the first one. So a topic has to
-//! be in one file of its side, not in each. The rows of the files are put in order by their times, stream by stream, never
-//! by the files' names; ids are valid within one file only.
-//!
-//! 1. Each file is read once, for all wanted topics, even if it belongs to both sides; the rows go to the streams of the
-//!    session.
-//! 2. Every wanted topic has to be in some file of its side.
+//! The files of a session's two sides. A recorder may split a recording into several files, and write some records only
+//! into the first one, so a topic has to be in one file of its side. Each file is read once; rows are put in order by
+//! their times, never by the files' names; ids are valid within one file only.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -38,7 +32,6 @@ pub struct SessionLogs {
 }
 
 impl SessionLogs {
-    /// One file a side.
     pub fn of_two(controller: &Path, tracker: &Path) -> Self {
         Self { controller: vec![controller.to_owned()], tracker: vec![tracker.to_owned()] }
     }
@@ -78,7 +71,6 @@ impl SessionLogs {
         Ok(read)
     }
 
-    /// The names of the files as text.
     pub(super) fn names(&self) -> String {
         let files = self.files().into_iter();
         let names = files.map(|file| file.path.display().to_string());
@@ -127,7 +119,6 @@ impl LogFile {
     }
 }
 
-/// One file after reading.
 struct Part<'m, 's> {
     role: &'static str,
     sides: BTreeSet<Side>,
@@ -146,7 +137,8 @@ pub struct ReadFiles {
     pub counts: BTreeMap<String, u64>,
 }
 
-/// The metadata records of all logs of a session, as `record.key` → value, controller first; no chunk is opened for them.
+/// The metadata records of all logs of a session, as `record.key` → value, controller first; no chunk is opened for
+/// them.
 pub fn read_metadata(
     logs: &SessionLogs,
     limits: Limits,

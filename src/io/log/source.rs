@@ -1,5 +1,5 @@
-//! A log file, read by position: through a wide window where records follow one another, through a narrow one from chunk to
-//! chunk.
+//! A log file, read by position: through a wide window where records follow one another, through a narrow one from
+//! chunk to chunk.
 
 use std::fs::{self, File, FileType};
 use std::io::{self, Seek, SeekFrom};
@@ -26,7 +26,6 @@ pub struct Source {
     narrow: Window,
 }
 
-/// Bytes of the file in memory.
 #[derive(Debug, Default)]
 struct Window {
     start: u64,
@@ -65,7 +64,6 @@ impl Source {
         Ok(Self { file, length, wide: Window::default(), narrow: Window::default() })
     }
 
-    /// Number of bytes in the file.
     pub const fn length(&self) -> u64 {
         self.length
     }
@@ -80,8 +78,7 @@ impl Source {
         Ok(self.wide.part(start, wanted))
     }
 
-    /// Like [`Self::peek`] for a few bytes that may be far away: the window stays where it is unless they lie close after
-    /// it.
+    /// Reads a few bytes that may be far away: the window stays unless they lie close after it.
     pub fn probe(&mut self, start: u64, count: usize) -> io::Result<&[u8]> {
         let wanted = self.there(start, count);
         let end = self.wide.start + self.wide.bytes.len() as u64;
@@ -102,15 +99,13 @@ impl Source {
         usize::try_from(behind).map_or(count, |behind| behind.min(count))
     }
 
-    /// Moves a window.
     fn window(&self, window: Window, start: u64, count: usize) -> io::Result<Window> {
         let mut bytes = window.bytes;
         self.read(start, count as u64, &mut bytes)?;
         Ok(Window { start, bytes })
     }
 
-    /// Fills `to` with `count` bytes at `start`, or fewer at the end of the file, without asking for memory for more than
-    /// there are.
+    /// Fewer bytes at the end of the file; asks for no more memory than there are bytes.
     pub fn read(&self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
         let count = count.min(self.length.saturating_sub(start));
         let count = usize::try_from(count).map_err(io::Error::other)?;

@@ -1,7 +1,5 @@
-//! Poses that are spilled to disk while the log is read: row by row in an unnamed temporary file, except the last rows.
-//!
-//! A row is the stamp, the position and, where there are any, orientation and covariance: numbers of eight bytes, the least
-//! significant first. A short log stays in memory; a long one takes no more memory than that.
+//! Poses that are spilled to disk while the log is read, except the last rows. A row is the stamp, the position and,
+//! where there are any, orientation and covariance: numbers of eight bytes, the least significant first.
 
 use std::fmt::Debug;
 use std::fs::File;
@@ -19,10 +17,8 @@ use crate::units::Stamp;
 const IN_MEMORY: usize = 4 << 20;
 /// Numbers of a covariance: six of the position, six of the orientation, nine of both together.
 const COVARIANCE: usize = 21;
-/// Bytes of a number.
 const NUMBER: usize = 8;
 
-/// Poses that were spilled to disk.
 #[derive(Debug)]
 pub struct SpilledPoses<C> {
     clock: PhantomData<C>,
@@ -36,7 +32,6 @@ pub struct SpilledPoses<C> {
     most: usize,
 }
 
-/// The columns of the poses.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Form {
     orientations: bool,
@@ -111,7 +106,6 @@ impl<C> SpilledPoses<C> {
         self.in_file + self.latest.len() / self.form.row_bytes()
     }
 
-    /// The bytes of some rows.
     fn bytes(&self, rows: &Range<usize>) -> io::Result<Vec<u8>> {
         let row_bytes = self.form.row_bytes();
         let from_file = rows.start.min(self.in_file)..rows.end.min(self.in_file);
@@ -171,7 +165,6 @@ fn numbers(own: &PoseCovariance) -> [f64; COVARIANCE] {
     numbers
 }
 
-/// The covariance that has these numbers.
 fn covariance(numbers: &[f64; COVARIANCE]) -> PoseCovariance {
     fn part<const N: usize>(of: &[f64]) -> Option<[f64; N]> {
         of.try_into().ok().filter(|own: &[f64; N]| !own[0].is_nan())
@@ -201,7 +194,6 @@ impl<C> SpillingPoses<C> {
         }
     }
 
-    /// All poses that were spilled.
     pub fn finish(self) -> Result<SpilledPoses<C>, LogError> {
         self.room.map_err(|source| LogError::NoRoom {
             folder: std::env::temp_dir().display().to_string(),

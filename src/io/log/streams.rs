@@ -1,7 +1,5 @@
-//! Streams: the messages of the topics that the pipeline file names → decoded columns, a block at a time.
-//!
-//! The common message types need no field paths: their fields follow from the type. For any other type the pipeline file
-//! names the fields.
+//! Streams: the messages of the named topics → decoded columns, a block at a time. The fields of common types follow
+//! from the type; for any other the pipeline file names them.
 
 mod common;
 mod elements;
@@ -29,7 +27,6 @@ pub use reader::Part;
 use reader::{Decoder, Reader, RowFault, Wished};
 pub use suggest::{Suggestible, Suggestion, json_fields, suggest};
 
-/// A stream of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stream {
     Joints,
@@ -46,7 +43,6 @@ impl Stream {
         [Self::Joints, Self::Commands, Self::Readings, Self::Temperatures, Self::Lengths];
 }
 
-/// A stream and its topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
     pub stream: Stream,
@@ -54,13 +50,10 @@ pub struct Wanted {
     pub time: TimeSource,
 }
 
-/// A schema, and the reader of its messages.
 type SharedReader = (Option<Arc<Schema>>, Arc<Reader>);
 
-/// The wanted streams of one file, being read.
 pub struct Streams<'m, 's> {
     file: String,
-    /// The wanted streams of the file.
     pub wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     /// The wanted topics that were met.
@@ -76,7 +69,6 @@ pub struct Streams<'m, 's> {
 }
 
 impl<'m, 's> Streams<'m, 's> {
-    /// Streams before anything is read.
     pub fn new(
         file: &str,
         wanted: Vec<Wanted>,
@@ -100,7 +92,6 @@ impl<'m, 's> Streams<'m, 's> {
         self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the file has the topic.
     pub fn has(&self, topic: &str) -> bool {
         self.met.contains(topic)
     }

@@ -1,8 +1,5 @@
 //! The summary at the end of a log, as a hint: definitions of channels whose own records were lost, and the number of
-//! messages that there should be.
-//!
-//! Nothing depends on it. Definitions are taken from it only where its checksum, if given, is right. The state of a log's
-//! end is also reported, since other readers depend on it.
+//! messages that there should be. Definitions are taken from it only where its checksum, if given, is right.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -20,7 +17,6 @@ const TAIL: u64 = FRAME_HEADER + 20 + 8;
 /// Number of bytes read at once.
 const PIECE: u64 = 256 * 1024;
 
-/// The state of a log's end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Ending {
     /// No footer and no closing magic bytes: the end was cut off.
@@ -36,17 +32,14 @@ pub enum Ending {
     Damaged,
 }
 
-/// The statements of a footer about the summary.
 #[derive(Debug, Clone, Copy)]
 struct Footer {
-    /// Start of the footer.
     at: u64,
     summary_start: u64,
     crc: u32,
 }
 
-/// The state of the end of the log in these bytes of the file, and the place of its summary; `None` where none can be
-/// trusted.
+/// `None` where no summary can be trusted.
 pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Option<Range<u64>>)> {
     let Some(footer) = footer(source, &log)? else {
         return Ok((Ending::Cut, None));
@@ -139,8 +132,8 @@ impl Definitions {
     }
 }
 
-/// Frames of the schemas and channels in a summary; indexes, which can be long, are skipped. Empty where other records are
-/// among them: then these are not the bytes of a summary.
+/// Indexes, which can be long, are skipped. Empty where other records are among them: then these are not the bytes of a
+/// summary.
 fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
     let (mut found, mut frame) = (Vec::new(), Vec::new());
     let mut at = range.start;
@@ -218,7 +211,6 @@ impl Statistics {
 }
 
 impl Source {
-    /// CRC-32 of a range of the file.
     pub fn checksum(&mut self, range: Range<u64>) -> io::Result<u32> {
         let mut hasher = crc32fast::Hasher::new();
         let mut bytes = Vec::new();

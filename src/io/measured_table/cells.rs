@@ -8,15 +8,12 @@ const BLANK: u64 = 0xfff8_0000_0000_0001;
 const TEXT: u64 = 0xfffc_0000_0000_0000;
 const PLACE: u64 = 0x0003_ffff_ffff_ffff;
 
-/// Most bytes of texts.
 const MOST_TEXT: usize = 1 << 29;
 
-/// Cells row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Cells {
     bits: Vec<u64>,
     texts: String,
-    /// The end of each text in `texts`.
     ends: Vec<usize>,
 }
 

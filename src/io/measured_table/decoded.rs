@@ -1,5 +1,3 @@
-//! The bytes of a text file → UTF-8, with a remark where they were something else.
-
 use std::borrow::Cow;
 
 use super::MeasuredTableErrorKind;
@@ -10,7 +8,8 @@ pub(super) struct Decoded<'b> {
     pub(super) remark: Option<&'static str>,
 }
 
-/// Decodes UTF-8, UTF-16 with or without a byte-order mark, and otherwise Latin-1, which has a character for every byte.
+/// Decodes UTF-8, UTF-16 with or without a byte-order mark, and otherwise Latin-1, which has a character for every
+/// byte.
 pub(super) fn decode(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
     let (little, big) = (u16::from_le_bytes, u16::from_be_bytes);
     match bytes {

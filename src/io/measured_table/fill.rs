@@ -1,5 +1,3 @@
-//! Records of cells → rows of a table: which records are rows, and what their cells hold.
-
 use std::borrow::Cow;
 
 use super::cells::Cells;
@@ -10,10 +8,8 @@ use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records,
 
 /// A cell as a file writes it.
 pub(super) trait Written {
-    /// Whether nothing is written.
     fn is_blank(&self) -> bool;
     fn number(&self, numbers: &Numbers) -> Option<f64>;
-    /// What is written, as text.
     fn text(&self) -> Cow<'_, str>;
 }
 
@@ -25,7 +21,6 @@ struct Found {
     kind: Contrary,
 }
 
-/// The table while its rows are read.
 pub(super) struct Filling<'h> {
     head: &'h Head,
     numbers: Numbers,
@@ -53,24 +48,20 @@ impl<'h> Filling<'h> {
         }
     }
 
-    /// Counts a record above the first row.
     pub(super) fn above(&mut self, cells: &[impl Written]) {
         let is_blank = cells.iter().all(Written::is_blank);
         self.records.blank += usize::from(is_blank);
         self.records.before += usize::from(!is_blank);
     }
 
-    /// Counts records in which nothing is written.
     pub(super) fn blank(&mut self, count: usize) {
         self.records.blank += count;
     }
 
-    /// Counts a record that is no row.
     pub(super) fn leave_out(&mut self, line: u64, reason: LeftOutFor) {
         self.left_out.push(RowLeftOut { line, reason });
     }
 
-    /// Takes a record below the header.
     pub(super) fn record(
         &mut self,
         line: u64,
@@ -192,7 +183,6 @@ impl<'h> Filling<'h> {
         })
     }
 
-    /// The way in which numbers are written.
     pub(super) fn numbers(&self) -> &Numbers {
         &self.numbers
     }

@@ -1,10 +1,7 @@
-//! Finding the header, a line of units and the first row among the first records of a text or a sheet.
-//!
-//! 1. The length of rows is that of the records with most numbers.
-//! 2. The header is the first record of that length which has the most texts where rows have numbers. A title that a spreadsheet
-//!    filled up with empty cells has fewer.
-//! 3. A record of units may follow it.
-//! 4. Without a header, a comment of that length above the first row is one; otherwise columns have their numbers as names.
+//! Finding the header, a line of units and the first row among the first records of a text or a sheet. The length of
+//! rows is that of the records with most numbers; the header is the first record of that length with the most texts
+//! where rows have numbers. Without a header, a comment of that length above the first row is one; otherwise columns
+//! have their numbers as names.
 
 mod block;
 mod labels;
@@ -16,7 +13,6 @@ use super::separator::EitherMark;
 use super::{MOST_COLUMNS, MeasuredTableErrorKind};
 use block::Block;
 
-/// What a cell of the sample is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PieceKind {
     Blank,
@@ -24,7 +20,6 @@ pub(super) enum PieceKind {
     Text,
 }
 
-/// A cell of the sample.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Piece {
     pub(super) kind: PieceKind,
@@ -45,7 +40,6 @@ impl Piece {
     }
 }
 
-/// A record of the sample.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SampleRow {
     pub(super) line: u64,
@@ -53,10 +47,8 @@ pub(super) struct SampleRow {
     pub(super) is_comment: bool,
 }
 
-/// What stands above the rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Head {
-    /// Names of the columns.
     pub(super) names: Vec<String>,
     /// What the header's cells hold, by which it is known again; empty where there is no header.
     pub(super) written: Vec<String>,
@@ -67,7 +59,6 @@ pub(super) struct Head {
     pub(super) header: Option<usize>,
     /// Records of the sample above the first row.
     pub(super) above: usize,
-    /// What a person would want to know about the header.
     pub(super) remark: Option<String>,
 }
 
@@ -95,7 +86,6 @@ impl SampleRow {
         self.pieces.iter().filter(|piece| piece.kind == kind).count()
     }
 
-    /// Number of cells without blank ones at the end.
     fn length(&self) -> usize {
         let last = self.pieces.iter().rposition(|piece| piece.kind != PieceKind::Blank);
         last.map_or(0, |last| last + 1)
@@ -115,7 +105,8 @@ impl SampleRow {
     }
 }
 
-/// Finds the head. `stated` is the line of the header, where a person states it, and `is_comma` tells that commas separate.
+/// Finds the head. `stated` is the line of the header, where a person states it, and `is_comma` tells that commas
+/// separate.
 pub(super) fn find(
     sample: &[SampleRow],
     stated: Option<u64>,
@@ -214,7 +205,6 @@ fn width(sample: &[SampleRow]) -> Option<usize> {
     let named = named(sample)
         .filter(|width| of_width.get(width).is_some_and(|own| own.0 > 0 && 2 * own.0 >= best.0));
     let width = named.unwrap_or(width);
-    // A separator may end each row, and nothing ever stands behind it.
     let rows = sample.iter().filter(|row| row.fits(width));
     rows.map(SampleRow::length).max()
 }

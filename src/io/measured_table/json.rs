@@ -4,7 +4,6 @@ use super::number::Numbers;
 use super::tree::{Document, Keys, MOST_LEVELS, MOST_NODES, Map, Node};
 use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded, tree};
 
-/// Reads the bytes of a JSON text, or of one with a value in each line.
 pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     let decoded = decoded::decode(bytes)?;
     let mut parser = Parser {
@@ -38,7 +37,6 @@ struct Parser<'t> {
 type Parsed<T> = Result<T, MeasuredTableErrorKind>;
 
 impl Parser<'_> {
-    /// The next byte that is no space; it is not taken.
     fn peek(&mut self) -> Option<u8> {
         let bytes = self.text.as_bytes();
         while let Some(&byte) = bytes.get(self.at) {
@@ -62,7 +60,6 @@ impl Parser<'_> {
         if self.take_if(sign) { Ok(()) } else { Err(self.wrong(wanted)) }
     }
 
-    /// The error at this place.
     fn wrong(&self, problem: &'static str) -> MeasuredTableErrorKind {
         let before = self.text.get(..self.at).unwrap_or(self.text);
         let line = before.rsplit('\n').next().unwrap_or_default();

@@ -1,8 +1,5 @@
-//! A cell's text → the double nearest to the number that it spells.
-
 use lexical_core::{ParseFloatOptions, format::STANDARD};
 
-/// Numbers with one decimal mark.
 #[derive(Debug, Clone)]
 pub(super) struct Numbers {
     mark: u8,
@@ -12,7 +9,6 @@ pub(super) struct Numbers {
 /// A text that is a number only in another way of writing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Contrary {
-    /// With the other decimal mark.
     OtherMark,
     /// With separators of thousands that nothing else can be: behind them stands a decimal mark.
     Thousands,
@@ -21,7 +17,6 @@ pub(super) enum Contrary {
 }
 
 impl Numbers {
-    /// Numbers with the decimal mark `.` or `,`.
     pub(super) fn with(mark: char) -> Self {
         let mark = if mark == ',' { b',' } else { b'.' };
         let options = ParseFloatOptions::builder()
@@ -34,7 +29,6 @@ impl Numbers {
         Self { mark, options }
     }
 
-    /// The decimal mark.
     pub(super) fn mark(&self) -> char {
         char::from(self.mark)
     }
@@ -43,8 +37,7 @@ impl Numbers {
         Self::with(if self.mark == b',' { '.' } else { ',' })
     }
 
-    /// The number that a text without spaces at its ends spells; NaN for `nan` and `inf`. `None` for any other text, and for
-    /// a number that no double holds.
+    /// NaN for `nan` and `inf`; `None` for any other text, and for a number that no double holds.
     #[inline]
     pub(super) fn parse(&self, text: &[u8]) -> Option<f64> {
         match text.first()? {

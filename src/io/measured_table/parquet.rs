@@ -20,7 +20,6 @@ use super::{
 };
 use crate::input::Bound;
 
-/// Reads the bytes of a Parquet file.
 pub(super) fn read(
     bytes: Vec<u8>,
     form: &Form,
@@ -42,7 +41,6 @@ fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Parquet(problem.to_string())
 }
 
-/// All rows of a file.
 fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKind> {
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let reader =
@@ -69,7 +67,6 @@ fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKi
     concat_batches(&schema, &batches).map_err(wrong)
 }
 
-/// Values of one column of the table.
 enum Values {
     Numbers(Float64Array),
     /// Integers that are multiplied, and the factor.
@@ -77,7 +74,6 @@ enum Values {
     Texts(StringArray),
 }
 
-/// The place of a value, or none.
 #[derive(Debug, Clone, Copy)]
 struct Place(u32);
 
@@ -111,7 +107,6 @@ struct Leaves {
 }
 
 impl Leaves {
-    /// Adds the columns of an array: itself, or those inside it.
     fn add(
         &mut self,
         name: String,
@@ -175,7 +170,6 @@ impl Leaves {
         Ok(())
     }
 
-    /// Checks that so many more columns are not too many.
     fn check(&self, more: usize) -> Result<(), MeasuredTableErrorKind> {
         let found = self.found.len().saturating_add(more);
         if found > MOST_COLUMNS {

@@ -1,7 +1,5 @@
-//! Finding the separator and the decimal mark of a text in its first rows.
-//!
-//! The right separator makes rows of one length that are full of numbers. A wrong one makes rows of differing lengths, or cells
-//! such as `8;0`.
+//! The separator and the decimal mark of a text, by its first rows: the right separator makes rows of one length that
+//! are full of numbers.
 
 use std::collections::BTreeMap;
 
@@ -9,10 +7,8 @@ use super::fill::Written;
 use super::number::Numbers;
 use super::split::{Rows, Separator, comment};
 
-/// Rows that are looked at.
 pub(super) const SAMPLE: usize = 1000;
 
-/// The numbers of a text in both ways of writing.
 pub(super) struct EitherMark {
     point: Numbers,
     comma: Numbers,
@@ -39,7 +35,6 @@ impl EitherMark {
     }
 }
 
-/// Numbers with a decimal point and with a decimal comma.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Marks {
     points: usize,
@@ -83,7 +78,6 @@ pub(super) fn choose(text: &str) -> Separator {
     for sign in SIGNS.into_iter().rev() {
         let separator = Separator::Sign(sign);
         let own = fit(text, separator);
-        // Where tabs separate, a name may have spaces.
         let other = match best {
             (Separator::Spaces, spaces) if sign == b'\t' => {
                 Fit { numbers: spaces.numbers / 2, ..spaces }

@@ -1,5 +1,3 @@
-//! The cells of a sheet → a table. A sheet knows what is a number; where the table in it begins is found as in a text.
-
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io::{self, Read as _};
@@ -157,7 +155,6 @@ fn piece(cell: &SheetCell<'_>, either: &EitherMark) -> Piece {
     Piece::new(&text[..end], either)
 }
 
-/// The cells of a row in these columns, which are in order.
 fn dense<'c, 's>(row: &'c [(u32, SheetCell<'s>)], columns: &[u32]) -> Vec<SheetCell<'c>>
 where
     's: 'c,

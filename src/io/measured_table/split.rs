@@ -1,4 +1,5 @@
-//! A text → rows of cells: lines end with LF, CRLF or CR; a cell in quotes may hold separators, line ends and doubled quotes.
+//! A text → rows of cells: lines end with LF, CRLF or CR; a cell in quotes may hold separators, line ends and doubled
+//! quotes.
 
 use std::borrow::Cow;
 
@@ -6,13 +7,10 @@ use super::MeasuredTableErrorKind;
 use super::fill::Written;
 use super::number::Numbers;
 
-/// Most cells of a row, be it one of the table or not.
 const MOST_IN_ROW: usize = 1 << 16;
 
-/// The sign between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
-    /// One sign of ASCII.
     Sign(u8),
     /// Any number of spaces and tabs.
     Spaces,
@@ -27,7 +25,6 @@ impl Separator {
         }
     }
 
-    /// Its name in a message.
     pub(super) fn name(self) -> String {
         match self {
             Self::Spaces => "spaces".to_owned(),
@@ -63,7 +60,6 @@ impl Written for Span<'_> {
     }
 }
 
-/// The rows of a text.
 #[derive(Debug, Clone)]
 pub(super) struct Rows<'t> {
     whole: &'t str,
@@ -222,7 +218,6 @@ impl<'t> Rows<'t> {
         Ok(Some((span, close + 1)))
     }
 
-    /// The first place from `at` whose byte does not go on.
     #[inline]
     fn skip(&self, at: usize, goes_on: impl Fn(u8) -> bool) -> usize {
         let rest = self.text.get(at..).unwrap_or_default();
@@ -230,7 +225,6 @@ impl<'t> Rows<'t> {
         stop.map_or(self.text.len(), |stop| at + stop)
     }
 
-    /// The place behind the line end at `stop`.
     #[inline]
     fn end_line(&mut self, stop: usize) -> usize {
         self.line += 1;

@@ -1,5 +1,3 @@
-//! CSV, TSV and other texts of lines and cells → a table.
-
 use super::fill::{Filling, Written as _};
 use super::head::{self, Head, Piece, SampleRow};
 use super::number::Numbers;
@@ -7,7 +5,6 @@ use super::separator::{self, EitherMark, Marks, SAMPLE};
 use super::split::{Rows, Separator, comment};
 use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded};
 
-/// Reads the bytes of a text.
 pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     let decoded = decoded::decode(bytes)?;
     let text = decoded.text.as_ref();
@@ -44,7 +41,6 @@ fn separator_line(text: &str) -> Option<char> {
     (is_sign && signs.next().is_none()).then_some(sign)
 }
 
-/// The first rows of a text.
 fn sample(text: &str, separator: Separator) -> Result<Vec<SampleRow>, MeasuredTableErrorKind> {
     let either = EitherMark::new();
     let mut rows = Rows::new(text, separator);

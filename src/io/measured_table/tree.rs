@@ -1,5 +1,4 @@
-//! Nested values of JSON and YAML → rows: each record is flattened, so that its values get names such as `pose.x` and
-//! `joints[0]`.
+//! Nested values of JSON and YAML → rows with names such as `pose.x` and `joints[0]`.
 
 mod flat;
 mod turned;
@@ -26,7 +25,6 @@ pub(super) enum Node {
     Map(Map),
 }
 
-/// An object, or a mapping.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Map {
     /// The line that it begins in, from 1.
@@ -34,7 +32,6 @@ pub(super) struct Map {
     pub(super) members: Vec<(Rc<str>, Node)>,
 }
 
-/// Texts of keys, each kept once.
 #[derive(Debug, Default)]
 pub(super) struct Keys(HashMap<Box<str>, Rc<str>>);
 
@@ -74,7 +71,6 @@ impl<'d> Record<'d> {
     }
 }
 
-/// The table in a document.
 pub(super) fn table(
     document: &Document,
     form: &Form,

@@ -1,5 +1,3 @@
-//! XLSX → a table, by `calamine`: cells one by one, so that no number in the file decides how much memory is taken.
-
 use std::any::Any;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,7 +11,6 @@ use super::tree::MOST_NODES;
 use super::{Form, MeasuredTable, MeasuredTableErrorKind};
 use crate::input::Bound;
 
-/// Reads the bytes of a workbook.
 pub(super) fn read(
     bytes: &[u8],
     form: &Form,
@@ -25,7 +22,6 @@ pub(super) fn read(
     read.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))
 }
 
-/// The error for a reader that panicked.
 pub(super) fn panicked(panic: &(dyn Any + Send)) -> MeasuredTableErrorKind {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());

@@ -9,7 +9,6 @@ use super::number::Numbers;
 use super::tree::{Document, Keys, MOST_LEVELS, MOST_NODES, Map, Node};
 use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded, tree};
 
-/// Reads the bytes of a YAML text of one document or several.
 pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     let decoded = decoded::decode(bytes)?;
     let mut builder = Builder::default();
@@ -46,7 +45,6 @@ struct Open {
 }
 
 impl Open {
-    /// The value, complete.
     fn closed(self) -> Node {
         let Node::Map(mut map) = self.node else {
             return self.node;
@@ -62,7 +60,6 @@ impl Open {
     }
 }
 
-/// A value that aliases may stand for.
 struct Anchored {
     node: Node,
     size: Size,

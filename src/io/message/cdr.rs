@@ -1,16 +1,14 @@
 //! ROS 2 CDR: a message's bytes, read by a reader.
 //!
 //! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second states version, byte order and
-//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most) counted
-//! from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's count includes its
+//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most)
+//! from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's includes its
 //! terminating zero. In version 2 an array of anything but numbers begins with its length in bytes; in the delimited
-//! encoding each appendable message does so too, so that fields missing from the schema can be skipped.
+//! encoding each appendable message does so too.
 //!
-//! A wide string is a count and its characters, of four bytes each as Fast DDS writes them for ROS 2 or of two as Cyclone
-//! DDS does. No message states which, so a message with a wide string is read both ways: it is used when only one way fits
-//! it, or when both give the same values.
-//!
-//! A message with the same layout as the one before is not walked again ([`layout`]).
+//! Characters of wide strings have four bytes in Fast DDS, two in Cyclone DDS, and no message states which: such a
+//! message is read both ways, and used when only one fits, or both give the same values. A message with the same layout
+//! as the one before is not walked again ([`layout`]).
 
 mod layout;
 
@@ -29,7 +27,6 @@ struct Cursor<'m> {
     bytes: &'m [u8],
     at: usize,
     big_endian: bool,
-    /// Largest alignment of any number.
     widest: usize,
     version_2: bool,
     wide: u8,
@@ -38,9 +35,7 @@ struct Cursor<'m> {
 }
 
 impl CdrReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
-    ///
-    /// After a fault, the values in the row must not be used.
+    /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if row.fill_as_before(&self.identity, message) {
             return Ok(());

@@ -1,9 +1,6 @@
-//! Definition + wanted paths → a flat list of steps over a CDR message.
-//!
-//! 1. Nested messages are expanded in place; arrays of them become one repeated step.
-//! 2. A wanted path becomes a step that takes a value; every other field becomes a step that skips.
-//!
-//! Fields after the last wanted one are still walked: a message that does not end where its schema ends is damaged.
+//! Definition + wanted paths → a flat list of steps over a CDR message: nested messages are expanded in place, arrays
+//! of them are one repeated step. Fields after the last wanted one are still walked: a message that does not end where
+//! its schema ends is damaged.
 
 use std::sync::Arc;
 
@@ -18,13 +15,11 @@ const MOST_STEPS: usize = 20_000;
 /// More levels than any real message has; it stops a type that contains itself from overflowing the stack.
 const MOST_LEVELS: usize = 32;
 
-/// The steps that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CdrReader {
     pub(super) plain: Vec<Step>,
     /// For encodings in which each message and nested message begins with its length.
     pub(super) delimited: Vec<Step>,
-    /// Some field is a wide string.
     pub(super) wide: bool,
     pub(super) wanted: usize,
     /// Tells whether a message was read by this reader.
@@ -34,47 +29,63 @@ pub struct CdrReader {
 /// One step over the bytes of a message. `slot` is the place of the path among the wanted ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
-    /// Passes over `count` elements, which every message has.
-    Skip { of: Primitive, count: u32 },
+    Skip {
+        of: Primitive,
+        count: u32,
+    },
     /// A count and that many elements.
     SkipSequence(Primitive),
-    /// One string.
     SkipText,
-    /// One string of wide characters.
     SkipWideText,
     /// Elements of a nested type (or strings), as many as the definition or, if it states none, the message states.
     Repeat(Box<Repeat>),
     /// A nested type that begins with its length.
     Delimited(Vec<Step>),
-    /// One number is taken.
-    Number { slot: usize, of: Primitive },
-    /// One string is taken.
-    Text { slot: usize },
-    /// One number is added to a list.
-    AddNumber { slot: usize, of: Primitive },
-    /// One string is added to a list.
-    AddText { slot: usize },
+    Number {
+        slot: usize,
+        of: Primitive,
+    },
+    Text {
+        slot: usize,
+    },
+    AddNumber {
+        slot: usize,
+        of: Primitive,
+    },
+    AddText {
+        slot: usize,
+    },
     /// An array of numbers is taken.
-    Numbers { slot: usize, of: Primitive, count: Option<u32> },
+    Numbers {
+        slot: usize,
+        of: Primitive,
+        count: Option<u32>,
+    },
     /// An array of strings is taken.
-    Texts { slot: usize, count: Option<u32> },
-    /// Some numbers of an array are taken: index and slot; each into its slot's list where the array is in an element of another.
-    Pick { of: Primitive, count: Option<u32>, picks: Vec<(usize, usize)>, each: bool },
+    Texts {
+        slot: usize,
+        count: Option<u32>,
+    },
+    /// Some numbers of an array are taken: index and slot; each into its slot's list where the array is in an element
+    /// of another.
+    Pick {
+        of: Primitive,
+        count: Option<u32>,
+        picks: Vec<(usize, usize)>,
+        each: bool,
+    },
 }
 
 /// The elements of an array of nested messages or strings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Repeat {
     pub(super) count: Option<u32>,
-    /// The steps of an element.
     pub(super) steps: Vec<Step>,
     /// The steps of single elements with other wanted values, by index.
     pub(super) picked: Vec<(usize, Vec<Step>)>,
-    /// Lists that each element adds to.
     pub(super) lists: Vec<usize>,
 }
 
-/// State while a definition is expanded.
 struct Unfolding<'d> {
     definition: &'d Definition,
     wanted: &'d [FieldPath],
@@ -85,7 +96,6 @@ struct Unfolding<'d> {
 }
 
 impl CdrReader {
-    /// The reader that takes the fields at `wanted` (paths such as `pose.position.x`), in that order.
     pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
         if let Some(mutable) = mutable(definition) {
             return Err(SchemaError::Mutable { name: mutable.name.clone() });

@@ -30,7 +30,6 @@ pub(super) enum Cell {
     List,
 }
 
-/// The place of a string in its message.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Span {
     start: u32,
@@ -70,7 +69,6 @@ impl Span {
         bytes(message, self.start, self.end)
     }
 
-    /// The string of the span.
     pub(super) fn of(self, message: &[u8]) -> Text<'_> {
         Text { bytes: self.bytes(message), escaped: self.escaped }
     }
@@ -105,7 +103,6 @@ impl List {
         self.push(Cell::Absent)
     }
 
-    /// Adds an element.
     #[inline]
     pub(super) fn push(&mut self, cell: Cell) -> Result<(), MessageFault> {
         if self.0.len() >= MOST_ELEMENTS {
@@ -115,7 +112,6 @@ impl List {
         Ok(())
     }
 
-    /// Sets the value of the last element.
     #[inline]
     pub(super) fn set_last(&mut self, cell: Cell) {
         if let Some(last) = self.0.last_mut() {
@@ -163,8 +159,8 @@ pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
 }
 
 impl Cell {
-    /// Sets the cell to the number in `bytes`, whose length is that of the type `of`. It writes in place: copying a cell
-    /// that was just written waits for its two parts, once for each number of each message.
+    /// Writes in place: copying a cell that was just written waits for its two parts, once for each number of each
+    /// message.
     #[inline]
     pub(super) fn take(&mut self, bytes: &[u8], of: Primitive, big_endian: bool) {
         macro_rules! stored {

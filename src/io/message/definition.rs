@@ -1,5 +1,3 @@
-//! A message definition, whatever language it was written in.
-
 use std::fmt;
 
 /// The message type of a channel with every type that it uses.
@@ -9,14 +7,11 @@ pub struct Definition {
     pub types: Vec<MessageType>,
 }
 
-/// A message type: named fields in the order they are serialised in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MessageType {
-    /// `package/Name`.
     pub name: String,
     /// At least one: an empty message carries a placeholder byte.
     pub fields: Vec<Field>,
-    /// The ways in which other versions of the type may differ.
     pub extensibility: Extensibility,
 }
 
@@ -26,41 +21,28 @@ pub enum Extensibility {
     /// Not stated: taken as appendable where a message is in a delimited encoding.
     #[default]
     Unstated,
-    /// `@final`: they do not differ.
     Final,
-    /// `@appendable`: they may have more fields at their end.
     Appendable,
-    /// `@mutable`: any field may be missing or moved.
     Mutable,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Name of the field.
     pub name: String,
-    /// Type of one element.
     pub of: FieldType,
-    /// Number of elements.
     pub shape: Shape,
 }
 
-/// The type of one element of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FieldType {
-    /// A number.
     Primitive(Primitive),
-    /// A string, bounded or not.
     Text,
-    /// A string of wide characters.
     WideText,
-    /// A nested message: its index in [`Definition::types`].
     Message(usize),
 }
 
-/// The number of elements of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// One element.
     One,
     /// An array of fixed length: that many elements in every message.
     Fixed(u32),
@@ -68,7 +50,6 @@ pub enum Shape {
     Sequence,
 }
 
-/// The type of a stored number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Primitive {
     /// 0 or 1 in one byte.
@@ -77,21 +58,13 @@ pub enum Primitive {
     I8,
     /// Also `byte` and `char`.
     U8,
-    /// Two bytes, signed.
     I16,
-    /// Two bytes.
     U16,
-    /// Four bytes, signed.
     I32,
-    /// Four bytes.
     U32,
-    /// Eight bytes, signed.
     I64,
-    /// Eight bytes.
     U64,
-    /// IEEE single.
     F32,
-    /// IEEE double.
     F64,
 }
 

@@ -1,13 +1,7 @@
-//! JSON messages: wanted paths → a tree of the names on the way → the wanted values of each message in one pass.
-//!
-//! JSON by RFC 8259, and also `NaN`, `Infinity` and `-Infinity`, which Python writes for numbers that JSON lacks. `null` is
-//! no value. Where a name is given twice the last value counts, as in the usual readers. No other values are kept, and no
-//! schema is needed; where there is one (JSON Schema), it shows the fields.
-//!
-//! 1. [`JsonReader::new`]: paths → tree.
-//! 2. [`JsonReader::read`]: payload → the wanted values in a row.
-//!
-//! Where a message has the same template as the one before, only the numbers are read ([`template`](super::template)).
+//! JSON messages (RFC 8259, and `NaN`, `Infinity`, `-Infinity`, which Python writes): wanted paths → a tree of the
+//! names on the way → the wanted values of each message in one pass. `null` is no value; where a name is given twice
+//! the last value counts. A JSON Schema is not needed; it shows the fields. Where a message has the same template as
+//! the one before, only the numbers are read ([`template`](super::template)).
 
 mod bytes;
 mod number;
@@ -23,7 +17,6 @@ use super::path::{Segment, Want};
 pub(super) use read::NumberSlot;
 pub use schema::JsonSchema;
 
-/// The tree that reads the wanted values of messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JsonReader {
     /// The first one is the message itself.
@@ -33,7 +26,6 @@ pub struct JsonReader {
     identity: Arc<()>,
 }
 
-/// The wanted values at or below one value on the way.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct Node {
     /// The value itself, a number, a string or an array of either: the slots, and whether it is added to a list there.
@@ -49,7 +41,6 @@ struct Node {
 }
 
 impl JsonReader {
-    /// The reader that takes the fields at `wanted`, in that order.
     pub fn new(wanted: &[FieldPath]) -> Self {
         let mut reader =
             Self { nodes: vec![Node::default()], wanted: wanted.len(), identity: Arc::new(()) };
@@ -98,7 +89,6 @@ impl JsonReader {
         }
     }
 
-    /// The existing child, or a new one.
     fn child(&mut self, node: usize, find: impl FnOnce(&Node) -> Option<usize>) -> usize {
         find(&self.nodes[node]).unwrap_or_else(|| {
             self.nodes.push(Node::default());

@@ -1,27 +1,21 @@
-//! Field paths: `pose.position.x`, `joints[2].angle`, `joints[].position`.
-//!
-//! A path is a field's name, the names of fields inside it separated by dots, and for arrays the index of the element,
-//! counted from 0, or `[]` for all elements. A name may be a choice, `sec|seconds`: the first that the schema has is used.
+//! Field paths: `pose.position.x`, `joints[2].angle` (counted from 0), `joints[].position` of all elements. A name may
+//! be a choice, `sec|seconds`: the first that the schema has is used.
 
 use std::fmt;
 
 use super::SchemaError;
 
-/// The path from a message to one of its fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldPath {
     text: String,
     pub(super) segments: Vec<Segment>,
 }
 
-/// One step of a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Segment {
     /// The field with the first of these names that exists.
     Field(Vec<String>),
-    /// One element of an array.
     Element(usize),
-    /// All elements of an array, in order.
     Each,
 }
 
@@ -35,7 +29,6 @@ pub(super) struct Want<'p> {
 }
 
 impl FieldPath {
-    /// Reads a path as written in a pipeline file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
         let wrong = || SchemaError::Path { path: text.to_owned() };
         let mut segments = Vec::new();
@@ -59,7 +52,6 @@ impl FieldPath {
         Ok(Self { text: text.to_owned(), segments })
     }
 
-    /// The path of a field inside this one.
     pub fn join(&self, inner: &str) -> Result<Self, SchemaError> {
         Self::parse(&format!("{}.{inner}", self.text))
     }

@@ -1,14 +1,8 @@
 //! `ros2idl`: concatenated `.idl` texts as recorders embed them → [`Definition`].
 //!
-//! The part of OMG IDL 4.2 that ROS 2 generates and reads: modules, structs, typedefs of arrays and sequences, constants,
-//! annotations. Sections are separated by lines of `=` and begin with `IDL: package/msg/Type`; each repeats its modules, so
-//! all sections are read as one text. Unions, enums, maps and optional members, which ROS 2 does not have, are refused:
-//! their layout in a message would have to be guessed. Source: ROS 2 design, "IDL - interface definition and language
-//! mapping".
-//!
-//! 1. Cut the text into words and characters (`tokens`).
-//! 2. Read structs, typedefs and constants with their scopes (`parser`).
-//! 3. Resolve names to indices, and typedefs to their types.
+//! The part of OMG IDL 4.2 that ROS 2 generates (ROS 2 design, "IDL - interface definition and language mapping").
+//! Sections are separated by lines of `=` and begin with `IDL: package/msg/Type`; each repeats its modules. Unions,
+//! enums, maps and optional members are refused: their layout in a message would have to be guessed.
 
 mod parser;
 mod tokens;

@@ -1,12 +1,6 @@
-//! `ros2msg`: concatenated `.msg` texts as recorders embed them → [`Definition`].
-//!
-//! Sections are separated by lines of `=`; each except the first begins with `MSG: package/Type`. Both `pkg/msg/T` and
-//! `pkg/T` are accepted, a `T` alone belongs to the package of the type that uses it. Source: ROS 2 documentation, "About
-//! ROS 2 interfaces"; MCAP registry of well-known schema encodings.
-//!
-//! 1. Cut the text into sections, one per type.
-//! 2. Read each line as field, constant (skipped) or comment (skipped).
-//! 3. Resolve type names to indices.
+//! `ros2msg`: concatenated `.msg` texts as recorders embed them → [`Definition`]. Sections are separated by lines of
+//! `=`; each except the first begins with `MSG: package/Type`. A `T` alone belongs to the package of the type that uses
+//! it. Source: ROS 2 documentation, "About ROS 2 interfaces"; MCAP registry of well-known schema encodings.
 
 use std::collections::BTreeMap;
 
@@ -20,14 +14,12 @@ pub(super) const BUILT_IN: [(&str, &str); 2] = [
     ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
 ];
 
-/// A field before its type is resolved.
 struct RawField {
     type_name: String,
     name: String,
     shape: Shape,
 }
 
-/// One section: its type's name, its fields.
 struct Section {
     name: String,
     fields: Vec<RawField>,

@@ -1,7 +1,5 @@
-//! The wanted values of one message, kept in buffers that are reused for each message.
-//!
-//! A decoder fills a [`Row`]: numbers are copied, strings and CDR's arrays stay at their places in the message and are
-//! borrowed from it afterwards ([`Row::value`]).
+//! The wanted values of one message, in buffers that are reused: numbers are copied, strings and CDR's arrays are
+//! borrowed from the message ([`Row::value`]).
 
 use std::sync::Arc;
 
@@ -11,12 +9,10 @@ use super::template::Template;
 use super::value::Gathered;
 use super::{MessageFault, Numbers, Primitive, Texts, Value};
 
-/// One message's wanted values.
 #[derive(Debug, Clone, Default)]
 pub struct Row {
     cells: Vec<Cell>,
     lists: Vec<List>,
-    /// Some list was begun.
     listed: bool,
     /// Number of times that it was filled with anything but numbers.
     filled: u64,
@@ -34,14 +30,12 @@ pub(super) struct Place {
     element: Option<usize>,
 }
 
-/// A row's cells and lists, borrowed for writing.
 pub(super) struct CellsMut<'r> {
     cells: &'r mut [Cell],
     lists: &'r mut [List],
 }
 
 impl CellsMut<'_> {
-    /// The cell at a place of the row.
     #[inline]
     pub(super) fn at(&mut self, place: Place) -> &mut Cell {
         match place.element {
@@ -86,20 +80,18 @@ impl Row {
         self.template.read(reader, message, CellsMut { cells, lists })
     }
 
-    /// A number that changes whenever the row is filled with anything but numbers: while it stays, texts and lengths of
-    /// arrays are unchanged.
+    /// Changes whenever the row is filled with anything but numbers: while it stays, texts and lengths of arrays are
+    /// unchanged.
     #[inline]
     pub const fn filled(&self) -> u64 {
         self.filled
     }
 
-    /// Replaces another reading of the same message.
     pub(super) fn instead_of(self, other: &mut Self) {
         let filled = other.filled + 1;
         *other = Self { filled, ..self };
     }
 
-    /// Takes the layout out of the row, for writing.
     pub(super) fn take_layout(&mut self) -> Layout {
         std::mem::take(&mut self.layout)
     }
@@ -122,12 +114,10 @@ impl Row {
         self.template.taken(cell, end, Place { slot, element });
     }
 
-    /// Whether some list was begun.
     pub(super) const fn has_lists(&self) -> bool {
         self.listed
     }
 
-    /// Whether it holds the same values as another.
     pub(super) fn says_same(&self, other: &Self) -> bool {
         let mut listed = (0..self.cells.len()).filter(|&slot| self.cells[slot] == Cell::List);
         self.cells == other.cells && listed.all(|slot| self.lists[slot] == other.lists[slot])
@@ -152,7 +142,6 @@ impl Row {
         self.cells[slot]
     }
 
-    /// Removes the value of a slot.
     pub(super) fn forget(&mut self, slot: usize) {
         self.cells[slot] = Cell::Absent;
         self.lists[slot].clear();
@@ -166,12 +155,10 @@ impl Row {
         &mut self.lists[slot]
     }
 
-    /// The number of values.
     pub const fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Whether it has no values.
     pub const fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
@@ -206,7 +193,8 @@ impl Row {
         }
     }
 
-    /// Whether the array of strings in a slot is the one that [`Texts::remember`] recorded; it is never true for another.
+    /// Whether the array of strings in a slot is the one that [`Texts::remember`] recorded; it is never true for
+    /// another.
     #[inline]
     pub fn texts_are(&self, message: &[u8], slot: usize, key: &[u8]) -> bool {
         match self.cells.get(slot) {

@@ -5,31 +5,23 @@ use super::json::{JsonReader, JsonSchema};
 use super::protobuf::{Descriptors, ProtobufReader};
 use super::{CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
 
-/// The fields of the messages of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MessageSchema {
-    /// ROS 2 messages in CDR.
     Cdr(Definition),
-    /// Protobuf messages.
     Protobuf(Descriptors),
     /// JSON messages, which may have any fields.
     Json(JsonSchema),
 }
 
-/// The reader of the wanted values of one channel's messages.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldReader {
-    /// Of ROS 2 messages in CDR.
     Cdr(CdrReader),
-    /// Of protobuf messages.
     Protobuf(ProtobufReader),
-    /// Of JSON messages.
     Json(JsonReader),
 }
 
 impl MessageSchema {
-    /// Reads the schema of the type `name`, written in `language`, for messages in `encoding`; `None` where such messages
-    /// are not supported.
+    /// `None` where messages in `encoding` with a schema in `language` are not supported.
     pub fn read(
         encoding: &str,
         name: &str,
@@ -46,7 +38,6 @@ impl MessageSchema {
         })
     }
 
-    /// The reader that takes the fields at `wanted`, in that order.
     pub fn reader(&self, wanted: &[FieldPath]) -> Result<FieldReader, SchemaError> {
         match self {
             Self::Cdr(definition) => CdrReader::resolve(definition, wanted).map(FieldReader::Cdr),
@@ -76,9 +67,7 @@ impl MessageSchema {
 }
 
 impl FieldReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
-    ///
-    /// After a fault, the values in the row must not be used.
+    /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         match self {
             Self::Cdr(reader) => reader.read(message, row),

@@ -1,9 +1,6 @@
-//! The template of the message read last: a recorder writes the same names, texts and lengths of arrays over and over, and
-//! different numbers.
-//!
-//! Wanted numbers and unwanted values are slots in it. A message with the same bytes before, between and after its slots is
-//! read in the same way: each wanted number goes to the place of the one in its slot, each wanted text is at the same
-//! distance after the slot before it, and the other values of the row stay.
+//! The template of the message read last. Wanted numbers and unwanted values are slots in it. A message with the same
+//! bytes before, between and after its slots is read in the same way, each wanted text at the same distance after the
+//! slot before it.
 
 use std::sync::Arc;
 
@@ -28,21 +25,18 @@ pub(super) struct Template {
     parts: Vec<Part>,
     /// The places of wanted texts in their parts.
     texts: Vec<(Span, Place)>,
-    /// The destinations of wanted numbers.
     places: Vec<Place>,
     /// The end of the last slot in its message.
     gap_end: usize,
     /// Some value depends on more, or the message is too long, or it is not worth recording.
     is_other: bool,
-    /// Number of messages that are not recorded after one that was recorded without use; it grows with each such message in
-    /// a row.
+    /// Messages that are not recorded after one that was recorded without use; more with each in a row.
     pause: u32,
     /// Number of them still to come.
     pause_left: u32,
 }
 
-/// The bytes before a slot, and the slot. Its bytes, its texts and the places of the number in its slot begin where those
-/// of the part before end.
+/// Bytes, texts and the places of the number begin where those of the part before end.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     /// Its first byte in the message.
@@ -53,7 +47,6 @@ struct Part {
     slot: NumberSlot,
 }
 
-/// A value that is read from each message.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NumberSlot {
     Json(json::NumberSlot),
@@ -73,7 +66,6 @@ impl Template {
         self.pause_left = self.pause_left.saturating_sub(1);
     }
 
-    /// Whether values read now are recorded.
     pub(super) const fn is_recorded(&self) -> bool {
         !self.is_other
     }
@@ -125,9 +117,7 @@ impl Template {
         }
     }
 
-    /// Reads the numbers and texts of a message worded alike for `reader`; tells whether it is.
-    ///
-    /// If it has not, some values may have been put into the row.
+    /// Reads a message worded alike for `reader`; if it is not, some values may have been put into the row.
     #[inline]
     pub fn read(&mut self, reader: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
         let known = self.reader.as_ref().is_some_and(|of| Arc::ptr_eq(of, reader));
@@ -181,7 +171,6 @@ impl Template {
     }
 }
 
-/// Puts the texts of a part into their cells.
 fn put(texts: &[(Span, Place)], part_start: usize, values: &mut CellsMut<'_>) {
     for &(span, place) in texts {
         *values.at(place) = Cell::Text(span.moved_on(part_start));

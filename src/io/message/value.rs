@@ -1,5 +1,3 @@
-//! Values borrowed from a message's bytes.
-
 use chrono::DateTime;
 
 use super::Primitive;
@@ -13,13 +11,10 @@ pub enum Value<'m> {
     Absent,
     /// An integer or a truth value; unsigned integers above the range of `i64` are numbers.
     Integer(i64),
-    /// A floating-point number.
     Number(f64),
     /// A string without its end mark.
     Text(Text<'m>),
-    /// An array of numbers.
     Numbers(Numbers<'m>),
-    /// An array of strings.
     Texts(Texts<'m>),
     /// An array that was gathered element by element, of numbers or of strings.
     List(Gathered<'m>),
@@ -62,7 +57,6 @@ impl<'m> Value<'m> {
     }
 }
 
-/// A string as stored in its message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Text<'m> {
     pub(super) bytes: &'m [u8],
@@ -100,24 +94,18 @@ pub struct Gathered<'m> {
     pub(super) list: &'m List,
 }
 
-/// An array of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Numbers<'m> {
     /// Stored one after another in the message.
     Stored {
-        /// The bytes of all numbers.
         bytes: &'m [u8],
-        /// The type of the stored numbers.
         of: Primitive,
-        /// Whether the byte order is big-endian.
         big_endian: bool,
     },
-    /// Gathered element by element.
     Gathered(Gathered<'m>),
 }
 
 impl Numbers<'_> {
-    /// The number of elements.
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { bytes, of, .. } => bytes.len() / of.size(),
@@ -125,7 +113,6 @@ impl Numbers<'_> {
         }
     }
 
-    /// Whether there are no elements.
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -145,24 +132,18 @@ impl Numbers<'_> {
     }
 }
 
-/// An array of strings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Texts<'m> {
     /// Stored in the message: for each a length, the characters, a terminating zero, padding.
     Stored {
-        /// The bytes of all strings.
         bytes: &'m [u8],
-        /// The number of strings.
         count: usize,
-        /// Whether the byte order is big-endian.
         big_endian: bool,
     },
-    /// Gathered element by element.
     Gathered(Gathered<'m>),
 }
 
 impl<'m> Texts<'m> {
-    /// The number of elements.
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { count, .. } => *count,
@@ -170,7 +151,6 @@ impl<'m> Texts<'m> {
         }
     }
 
-    /// Whether there are no elements.
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -209,8 +189,7 @@ impl<'m> Texts<'m> {
         }
     }
 
-    /// Whether these are the strings that were recorded. It is never true for others; it may be false for the same strings
-    /// stored in another way.
+    /// Never true for other strings; it may be false for the same ones stored in another way.
     pub fn are(&self, key: &[u8]) -> bool {
         match *self {
             Self::Stored { bytes, big_endian, .. } => {

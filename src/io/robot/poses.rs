@@ -1,7 +1,5 @@
-//! A CSV of joint positions → the nominal flange at each, as CSV.
-//!
-//! The columns have the names of the reported joints, in any order; angles in degrees, positions of joints that slide in mm. The
-//! flange is in the base frame: mm, and a quaternion whose real part is not negative, with every digit.
+//! A CSV of joint positions, in columns with the names of the reported joints, degrees or mm → the flange at each in
+//! the base frame: mm, and a quaternion whose real part is not negative.
 
 use std::fmt::Write as _;
 
@@ -9,34 +7,19 @@ use thiserror::Error;
 
 use crate::kinematics::{Arm, Joint};
 
-/// A fault of a CSV of joint positions.
 #[derive(Debug, Error)]
 pub enum PosesError {
-    /// No CSV.
     #[error("{0}")]
     Csv(#[from] csv::Error),
-    /// Other columns than there are joints.
     #[error(
         "the first line names the columns {}, but they have to be the reported joints, each once: {}",
         found.join(", "), joints.join(", ")
     )]
-    Columns {
-        /// The columns, quoted.
-        found: Vec<String>,
-        /// The joints, quoted.
-        joints: Vec<String>,
-    },
-    /// A position that is no number.
+    Columns { found: Vec<String>, joints: Vec<String> },
     #[error(
         "line {line}, column {joint:?}: {found:?} is no finite number; give degrees, or mm for a joint that slides"
     )]
-    Number {
-        /// Counted from 1.
-        line: u64,
-        joint: String,
-        /// The text found.
-        found: String,
-    },
+    Number { line: u64, joint: String, found: String },
 }
 
 /// The flange at each row of `text`, as CSV with a header.
@@ -57,7 +40,6 @@ pub fn flanges(arm: &Arm, text: &str) -> Result<String, PosesError> {
     Ok(out)
 }
 
-/// The column of each joint.
 fn places(header: &csv::StringRecord, joints: &[Joint]) -> Result<Vec<usize>, PosesError> {
     let place = |joint: &Joint| header.iter().position(|name| name == joint.name);
     let places: Option<Vec<usize>> = joints.iter().map(place).collect();

@@ -1,15 +1,11 @@
-//! The ready robots: every file of `pipelines/robots`, part of the program.
-//!
-//! A new file there is a line in [`READY`]; a test holds the list against the folder.
+//! Every file of `pipelines/robots`, part of the program: each is a line in [`READY`].
 
 use crate::kinematics::RobotFile;
 use crate::setup::KnownArm;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadyRobot {
-    /// The file in `pipelines/robots`.
     pub file: &'static str,
-    /// The file's text.
     pub text: &'static str,
 }
 
@@ -22,7 +18,6 @@ pub fn arms() -> Vec<KnownArm> {
     READY.iter().filter_map(arm).collect()
 }
 
-/// The files by their names.
 macro_rules! ready {
     ($($file:literal,)*) => {
         &[$(ReadyRobot {

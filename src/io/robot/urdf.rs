@@ -1,13 +1,9 @@
-//! URDF → the chain from a base link to a tip link, as a [`RobotFile`] of convention `urdf`.
+//! URDF → the chain from a base link to a tip link, as a [`RobotFile`] of convention `urdf`, mm and degrees.
 //!
-//! 1. The XML becomes a tree of links (`tree`): every link but the root is the child of one joint.
-//! 2. The way from base to tip goes up to the link that both stand on and down from there; base and tip may be left out where
-//!    there is one root and one leaf.
-//! 3. Each joint of the way becomes a joint of the file (`chain`), with its numbers (`joint`) in mm and degrees.
-//!
-//! Links' shapes, inertias, transmissions and the like are counted and left out; so are joints beside the way, whose numbers are
-//! not read. A URDF is foreign text: there are no entities, no files that it could name, and bounds on its size.
-//! `roxmltree` reads the XML, since it gives the place of a fault; `urdf-rs` gives none.
+//! The way goes up to the link that base and tip stand on and down from there (`tree`); each of its joints becomes a
+//! joint of the file (`chain`, `joint`). Everything else is counted and left out. A URDF is foreign text: no entities,
+//! no files that it could name, and bounds on its size. `roxmltree` reads the XML, since it gives the place of a fault;
+//! `urdf-rs` gives none.
 
 mod chain;
 mod error;
@@ -30,19 +26,14 @@ const MOST_NODES: u32 = 2_000_000;
 /// The chosen chain of a URDF, and the contents that are no part of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The first link of the chain.
     pub base: String,
-    /// The last link of the chain.
     pub tip: String,
     /// Kinds of element that nothing reads, each with its number.
     pub elements: Vec<(&'static str, usize)>,
-    /// Number of joints beside the chain.
     pub joints: usize,
-    /// Remarks on what a joint of the chain was taken for.
     pub remarks: Vec<String>,
 }
 
-/// Reads the chosen chain of the URDF at `path`.
 pub fn read(
     path: &Path,
     text: &str,
@@ -106,7 +97,6 @@ fn children<'a, 'i>(node: Node<'a, 'i>, name: &str) -> impl Iterator<Item = Node
     })
 }
 
-/// The value of an attribute without a namespace.
 fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
     let mut all = node.attributes();
     let own = all.find(|own| own.namespace().is_none() && own.name() == name);

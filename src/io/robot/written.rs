@@ -30,10 +30,7 @@ const JOINT: [&str; 17] = [
     "limits_deg",
 ];
 
-/// The file as TOML.
-///
-/// # Errors
-/// None for a file that was read: each of its values has a form in TOML.
+/// No error for a file that was read: each of its values has a form in TOML.
 pub fn toml(file: &RobotFile) -> Result<String, toml::ser::Error> {
     let mut table = Table::try_from(file)?;
     let joints = table.remove("joint");

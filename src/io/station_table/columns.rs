@@ -1,5 +1,3 @@
-//! The values that `[stations]` names, found among the columns of a table.
-
 use super::StationTableErrorKind;
 use crate::ingest::{
     CovarianceColumns, LengthColumns, OrientationColumns, PoseColumns, ReadingColumns,
@@ -19,35 +17,25 @@ pub struct Sum {
 /// The value of a sum in one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value<'t> {
-    /// A finite number.
     Number(f64),
     /// A cell is blank, not a number, or one of the numbers that stand for a missing reading.
     Missing(usize),
-    /// A cell holds a text.
     Text(usize, &'t str),
 }
 
-/// The columns of everything that a row states.
 #[derive(Debug)]
 pub struct Columns {
     pub joints: Vec<Sum>,
-    /// Of the station's name.
     pub station: Option<usize>,
-    /// Of the target's name.
     pub target: Option<usize>,
     pub time: Option<usize>,
     pub temperature: Option<Sum>,
-    /// Of the commanded pose.
     pub commanded: Option<Pose>,
-    /// Of the reading of each target.
     pub measured: Vec<Measured>,
-    /// Of the position of each reference; empty in a long table, whose references have the columns of `measured`.
     pub references: Vec<Vec<Sum>>,
-    /// Of each instrument that reads one length.
     pub lengths: Vec<Length>,
 }
 
-/// The columns of a length.
 #[derive(Debug)]
 pub struct Length {
     pub reading: Sum,
@@ -55,7 +43,6 @@ pub struct Length {
     pub sd: Option<Sum>,
 }
 
-/// The columns of a pose.
 #[derive(Debug)]
 pub struct Pose {
     /// x, y and z.
@@ -64,14 +51,12 @@ pub struct Pose {
     pub orientation: Option<Vec<Sum>>,
 }
 
-/// The columns of a reading.
 #[derive(Debug)]
 pub struct Measured {
     pub pose: Pose,
     /// Standard deviations of x, y and z.
     pub sd: Vec<Sum>,
     pub covariance: Vec<Sum>,
-    /// Number of samples.
     pub samples: Option<Sum>,
     /// Standard deviations of the orientation.
     pub orientation_sd: Vec<Sum>,
@@ -81,7 +66,6 @@ pub struct Measured {
 type Found<T> = Result<T, StationTableErrorKind>;
 
 impl Columns {
-    /// The columns of `settings` in `table`.
     pub fn find(table: &MeasuredTable, settings: &StationsSettings) -> Found<Self> {
         let named = |key: &'static str, column: &Option<String>| {
             let column = column.as_ref();
@@ -169,7 +153,6 @@ fn sums(table: &MeasuredTable, key: &str, values: &[String]) -> Found<Vec<Sum>> 
     values.iter().map(|value| Sum::find(table, key, value)).collect()
 }
 
-/// The column of that name.
 pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize> {
     table.find(column).map_err(|source| StationTableErrorKind::Column {
         key: key.to_owned(),
@@ -179,7 +162,8 @@ pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize
 }
 
 impl Sum {
-    /// The sum that `value` writes: a column of exactly that name, or columns and numbers with ` + ` and ` - ` between them.
+    /// The sum that `value` writes: a column of exactly that name, or columns and numbers with ` + ` and ` - ` between
+    /// them.
     fn find(table: &MeasuredTable, key: &str, value: &str) -> Found<Self> {
         if let Ok(column) = table.find(value) {
             return Ok(Self { terms: vec![(1.0, column)], constant: 0.0 });
@@ -227,7 +211,8 @@ impl Sum {
     }
 }
 
-/// The terms of a sum, each with its sign: an operator stands between blanks, and a minus may stand before the first term.
+/// The terms of a sum, each with its sign: an operator stands between blanks, and a minus may stand before the first
+/// term.
 fn terms(value: &str) -> Vec<(f64, &str)> {
     let mut rest = value.trim();
     let mut sign = 1.0;

@@ -1,5 +1,3 @@
-//! Cells → rows in rad, mm and ns, with a reject for everything that cannot be used.
-
 mod references;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,7 +20,6 @@ use crate::units::round_ns;
 /// A quaternion or matrix further from a rotation than this is none.
 const ROTATION: f64 = 0.01;
 
-/// Reads the rows of one table.
 struct Reader<'a> {
     table: &'a MeasuredTable,
     columns: &'a Columns,
@@ -96,8 +93,8 @@ pub(super) fn rows(
     }
 }
 
-/// Lines of rows with too few or too many cells, and why they are no rows; where rows name their sessions, these name none. Repeated
-/// headers and comments are no rows at all.
+/// Rows with too few or too many cells, by line; where rows name their sessions, these name none. Repeated headers and
+/// comments are no rows at all.
 fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<(u64, String)> {
     let left_out = table.left_out().iter().filter(|_| settings.session.is_none());
     let is_row = |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. });
@@ -105,7 +102,6 @@ fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<(u64, Strin
 }
 
 impl Reader<'_> {
-    /// Rows that are a station each.
     fn wide(&mut self, own: &[usize]) -> Vec<Row> {
         let mut named: BTreeMap<String, u64> = BTreeMap::new();
         let mut rows = Vec::with_capacity(own.len());
@@ -219,7 +215,6 @@ impl Reader<'_> {
         Ok(long.rows.len() - 1)
     }
 
-    /// The target that a row of a long table names.
     fn target(&self, row: usize, column: usize) -> Result<TargetId, Fault> {
         let named = name(self.table.cell(row, column))
             .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
@@ -264,7 +259,6 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A station without its readings.
     fn station(&self, row: usize) -> Result<Row, Fault> {
         let temperature = self.columns.temperature.as_ref().map(|own| self.value(own, row));
         Ok(Row {
@@ -464,7 +458,6 @@ impl Reader<'_> {
         sums.iter().map(|sum| self.value(sum, row)).collect()
     }
 
-    /// Number of samples in a reading.
     fn samples(&self, columns: &Measured, row: usize) -> Result<usize, Fault> {
         let Some(sum) = &columns.samples else {
             return Ok(1);
@@ -533,7 +526,6 @@ impl Reader<'_> {
         rotation(&values, &columns.form)
     }
 
-    /// The number that a sum gives in a row.
     fn value(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
         match sum.value(self.table, row, &self.settings.missing) {
             Cellular::Number(number) => Ok(number),
@@ -576,7 +568,6 @@ impl Fault {
         Self { column, ..Self::of(reason.to_owned()) }
     }
 
-    /// A value that is not there.
     fn missing(column: Option<usize>, reason: &str) -> Self {
         Self { is_missing: true, ..Self::in_column(column, reason) }
     }

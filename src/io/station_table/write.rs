@@ -1,5 +1,3 @@
-//! Stations → a table of them as CSV, which the section in its head reads.
-
 use std::fmt::Write as _;
 
 use nalgebra::Point3;
@@ -15,28 +13,23 @@ const DECIMALS: usize = 7;
 /// An instrument of one length of a table: its name, the word of what it reads, and its standard deviation, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LengthColumn {
-    /// Its name, and that of its column.
     pub name: String,
     pub reads: LengthRead,
-    /// Standard deviation of its readings, mm.
     pub sd_mm: f64,
 }
 
-/// What is read in a table beside the joints.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Read<'a> {
-    /// Names of the targets, in their order.
     pub targets: &'a [String],
     /// Instruments of one length, in the order of sources behind the first.
     pub lengths: &'a [LengthColumn],
-    /// Names of the references, and what each stands on.
     pub references: &'a [(String, StandsOn)],
     /// Positions of the references at each station, mm; empty without references.
     pub looks: &'a [Vec<Point3<f64>>],
 }
 
-/// The table of these stations with what is read at them. Angles are in degrees, positions in mm; readings that are missing are blank.
-/// Comments above the header say how a pipeline file reads it.
+/// Angles are in degrees, positions in mm; missing readings are blank. Comments above the header say how a pipeline
+/// file reads it.
 pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     let Read { targets, lengths, references, looks } = read;
     let parts = parts(stations, targets.len());
@@ -70,7 +63,6 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     text
 }
 
-/// Columns of a target's reading: position, standard deviation of a sample, number of samples.
 fn of_target(target: &str) -> [String; 7] {
     ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"].map(|own| format!("{target}_{own}"))
 }
@@ -80,17 +72,14 @@ fn of_orientation(target: &str) -> [String; 5] {
     ["qx", "qy", "qz", "qw", "sd_turn"].map(|own| format!("{target}_{own}"))
 }
 
-/// What readings of a target have beside its position.
 #[derive(Debug, Clone, Copy, Default)]
 struct Parts {
-    /// An orientation.
     turned: bool,
     /// Number of entries of a covariance: 6 of a position, 36 of a pose, 0 without one.
     covariance: usize,
 }
 
 impl Parts {
-    /// The columns of its covariance.
     fn of_covariance(self, target: &str) -> impl Iterator<Item = String> {
         (1..=self.covariance).map(move |entry| format!("{target}_cov_{entry}"))
     }
@@ -113,7 +102,6 @@ impl Parts {
     }
 }
 
-/// What readings of each target have beside positions.
 fn parts(stations: &[Station], targets: usize) -> Vec<Parts> {
     let mut parts = vec![Parts::default(); targets];
     for reading in stations.iter().flat_map(Station::measured) {
@@ -133,7 +121,6 @@ fn parts(stations: &[Station], targets: usize) -> Vec<Parts> {
     parts
 }
 
-/// Columns of a reference's position.
 fn of_reference(name: &str) -> [String; 3] {
     ["x", "y", "z"].map(|own| format!("{name}_{own}"))
 }
@@ -203,7 +190,6 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
     })
 }
 
-/// The cells of a station but for its references.
 fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<String> {
     let joints = arm.joints().iter().zip(&station.joints);
     let joints = joints.map(|(joint, &value): (&Joint, &f64)| number(joint.shown(value)));

@@ -1,14 +1,8 @@
-//! A prefix of a bucket on S3-compatible storage as a store.
-//!
-//! 1. The environment alone states how to reach it (`environment`).
-//! 2. A file is written to a local temporary, complete, and then uploaded: in one request, or from [`PART_BYTES`] on in
-//!    parts; storage shows it when all parts are there.
-//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one. The object names the
-//!    attempt in its metadata: without that it would not be known whether a put whose answer was lost was granted.
-//! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
-//!
-//! Calls wait: one worker of a runtime that all buckets of the process share does the asynchronous work. A request that failed
-//! on the way, or that the storage could not serve, is retried (`patience`).
+//! A prefix of a bucket on S3-compatible storage as a store. A file is written to a local temporary and then uploaded,
+//! from [`PART_BYTES`] on in parts. A key is created by a conditional put (`If-None-Match: *`), which storage grants to
+//! exactly one; the object names the attempt, to know whether a put whose answer was lost was granted. An object is
+//! fetched in blocks, each under the tag of the first. One worker of a runtime that all buckets share does the
+//! asynchronous work; failed requests are retried (`patience`).
 
 mod environment;
 mod patience;
@@ -37,21 +31,17 @@ use crate::lake::temporary::{self, Temporary};
 use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
 
-/// Bytes of a part of an upload, and of a block of a download: S3 requires at least 5 MiB, and each has to be sent within a
-/// request's time limit (30 s unless `AWS_TIMEOUT` sets another) on a slow line.
+/// Part of an upload, block of a download: S3 requires at least 5 MiB, and each has to be sent within a request's time
+/// limit (30 s unless `AWS_TIMEOUT` sets another).
 const PART_BYTES: u64 = 8 << 20;
-/// Most parts that S3 accepts.
 const MOST_PARTS: u64 = 10_000;
-/// Number of parts or blocks under way at once; all of them are in memory.
 const PARTS_AT_ONCE: usize = 4;
-/// Number of files fetched at once.
 const FILES_AT_ONCE: usize = 16;
 /// The metadata of a created object that names the attempt that created it.
 const ATTEMPT: Attribute = Attribute::Metadata(Cow::Borrowed("posegrid-attempt"));
 /// Prefix of the names of folders for local temporaries.
 const SCRATCH: &str = "posegrid-upload";
 
-/// A prefix of a bucket.
 pub struct Bucket {
     place: Place,
     prefix: String,
@@ -94,7 +84,6 @@ impl Bucket {
         })
     }
 
-    /// Waits for the answer of the storage.
     fn wait<T>(
         &self,
         doing: &'static str,
@@ -124,7 +113,6 @@ impl Bucket {
         }
     }
 
-    /// The key of an object in this store.
     fn key_of<'f>(&self, found: &'f ObjectMeta) -> Option<&'f str> {
         let whole = found.location.as_ref();
         match self.prefix.as_str() {
@@ -155,7 +143,6 @@ impl Bucket {
         })
     }
 
-    /// Fetches an object as it was listed into a file without a name.
     async fn fetch(&self, listed: &Listed) -> Result<File, StoreError> {
         let local = std::env::temp_dir();
         let local_error = StoreError::folder("write a temporary in", &local);
@@ -193,7 +180,6 @@ impl Bucket {
         Ok(())
     }
 
-    /// The folder of this store's temporaries.
     fn scratch(&self) -> io::Result<&TempDir> {
         if let Some(scratch) = self.scratch.get() {
             return Ok(scratch);
@@ -203,8 +189,8 @@ impl Bucket {
         Ok(self.scratch.get_or_init(|| made))
     }
 
-    /// Puts an object, marked with this attempt, where there is none. Where the answer is lost it sends the request again,
-    /// as the client does with all other requests; the client takes this one for a request that must not be repeated.
+    /// Marked with this attempt. Where the answer is lost the request is sent again; the client takes it for one that
+    /// must not be repeated.
     fn put_if_none(&self, object: &Key, payload: &PutPayload, attempt: &str) -> Result<(), Error> {
         let options = || PutOptions {
             mode: PutMode::Create,
@@ -354,7 +340,6 @@ impl Store for Bucket {
     }
 }
 
-/// Reads a file part by part and uploads a few at once.
 async fn parts(
     upload: &mut Box<dyn MultipartUpload>,
     file: &mut File,
@@ -404,7 +389,6 @@ fn usize_of(bytes: u64) -> usize {
     usize::try_from(bytes).expect("parts fit into memory")
 }
 
-/// The runtime of this process.
 fn runtime() -> io::Result<&'static Runtime> {
     static RUNTIME: OnceLock<Runtime> = OnceLock::new();
     if let Some(runtime) = RUNTIME.get() {

@@ -1,5 +1,3 @@
-//! Errors of a store, with advice.
-
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -7,76 +5,39 @@ use thiserror::Error;
 
 use super::Place;
 
-/// The reason why a store cannot be used.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// The file system reported an error.
     #[error("cannot {doing} {path}: {source}{}", advice(doing, source))]
-    Folder {
-        /// The operation.
-        doing: &'static str,
-        /// Path of the file or folder.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
-    },
-    /// The object storage refused, or did not answer.
+    Folder { doing: &'static str, path: PathBuf, source: io::Error },
     #[error("cannot {doing} {place}: {reason}; {}", trouble.advice())]
     Bucket {
-        /// The operation.
         doing: &'static str,
-        /// Address of the object.
         place: Place,
         /// The answer of the storage, without anything secret.
         reason: String,
-        /// Kind of the failure.
         trouble: BucketTrouble,
     },
-    /// The environment does not state how to reach the object storage.
     #[error("cannot use {place}: {variable} {problem}")]
-    Environment {
-        /// Address that was to be used.
-        place: Place,
-        /// Name of the variable.
-        variable: &'static str,
-        /// The fault in it, and advice.
-        problem: &'static str,
-    },
-    /// A text that is no address.
+    Environment { place: Place, variable: &'static str, problem: &'static str },
     #[error("{place} is no place on object storage: {problem}; write s3://BUCKET/PREFIX")]
-    Address {
-        /// The text.
-        place: Place,
-        /// The fault in it.
-        problem: &'static str,
-    },
-    /// This program was built without object storage.
+    Address { place: Place, problem: &'static str },
     #[error(
         "{place} is on object storage, which this posegrid was built without: build it with `cargo build --release --features s3`, \
          or name a folder"
     )]
-    NotBuilt {
-        /// Address that was to be used.
-        place: Place,
-    },
+    NotBuilt { place: Place },
 }
 
-/// Kinds of failures of object storage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BucketTrouble {
     /// It does not answer, or cannot serve the request at the moment.
     NoAnswer,
-    /// It denies access.
     Refused,
     /// It denies access as the time that this machine states is not its own.
     Clock,
-    /// There is no such bucket.
     NoBucket,
-    /// There is no such object.
     NoObject,
-    /// An object has changed.
     Changed,
-    /// Anything else.
     Other,
 }
 
@@ -101,12 +62,10 @@ impl BucketTrouble {
 }
 
 impl StoreError {
-    /// Makes the error of an operation at a path from the system's error.
     pub fn folder<'a>(doing: &'static str, path: &'a Path) -> impl Fn(io::Error) -> Self + use<'a> {
         move |source| Self::Folder { doing, path: path.to_owned(), source }
     }
 
-    /// Whether there is no such file.
     pub fn is_missing(&self) -> bool {
         match self {
             Self::Folder { source, .. } => source.kind() == io::ErrorKind::NotFound,
@@ -122,8 +81,8 @@ impl StoreError {
     }
 }
 
-/// Advice for an error of the file system; empty where the error needs none. `doing` is the operation: what is only read needs no
-/// other folder.
+/// Advice for an error of the file system; empty where it needs none. What is only read (`doing`) needs no other
+/// folder.
 pub fn advice(doing: &str, error: &io::Error) -> &'static str {
     let reads = matches!(doing, "read" | "list" | "look for");
     match error.kind() {

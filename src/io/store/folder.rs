@@ -18,7 +18,6 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// The store in the folder `root`.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
     }

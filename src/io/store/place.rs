@@ -1,17 +1,12 @@
-//! A place of a file: a path of this machine, or the address of an object.
-
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Prefix of the address of an object.
 const SCHEME: &str = "s3://";
 
 /// A path, or an address `s3://BUCKET/KEY`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Place {
-    /// On this machine's file system.
     Path(PathBuf),
-    /// On S3-compatible storage.
     Url(String),
 }
 
@@ -41,14 +36,12 @@ impl Place {
         }
     }
 
-    /// The last name in it, without its extension.
     pub fn stem(&self) -> String {
         let named = self.named();
         let stem = named.file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
-    /// The place of a key below this one.
     #[must_use]
     pub fn join(&self, key: &str) -> Self {
         match self {
@@ -67,7 +60,6 @@ impl Place {
         Some(rest.split_once('/').unwrap_or((rest, "")))
     }
 
-    /// The place as shown to a user.
     pub const fn display(&self) -> &Self {
         self
     }

@@ -1,5 +1,3 @@
-//! The values of a column: Rust values → Arrow arrays.
-
 use std::iter::repeat_n;
 use std::sync::Arc;
 
@@ -15,15 +13,12 @@ use crate::units::WallTime;
 
 /// A value or an absent one: `f64`, `Option<f64>`, `&str`, `Option<Vec<f64>>` and the like.
 pub trait Cell {
-    /// The value when it is not absent.
     type Value: Value;
     /// The value, or `None` for null.
     fn value(self) -> Option<Self::Value>;
 }
 
-/// A value that a column can hold.
 pub trait Value: Sized {
-    /// The column's type.
     const KIND: ColumnType;
     /// The array of a whole column; an error has the first row whose value does not fit, and the value.
     fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)>;

@@ -13,8 +13,8 @@ use super::{Table, TableError, same};
 use crate::manifest::RunKey;
 use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 
-/// The table of the columns, if they keep its contract, and for each row its place in the order given (`None` where the
-/// order is the same); columns that are not given are taken from `like`, a checked table.
+/// The table with each row's place in the order given (`None` where the order is the same); columns that are not given
+/// are taken from `like`, a checked table.
 pub(super) fn table(
     schema: &'static TableSchema,
     key: Option<RunKey>,
@@ -159,8 +159,7 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
     Some((row, format!("{word:?} is none of the words allowed: {}", words.join(", "))))
 }
 
-/// The columns that identify a row, enumerations as the positions of their words; without enumerations that are the same in
-/// every row, since no two rows differ by them. Robot, session and run distinguish rows of several runs first.
+/// The columns that identify a row, enumerations as the positions of their words. Robot, session and run come first.
 fn row_names(schema: &TableSchema, key: Option<&RunKey>, batch: &RecordBatch) -> Vec<ArrayRef> {
     let order = || schema.order.iter().map(String::as_str);
     let of_several = key.is_none() && schema.role == Role::Published;
@@ -184,8 +183,7 @@ fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<Arr
     Some(Arc::new(ranks))
 }
 
-/// Whether each row comes after the one before it. It is false without columns that identify rows, and with nulls among
-/// them, where this test does not apply.
+/// False without columns that identify rows, and with nulls among them, where this test does not apply.
 fn rising(names: &[ArrayRef], rows: usize) -> Result<bool, ArrowError> {
     let told = |column: &ArrayRef| column.null_count() == 0 && !column.data_type().is_nested();
     if rows < 2 || !names.iter().all(told) {

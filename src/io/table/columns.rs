@@ -1,5 +1,3 @@
-//! Whole columns by name → a checked table.
-
 use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
@@ -41,7 +39,6 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// A table of `rows` rows, still without columns.
     pub fn new(schema: &'static TableSchema, rows: usize) -> Self {
         Self {
             schema,
@@ -53,8 +50,7 @@ impl Columns {
         }
     }
 
-    /// A table like `table`, with the same number of rows: columns that are not given are those of `table`, and not checked
-    /// again.
+    /// Columns that are not given are those of `table`, and not checked again.
     pub fn like(table: &Table) -> Self {
         Self {
             key: table.key().cloned(),
@@ -63,7 +59,6 @@ impl Columns {
         }
     }
 
-    /// The robot, session and run of every row.
     #[must_use]
     pub fn key(mut self, key: &RunKey) -> Self {
         self.key = Some(key.clone());
@@ -74,7 +69,6 @@ impl Columns {
             .fold(self, |columns, (name, part)| columns.same(name, part))
     }
 
-    /// A column with a value for each row.
     #[must_use]
     pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
         self.put(name, C::Value::KIND, |_| C::Value::array(values.into_iter().map(Cell::value)))
@@ -86,16 +80,12 @@ impl Columns {
         self.put(name, ColumnType::Int64, |_| Ok(Arc::new(Int64Array::from(values))))
     }
 
-    /// A column with the same value in each row.
     #[must_use]
     pub fn same<C: Cell<Value: Clone>>(self, name: &str, value: C) -> Self {
         self.put(name, C::Value::KIND, |rows| C::Value::same(value.value(), rows))
     }
 
-    /// A column of lists of one length, their values one after another.
-    ///
-    /// # Panics
-    /// When the number of values is no multiple of the number of rows.
+    /// Lists of one length, their values one after another, as many for each row.
     #[must_use]
     pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
         self.put(name, ColumnType::ListFloat64, |rows| Ok(cell::lists_alike(values, rows)))
@@ -117,7 +107,6 @@ impl Columns {
         })
     }
 
-    /// Columns that are null in every row.
     #[must_use]
     pub fn absent<const N: usize>(mut self, names: [&str; N]) -> Self {
         for name in names {
@@ -139,13 +128,11 @@ impl Columns {
         self
     }
 
-    /// Checks everything and sorts the rows.
     pub fn finish(self) -> Result<Table, TableError> {
         Ok(self.finish_in_order()?.0)
     }
 
-    /// Checks everything and sorts the rows; also returns for each row its place in the order given, `None` where the order
-    /// is the same.
+    /// The table with each row's place in the order given, `None` where the order is the same.
     pub(super) fn finish_in_order(self) -> Result<(Table, Option<Vec<usize>>), TableError> {
         if let Some(error) = self.error {
             return Err(error);

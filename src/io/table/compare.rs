@@ -1,10 +1,5 @@
-//! Two tables of one kind → their differences, by column and row.
-//!
-//! Input is a published table and the same one recomputed; output is a [`Comparison`]. Steps:
-//! 1. rows are paired by the columns that identify them; numbers among those columns may differ by [`CLOSE`];
-//! 2. each column's cells are compared pair by pair: numbers by their difference, also those within JSON, all others
-//!    exactly;
-//! 3. for each column that differs the largest difference is kept, and the first cell that is no number.
+//! Two tables of one kind, published and recomputed → their differences, by column and row. Rows are paired by the
+//! columns that identify them; numbers, also those within JSON, by their difference, all others exactly.
 
 mod cells;
 mod rows;
@@ -16,7 +11,6 @@ use rows::{Rows, pair};
 /// Largest relative difference of two numbers that count as the same value: rounding on another processor.
 pub const CLOSE: f64 = 1e-9;
 
-/// The differences of two tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Columns with a cell that differs, in the schema's order.
@@ -27,22 +21,17 @@ pub struct Comparison {
     pub only_computed: OneSided,
 }
 
-/// Rows that one side lacks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct OneSided {
-    /// Number of such rows.
     pub rows: usize,
     /// The first of them, by the columns that identify it.
     pub first: Option<String>,
 }
 
-/// The differences of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnDifference {
     pub column: String,
-    /// Number of cells that differ.
     pub cells: usize,
-    /// Number of cells compared.
     pub compared: usize,
     /// The largest differences of numbers; `None` where no number differs.
     pub largest: Option<Largest>,
@@ -59,26 +48,19 @@ pub struct Largest {
     pub relative: f64,
     /// The row of the largest relative difference.
     pub row: String,
-    /// The published number there.
     pub published: f64,
-    /// The computed number.
     pub computed: f64,
 }
 
-/// Two cells that are not the same, and not both numbers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unlike {
-    /// Name of the row.
     pub row: String,
-    /// The published cell there.
     pub published: String,
-    /// The computed cell.
     pub computed: String,
 }
 
 impl Comparison {
-    /// The largest relative difference, where only numbers differ and by at most [`CLOSE`]; 0 where nothing differs. `None`
-    /// otherwise.
+    /// `None` unless only numbers differ, by at most [`CLOSE`]; 0 where nothing differs.
     pub fn same_values(&self) -> Option<f64> {
         let relative = |column: &ColumnDifference| match (&column.largest, &column.unlike) {
             (Some(largest), None) => Some(largest.relative),
@@ -91,10 +73,7 @@ impl Comparison {
     }
 }
 
-/// Compares two tables of the same schema, except the columns `ignored` and those that the published table's version lacks.
-///
-/// # Panics
-/// When the tables are of two schemas.
+/// The comparison leaves out the columns `ignored` and those that the published table's version lacks.
 pub fn compare(published: &Table, computed: &Table, ignored: &[&str]) -> Comparison {
     assert_eq!(
         published.schema().table,
@@ -119,7 +98,6 @@ fn one_sided(table: &Table, rows: &[usize]) -> OneSided {
     OneSided { rows: rows.len(), first: rows.first().map(|&row| rows::name(table, row)) }
 }
 
-/// The difference of one column; `None` where there is none.
 fn difference(
     column: &str,
     published: &Table,

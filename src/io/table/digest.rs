@@ -1,23 +1,19 @@
-//! The content of a table → its digest, which each file carries in its metadata as `posegrid.content_digest`.
+//! The content of a table → its digest, which each file carries in its metadata as `posegrid.content_digest`: names,
+//! types and values of columns, and posegrid's entries of the metadata, in whichever pages and encodings. Whoever
+//! changes a value can change the digest too: the digests of files in `runs` protect against that.
 //!
-//! It covers the values that a reader sees, in whichever pages, row groups and encodings: names, types and values of
-//! columns, and posegrid's entries of the metadata. So the file alone shows a damaged value, years later and without its
-//! lake. Whoever changes a value can change the digest too: the digests of files in `runs` protect against that.
+//! Texts are hashed after their length in bytes; numbers, lengths and counts as 64 bits, lowest byte first; all digests
+//! are BLAKE3. The digest of a table covers, one after another:
 //!
-//! Texts are hashed after their length in bytes; numbers, lengths and counts as 64 bits, lowest byte first; all digests are
-//! BLAKE3. The digest of a table covers, one after another:
 //! 1. the text `posegrid table 1`;
 //! 2. the number of entries `posegrid.*` except the digest's own, and each in the order of their keys: key, value;
 //! 3. the number of columns, and of each: its name, its type as the schema names it, one byte 1 if it may be null and 0
 //!    if not, and the digests of its presence, lengths and values;
 //! 4. the number of rows.
 //!
-//! Presence, lengths and values are sequences over all rows, in which equal neighbours are counted: each run of equal ones
-//! is hashed as a text and the length of the run.
-//! - Presence: one byte for each row, 1 for a value and 0 for null.
-//! - Lengths: for each list that is present, its number of elements, as 64 bits; empty for a column without lists.
-//! - Values: for each value or element that is present, one byte 1 or 0 of a truth value, or the text. Numbers are not
-//!   counted: each is hashed as its 64 bits.
+//! Presence (one byte for each row), lengths (of each list that is present) and values (texts, or one byte of a truth
+//! value) are sequences in which each run of equal neighbours is hashed as a text and the length of the run. Numbers
+//! are not counted: each is hashed as its 64 bits.
 
 mod column;
 #[cfg(test)]
@@ -40,7 +36,6 @@ const OWN: &str = "posegrid.";
 /// The first text of the digest; another way to digest will have another number.
 const FORM: &str = "posegrid table 1";
 
-/// The digest of a table that comes in parts.
 pub(super) struct ContentDigest {
     columns: Vec<ColumnDigest>,
     rows: u64,
@@ -92,7 +87,6 @@ impl ContentDigest {
         self.rows += part.num_rows() as u64;
     }
 
-    /// The number of rows that were added.
     pub(super) const fn rows(&self) -> u64 {
         self.rows
     }

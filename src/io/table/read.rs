@@ -1,7 +1,5 @@
-//! Parquet files → tables.
-//!
-//! A published table is compared with the digest of its content that its file carries ([`Seal`]): [`read`] refuses one that
-//! differs, [`open`] returns it with the result. Files of versions without digests have none.
+//! Parquet files → tables. [`read`] refuses a published table whose content differs from its digest ([`Seal`]),
+//! [`open`] returns it with the result.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -22,7 +20,6 @@ use crate::input::{self, Bound};
 use crate::manifest::RunKey;
 use crate::schema::{ColumnSchema, Role, TableSchema};
 
-/// The key-value metadata of a file, in its order.
 struct Entries(Vec<(String, String)>);
 
 impl Entries {
@@ -33,28 +30,20 @@ impl Entries {
     }
 }
 
-/// The result of comparing a file's content with its digest.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Seal {
-    /// The content is the one that was written.
     Holds,
-    /// The content differs from the one that was written.
     Broken {
-        /// The digest that the file states, hexadecimal.
         stated: String,
-        /// The digest of its content.
         found: String,
     },
     /// The file carries no digest: an older version wrote it, or another program.
     Absent,
 }
 
-/// A table, and the result of comparing its file with its digest.
 #[derive(Debug, Clone)]
 pub struct Opened {
-    /// The table in the file.
     pub table: Table,
-    /// Whether it is the one that was written.
     pub seal: Seal,
 }
 
@@ -71,24 +60,19 @@ pub struct Head {
 
 /// Reads a Parquet file as a table of `schema`, and checks that it keeps that contract.
 ///
-/// A published table has to state its table and version in its metadata. An accepted one may come from any program: columns
-/// that may be null may be missing, other columns may be present, and narrower types are widened.
+/// A published table has to state its table and version in its metadata. An accepted one may come from any program:
+/// columns that may be null may be missing, other columns may be present, and narrower types are widened.
 ///
 /// ```
-/// # use posegrid_base::manifest::RunKey;
-/// # use posegrid_io::{schema, table::{self, Columns}};
-/// # let folder = tempfile::tempdir()?;
-/// # let path = folder.path().join("curve.parquet");
-/// # let curve = Columns::new(schema::find("joint_errors")?, 1)
-/// #     .key(&RunKey::new("ur10", "2020-11-09", "00ff"))
-/// #     .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("joint_unit", "rad").same("angle_rad", 0.5)
-/// #     .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5)
-/// #     .same("gear_lines_rad", 0.0).same("measured", true).finish()?;
-/// # table::write(&curve, std::fs::File::create(&path)?)?;
-/// let table = table::read(&path, schema::find("joint_errors")?)?;
-/// assert_eq!(table.text("joint_name").value(0), "shoulder_pan_joint");
-/// assert_eq!(table.f64("error_rad").value(0), -1.2e-4);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// # use posegrid_base::manifest::RunKey; # use posegrid_io::{schema, table::{self, Columns}}; # let folder =
+/// tempfile::tempdir()?; # let path = folder.path().join("curve.parquet"); # let curve =
+/// Columns::new(schema::find("joint_errors")?, 1) #     .key(&RunKey::new("ur10", "2020-11-09", "00ff")) #
+/// .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("joint_unit", "rad").same("angle_rad", 0.5) #
+/// .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5) #     .same("gear_lines_rad",
+/// 0.0).same("measured", true).finish()?; # table::write(&curve, std::fs::File::create(&path)?)?; let table =
+/// table::read(&path, schema::find("joint_errors")?)?; assert_eq!(table.text("joint_name").value(0),
+/// "shoulder_pan_joint"); assert_eq!(table.f64("error_rad").value(0), -1.2e-4); # Ok::<(), Box<dyn
+/// std::error::Error>>(())
 /// ```
 pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
     read_within(path, schema, Bound::TABLE)
@@ -104,7 +88,6 @@ pub fn read_within(
     open_within(file, path, schema, bound.of_values())?.believed(path)
 }
 
-/// Opens a regular file that is not too large.
 fn open_file(path: &Path, bound: Bound) -> Result<File, FileError> {
     input::open(path, bound).map_err(|source| FileErrorKind::Open(source).at(path))
 }
@@ -130,7 +113,8 @@ impl Opened {
     }
 }
 
-/// Reads an open file of any size, which errors call `path`, and states whether its content is the one that was written.
+/// Reads an open file of any size, which errors call `path`, and states whether its content is the one that was
+/// written.
 pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
     let unbounded = Bound { bytes: u64::MAX, ..Bound::TABLE };
     open_within(file, path, schema, unbounded)
@@ -203,7 +187,6 @@ fn decode(
     Ok((entries, batch))
 }
 
-/// The statements of the Parquet file at `path` about itself.
 pub fn head(path: &Path) -> Result<Head, FileError> {
     let file = open_file(path, Bound::TABLE)?;
     head_of(&file, path)
@@ -311,7 +294,8 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
     Ok(())
 }
 
-/// The columns of `schema` from a file's, by name; those added after its `version` are null, those removed since are passed over.
+/// The columns of `schema` from a file's, by name; those added after its `version` are null, those removed since are
+/// passed over.
 fn columns(
     batch: &RecordBatch,
     schema: &TableSchema,
@@ -364,7 +348,8 @@ fn names_are_clear<'n>(
     Ok(())
 }
 
-/// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its type.
+/// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its
+/// type.
 fn widened(array: &ArrayRef, wanted: &DataType) -> ArrayRef {
     // Otherwise values that do not fit would silently become null.
     let strict = CastOptions { safe: false, ..CastOptions::default() };

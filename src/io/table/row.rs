@@ -1,11 +1,9 @@
 //! Rows of a table: one struct of typed fields ↔ whole columns.
 //!
-//! [`row!`](crate::table::row) declares the struct of a table, [`columns!`](crate::table::columns) that of columns which several
-//! tables have alike: it is a field of their rows. A field is the column of its name; one of several numbers names its columns.
-//! Robot, session and run are outside the rows where all have the same. The struct writes ([`Row::table`], which sorts the rows in
-//! the table's order) and reads ([`Row::read`]); a test compares it with its schema.
-//!
-//! An enumeration is a word only in the file: [`words!`](crate::table::words) pairs its values with their words once.
+//! [`row!`](crate::table::row) declares the struct of a table, [`columns!`](crate::table::columns) that of columns which
+//! several tables have alike: it is a field of their rows. A field is the column of its name; one of several numbers
+//! names its columns. Robot, session and run are outside the rows where all have the same.
+//! [`words!`](crate::table::words) pairs the values of an enumeration with its words.
 
 use std::sync::Arc;
 
@@ -18,9 +16,7 @@ use crate::manifest::RunKey;
 use crate::schema::{self, ColumnType, TableSchema};
 use crate::units::WallTime;
 
-/// The rows of one table.
 pub trait Row: Field {
-    /// The table's name.
     const TABLE: &'static str;
 
     /// The rows of a table, in its order.
@@ -28,7 +24,6 @@ pub trait Row: Field {
         Self::all(table, &[]).collect()
     }
 
-    /// The table's contract.
     fn schema() -> &'static TableSchema {
         schema::find(Self::TABLE).expect("a test finds the schema of every row")
     }
@@ -285,7 +280,6 @@ fn texts(array: &dyn Array, row: usize) -> Vec<String> {
 
 /// An enumeration that is a word in tables.
 pub trait Word: Copy + 'static {
-    /// The word of a value.
     fn word(self) -> &'static str;
 
     /// The value of a word; `None` where it is no word of this enumeration.

@@ -9,10 +9,7 @@ use super::{Table, TableError, check};
 use crate::manifest::RunKey;
 use crate::schema::{KEY_COLUMNS, TableSchema};
 
-/// The rows of tables of one schema as one table, in the order of robot, session and run, and within a run in its own.
-///
-/// # Errors
-/// When two tables have rows of one name.
+/// Rows are in the order of robot, session and run; an error when two tables have rows of one name.
 pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table, TableError> {
     let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
     let batches = tables.iter().map(Table::batch);

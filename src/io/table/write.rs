@@ -1,13 +1,7 @@
-//! Tables → Parquet files.
-//!
-//! A file states in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
-//! `posegrid.frames` (JSON, column → unit or frame), `posegrid.robot`, `.session` and `.run`, and the digest of all that
-//! and of its content, `posegrid.content_digest` ([`super::digest`]). It holds no time, no host and no path, so the same
-//! table gives the same bytes.
-//!
-//! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group;
-//!    parts of a table may be encoded on any number of threads.
-//! 2. A [`PartsFile`] digests the parts in their order, and writes their row groups one after another, then the metadata.
+//! Tables → Parquet files. The metadata states table, schema version, units, frames, robot, session, run and the digest
+//! of all that and of the content ([`super::digest`]), but no time, host or path, so the same table gives the same
+//! bytes. An [`Encoder`] makes row groups of [`ROW_GROUP_ROWS`] rows, on any number of threads; a [`PartsFile`] digests
+//! and writes them in order.
 
 mod column;
 mod encoder;
@@ -37,8 +31,7 @@ pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError>
     file.finish()
 }
 
-/// A Parquet file that is written part by part. Each part is digested, and its row groups appended, once each and both in
-/// the order of the rows; the caller chooses which of the two comes first.
+/// Each part is digested, and its row groups appended, once each and both in the order of the rows.
 pub struct PartsFile<W: Write> {
     file: SerializedFileWriter<W>,
     digest: ContentDigest,
@@ -47,7 +40,6 @@ pub struct PartsFile<W: Write> {
 }
 
 impl<W: Write + Send> PartsFile<W> {
-    /// Begins the file.
     pub fn new(encoder: &Encoder, sink: W) -> Result<Self, ParquetError> {
         let (schema, properties) = (encoder.schema(), encoder.properties());
         Ok(Self {
@@ -81,10 +73,7 @@ impl<W: Write + Send> PartsFile<W> {
         Ok(())
     }
 
-    /// Ends the file and returns its sink.
-    ///
-    /// # Panics
-    /// When the digested rows differ from the appended ones.
+    /// The digested rows have to be the appended ones.
     pub fn finish(mut self) -> Result<W, ParquetError> {
         let rows = (self.digest.rows(), self.appended);
         assert_eq!(rows.0, rows.1, "every row is digested and appended");

@@ -1,21 +1,18 @@
-//! The columns of joint angles in a CSV file: `q1_rad`, `q2_rad`, … or `q1_deg`, `q2_deg`, … in the arm's order, and `q1_mm` for a
-//! joint that slides.
+//! The columns of joint angles in a CSV file: `q1_rad` or `q1_deg`, and `q1_mm` for a joint that slides, in the arm's
+//! order.
 
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::kinematics::Arm;
 
-/// Units of an arm's joints in a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JointUnits {
-    /// The unit of those that turn.
     angle: AngleUnit,
     /// Whether each joint slides, and so is in mm; empty where all turn.
     slides: Vec<bool>,
 }
 
 impl From<AngleUnit> for JointUnits {
-    /// Units of an arm whose joints all turn.
     fn from(angle: AngleUnit) -> Self {
         Self { angle, slides: Vec::new() }
     }
@@ -32,7 +29,6 @@ impl JointUnits {
         Self::new(angle, arm.joints().iter().map(|joint| joint.slides).collect())
     }
 
-    /// The unit of the joints that turn.
     pub const fn angle(&self) -> AngleUnit {
         self.angle
     }
@@ -70,8 +66,8 @@ impl JointUnits {
         }
     }
 
-    /// A joint's value (from 0), rad or mm, in its unit as text: to the nanometre, or to a ten-millionth of a degree or finer; a
-    /// micrometre is some 20 millionths of a degree.
+    /// The value to the nanometre, or to a ten-millionth of a degree or finer: a micrometre is some 20 millionths of a
+    /// degree.
     pub(super) fn shown(&self, joint: usize, value: f64) -> String {
         match self.angle {
             _ if self.slides_at(joint) => format!("{value:.6}"),
@@ -85,7 +81,6 @@ impl JointUnits {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AngleColumns {
     pub(super) units: JointUnits,
-    /// Their places in a line, in the joints' order.
     pub(super) places: Vec<usize>,
 }
 

@@ -5,7 +5,6 @@ use std::path::Path;
 use super::{TargetsError, TargetsErrorKind};
 use crate::input::{self, Bound};
 
-/// The bytes of a file that is not too large.
 pub(super) fn read(path: &Path, bound: Bound) -> Result<Vec<u8>, TargetsError> {
     input::bytes(path, bound).map_err(|source| TargetsErrorKind::Read(source).at(path))
 }

@@ -11,7 +11,6 @@ use crate::table::{Row as _, Table, TableError, Word as _, row, words};
 use crate::tables::words::{CorrectingTable, xyzw};
 
 row! {
-    /// A target and its command, or the reason why there is none.
     pub struct CorrectedRow of "corrected_targets" {
         row: usize,
         target: String,
@@ -38,39 +37,23 @@ row! {
     }
 }
 
-/// Reasons of a refusal in a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RefusedFor {
-    /// Outside the table.
     Outside,
-    /// A node of the cell has no value.
     RefusedNode,
-    /// Corners of the cell are too far apart in joint angles.
     Branches,
-    /// Another orientation than the table's.
     Orientation,
-    /// An arm configuration that the table is not for, or that was never measured.
     Configuration,
-    /// Another tool.
     Tool,
-    /// The command did not converge.
     NoConvergence,
     NoPosition,
-    /// Neither joint angles nor an orientation.
     NoOrientation,
-    /// Joint angles that are not the arm's.
     Joints,
-    /// Position and joint angles that are not of one place.
     Apart,
-    /// Joint angles beyond those measured.
     JointRange,
-    /// Joint angles beyond the arm's limits.
     JointLimits,
-    /// Out of the arm's reach.
     OutOfReach,
-    /// Near a singularity.
     Singularity,
-    /// A correction larger than the arm's errors are.
     TooLarge,
 }
 
@@ -156,13 +139,11 @@ pub struct CorrectedBy<'a> {
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,
-    /// The kind of table.
     pub table: CorrectingTable,
     /// The joints in the order of joint angles; none where there are no joint angles.
     pub joint_names: &'a [String],
 }
 
-/// The rows of targets, with the command or the refusal of each.
 pub fn corrected(
     targets: &[Target],
     outcomes: &[Result<Corrected, Refused>],
@@ -191,7 +172,6 @@ pub fn corrected(
     Ok(CorrectedRow::table(rows.collect(), by.key)?.table)
 }
 
-/// The row of a target, without its command and the table.
 fn of_target(target: &Target) -> CorrectedRow {
     CorrectedRow {
         row: 0,

@@ -17,7 +17,6 @@ const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const TARGET: &str = "target";
 const TEXTS: [&str; 2] = ["configuration", "tool"];
 
-/// Reads the rows with their line numbers.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
@@ -35,7 +34,6 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows { placed: rows, unused: header.unused(), units, list: None })
 }
 
-/// The columns that the first line names.
 struct Header {
     columns: Vec<String>,
     angles: Option<AngleColumns>,
@@ -102,7 +100,6 @@ impl Header {
     }
 }
 
-/// One line under its header.
 #[derive(Clone, Copy)]
 struct Cells<'a> {
     header: &'a Header,

@@ -1,7 +1,5 @@
-//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table corrected them.
-//!
-//! `posegrid compensate` writes it, as CSV, Parquet or JSON, or next to a data list; only the columns needed for a
-//! comparison are read. Refused targets have no command and are counted.
+//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table corrected them;
+//! only the columns needed for a comparison are read.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -42,7 +40,6 @@ struct DrivingRow {
     correction_frame_sd_mm: Option<f64>,
 }
 
-/// Reads a file of corrected targets.
 pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
     let rows = match Form::of(path)? {
         Form::Csv => from_csv(path, bound)?,

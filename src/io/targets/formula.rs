@@ -1,8 +1,6 @@
-//! Texts in CSV that a spreadsheet would run: those that begin with `=`, `+`, `-`, `@`, a tab or a carriage return.
-//!
-//! Names come from logs and programs and may hold any character, and a spreadsheet takes such a cell for a formula. It is
-//! written with a `'` before it, which spreadsheets show as text and [`unmarked`] removes again; a text that already begins
-//! so gets one more, so that every text is read back unchanged. Numbers are written as numbers.
+//! Texts in CSV that a spreadsheet would run as a formula are written with a `'` before them, which spreadsheets show
+//! as text and [`unmarked`] removes; a text that already begins so gets one more, so that every text is read back
+//! unchanged.
 
 /// Characters that begin a formula in some spreadsheet.
 const BEGIN: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];

@@ -1,7 +1,5 @@
-//! Targets in JSON: an array of objects, or `{ "targets": [ … ] }`; the keys are the columns of CSV, `q1_deg` … included.
-//!
-//! Rows are checked one by one as they are read, so the first wrong one ends the reading. A text is read into memory up to
-//! a limit, and the parser's own limit of depth applies.
+//! Targets in JSON: an array of objects, or `{ "targets": [ … ] }`; the keys are the columns of CSV. The first wrong
+//! row ends the reading.
 
 mod visit;
 
@@ -17,7 +15,6 @@ use crate::ingest::AngleUnit;
 use crate::input::Bound;
 use visit::{Cell, Document, Object};
 
-/// Reads the rows.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let bytes = bounded::read(path, bound)?;
     let mut found = Found::default();
@@ -41,7 +38,6 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     })
 }
 
-/// The rows read so far.
 #[derive(Default)]
 struct Found {
     placed: Vec<(Place, Row)>,

@@ -1,17 +1,15 @@
-//! Targets in KUKA data lists (`.dat`): POS, E6POS and FRAME aggregates of a program's points.
+//! Targets in KUKA data lists (`.dat`): POS, E6POS and FRAME aggregates of a program's points (KUKA System Software,
+//! Operating and Programming Instructions for System Integrators). A list is written back byte for byte, except the
+//! numbers of X, Y and Z and lines that begin with `; corrected by posegrid` or `; refused by posegrid`.
 //!
-//! A data list is written back unchanged, byte for byte, except the numbers of X, Y and Z and lines that begin with `;
-//! corrected by posegrid` or `; refused by posegrid`. Definitions are those of KUKA System Software, Operating and
-//! Programming Instructions for System Integrators (*Positions and frames*, *Status and Turn*). Steps:
-//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own; a statement that the
-//!    language forbids is an error with its line, since a controller would not run it and a part of it would be used here;
-//! 2. a position is a target: X, Y, Z in mm, A, B, C as `Rz(A) Ry(B) Rx(C)` in degrees, S for the arm configuration
-//!    ([`status`]); T, external axes and all other components are unchanged, other aggregates are counted;
-//! 3. frames are compared: one pair of `TOOL_NO` and `BASE_NO`, and no tool that is fixed in the cell (`IPO_FRAME #TCP`);
-//! 4. [`DataList::write`] puts commands in place of targets. A refused target becomes a comment, so that a program that
-//!    uses it does not start rather than run half corrected. [`MARK`] with the table's id is before ENDDAT: a variable that
-//!    stays where comments are removed. Programs' names have 24 letters at most, and a text in a data list is a CHAR array
-//!    with its value in the same line; CONST would need an option that not every controller has set.
+//! 1. A statement between DEFDAT and ENDDAT that the language forbids is an error with its line: a controller would not
+//!    run it.
+//! 2. A position is a target: X, Y, Z in mm, A, B, C as `Rz(A) Ry(B) Rx(C)` in degrees, S for the arm configuration
+//!    ([`status`]).
+//! 3. There is one pair of `TOOL_NO` and `BASE_NO`, and no tool that is fixed in the cell.
+//! 4. [`DataList::write`] puts commands in place of targets; a refused target becomes a comment, so that a program that
+//!    uses it does not start rather than run half corrected. [`MARK`] with the table's id is before ENDDAT: a variable
+//!    that stays where comments are removed.
 
 mod aggregate;
 mod lines;
@@ -37,7 +35,6 @@ use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
 
-/// A data list, with the places of its targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataList {
     text: Vec<u8>,
@@ -71,7 +68,6 @@ struct Point {
 const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
 impl DataList {
-    /// The S of each target, in the targets' order.
     pub fn statuses(&self) -> impl Iterator<Item = Option<Status>> + '_ {
         self.points.iter().map(|point| point.status)
     }
@@ -101,7 +97,6 @@ fn is_position(kind: &str) -> bool {
     POSITIONS.contains(&kind)
 }
 
-/// Reads a data list.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let text = bounded::read(path, bound)?;
     let (rows, list) = read(text).map_err(|error| error.at(path))?;
@@ -149,7 +144,6 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
     Ok((rows, list))
 }
 
-/// A data list, as read so far.
 struct Reading<'t> {
     text: &'t [u8],
     /// The type of each name declared so far, both in capitals, and the line.

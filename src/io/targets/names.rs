@@ -1,8 +1,5 @@
-//! Names of columns and keys: the meaning of each, and the check that no two have the same meaning.
-//!
-//! A spreadsheet or a script may write `X_mm` in addition to `x_mm`, or `Table_ID` for `table_id`. Which of two is meant is
-//! not known, and a skipped name is a lost value: both are errors that state the names. The marks of corrected targets
-//! ([`MARKS`]) are accepted in upper and lower case, since they only forbid and hold no number.
+//! Names of columns and keys, of which no two may have the same meaning: a skipped name is a lost value. The marks of
+//! corrected targets ([`MARKS`]) are accepted in any case, since they only forbid and hold no number.
 
 use std::collections::BTreeMap;
 
@@ -13,30 +10,16 @@ use crate::schema;
 /// Columns that have a value in corrected targets only.
 pub(super) const MARKS: [&str; 2] = ["table_id", "corrected_by"];
 
-/// The fault in the names of columns or keys.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum NamesProblem {
-    /// A name is given twice.
     #[error("{name:?} is given twice; which value is meant is not clear")]
     Twice { name: String },
-    /// Two names differ only in upper and lower case.
     #[error(
         "{first:?} and {second:?} differ in the size of letters alone; which is meant is not clear"
     )]
-    Alike {
-        /// The first name.
-        first: String,
-        /// The second name.
-        second: String,
-    },
-    /// A known name with other upper and lower case.
+    Alike { first: String, second: String },
     #[error("{found:?} is no name that is known here, and {known:?} is; write it so")]
-    OtherLetters {
-        /// The name that was found.
-        found: String,
-        /// The known name.
-        known: String,
-    },
+    OtherLetters { found: String, known: String },
 }
 
 /// Compares the names of one file or object with each other and with the known ones.
@@ -64,7 +47,6 @@ pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), 
     Ok(())
 }
 
-/// Whether a name is that of a mark.
 pub(super) fn is_mark(name: &str) -> bool {
     MARKS.contains(&folded(name).as_str())
 }

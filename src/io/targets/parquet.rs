@@ -1,5 +1,3 @@
-//! Targets in Parquet: the columns of table `targets`, written by any program.
-
 use std::path::Path;
 
 use arrow::array::Array as _;
@@ -31,7 +29,6 @@ row! {
     }
 }
 
-/// Reads the rows.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let table = table::read_within(path, schema::find("targets")?, bound)?;
     let placed = TargetRow::read(&table).into_iter().enumerate();
@@ -70,8 +67,7 @@ fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
     })
 }
 
-/// Whether a value is missing inside the list of joint angles of a row: our own lists have every value, so rows know none
-/// without, and other programs' may lack some.
+/// Our own lists have every value; other programs' may lack some.
 fn lacks_an_angle(table: &Table, row: usize) -> bool {
     let lists = table.list("joints_rad");
     lists.is_valid(row) && lists.value(row).null_count() > 0

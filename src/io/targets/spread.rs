@@ -11,22 +11,17 @@ use crate::units::WallTime;
 /// A list of joint angles has a name with this ending.
 const ANGLES: &str = "joints_rad";
 
-/// One value as text: lengths to the nanometre, joint angles in the requested unit, other numbers exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
-    /// There is no value.
     Absent,
-    /// A finite number.
     Number(String),
-    /// True or false.
     Flag(bool),
     Text(String),
-    /// Several values.
     List(Vec<Cell>),
 }
 
-/// One column of a table, and how many it becomes: a list of joint angles `…joints_rad` the columns `…q1_rad` or `…q1_deg`
-/// and so on, as many as its longest row has; any other list one. Lists that may be absent and that no row has become none.
+/// A list of joint angles `…joints_rad` becomes `…q1_rad` or `…q1_deg` and so on, as many columns as its longest row
+/// has; lists that no row has become none.
 pub(crate) struct Spread<'t> {
     schema: &'t ColumnSchema,
     array: &'t ArrayRef,
@@ -42,7 +37,6 @@ impl<'t> Spread<'t> {
         spread.filter(|spread| spread.columns > 0).collect()
     }
 
-    /// The column's name in the table.
     pub(crate) fn name(&self) -> &str {
         &self.schema.name
     }

@@ -7,11 +7,9 @@ use super::formula;
 use super::spread::{Cell, Spread};
 use crate::table::Table;
 
-/// Writes a table as CSV: lengths to the nanometre, joint angles in `units`, other numbers exactly, an empty cell where a
-/// value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
-///
-/// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` (`…q1_mm` where it slides) and so on, as many as its longest row
-/// has; other lists are one column, their elements apart by blanks. Lists that may be absent and that no row has are left out.
+/// Lengths to the nanometre, joint angles in `units` in a column each (`…q1_deg`), other numbers exactly, an empty cell
+/// where a value is absent; other lists are one column. A text that a spreadsheet would run has a `'` before it
+/// (`formula`).
 pub fn write_csv(
     table: &Table,
     units: impl Into<JointUnits>,

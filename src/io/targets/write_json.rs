@@ -6,10 +6,8 @@ use super::angles::JointUnits;
 use super::spread::{Cell, Spread};
 use crate::table::Table;
 
-/// Writes a table as JSON: lengths to the nanometre, joint angles in `units`, other numbers exactly, null where a value is
-/// absent.
-///
-/// Joint angles have a key each, `…q1_rad` or `…q1_deg` (`…q1_mm` where it slides) and so on; other lists are arrays. Lists that may be absent and that no row has are left out.
+/// Lengths to the nanometre, joint angles in `units` with a key each (`…q1_deg`), other numbers exactly, null where a
+/// value is absent; other lists are arrays.
 pub fn write_json(
     table: &Table,
     units: impl Into<JointUnits>,
@@ -31,7 +29,6 @@ pub fn write_json(
     sink.write_all(b"\n]\n")
 }
 
-/// One value as JSON.
 pub(crate) fn value(cell: &Cell) -> String {
     match cell {
         Cell::Absent => "null".to_owned(),

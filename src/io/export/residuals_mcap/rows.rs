@@ -1,5 +1,3 @@
-//! Rows of table `residuals` by subject, and their numbers as a message.
-
 use serde::Serialize;
 
 use super::scene::Time;
@@ -8,7 +6,6 @@ use crate::table::{Row as _, Table, Word as _};
 use crate::tables::residuals::ResidualRow;
 use crate::tables::words::Role;
 
-/// The subject of residuals, and the part of the stations in the fit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Of {
     pub(super) subject: Subject,
@@ -39,18 +36,15 @@ impl Of {
         }
     }
 
-    /// Whether the robot is not compensated.
     pub(super) const fn is_before(&self) -> bool {
         matches!(self.subject.model, Model::RawCommand | Model::BaseTarget)
     }
 
-    /// Before compensation, or after.
     pub(super) const fn moment(&self) -> &'static str {
         if self.is_before() { "before" } else { "after" }
     }
 }
 
-/// A point or a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Xyz {
     pub(super) x: f64,
@@ -64,7 +58,6 @@ impl From<[f64; 3]> for Xyz {
     }
 }
 
-/// A row as a message.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Numbers<'r> {
     timestamp: Time,
@@ -81,7 +74,6 @@ pub(super) struct Numbers<'r> {
 }
 
 impl<'r> Numbers<'r> {
-    /// The numbers of a row, at its station's time.
     pub(super) fn new(row: &ResidualRow, of: &'r Of, ns: u64) -> Self {
         Self {
             timestamp: Time::of(ns),

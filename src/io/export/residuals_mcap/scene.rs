@@ -8,7 +8,6 @@ use super::rows::{Of, Xyz, predicted_mm};
 use crate::tables::residuals::ResidualRow;
 use crate::units::MM_PER_M;
 
-/// The part of the schema that these messages use.
 pub(super) const SCHEMA: &str = include_str!("scene_update.json");
 
 /// Length of the head as a share of an arrow's length, and widths as shares of it, up to the width of a large arrow, m.
@@ -20,7 +19,6 @@ const WIDEST_SHAFT_M: f64 = 0.006;
 const BEFORE: Color = Color::of(0xb3, 0x47, 0x0b);
 const AFTER: Color = Color::of(0x0b, 0x5f, 0xa5);
 
-/// Seconds and nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub(super) struct Time {
     sec: u64,
@@ -159,7 +157,6 @@ impl Arrow<'_> {
     }
 }
 
-/// The rotation that turns x, the direction of arrows, into a direction.
 fn along(direction: &Vector3<f64>) -> Orientation {
     // For the direction opposite to x any half turn is right; a zero vector has no direction.
     let half_turn = || UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);

@@ -11,7 +11,6 @@ use crate::schema;
 use crate::table::{Row as _, Table};
 use crate::tables::stations::StationRow;
 
-/// The first stationary moment of each station, ns, by session and number.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Times(BTreeMap<(String, usize), i64>);
 

@@ -1,9 +1,7 @@
 //! The arm decides: what each reading of the columns leaves of the nominal arm, base and target fitted to the table.
-//!
-//! 1. Every choice of columns is tried on every arm with as many joints, in degrees and radians, in metres and millimetres, with the
-//!    joints in the order of the columns and reversed: at first on a few stations, then the best on more.
-//! 2. Names come before residuals: a controller's own position agrees with the arm better than any measured one.
-//! 3. What is left over is put to the search of the set-up check ([`crate::setup`]), which names a sign, an order or a zero.
+//! Units and orders of the joints are tried on a few stations, then the best on more. Names come before residuals: a
+//! controller's own position agrees with the arm better than any measured one. What is left over is put to
+//! [`crate::setup`].
 
 use std::sync::{Arc, LazyLock};
 
@@ -38,7 +36,6 @@ const MOST_COLUMNS: usize = 3;
 /// The most readings whose mistakes are searched where none agrees.
 const MOST_SEARCHED: usize = 4;
 
-/// Arms that may be meant.
 #[derive(Debug, Clone, Default)]
 pub struct Arms {
     pub known: Vec<KnownArm>,
@@ -47,7 +44,6 @@ pub struct Arms {
 }
 
 impl Arms {
-    /// The ready arms.
     pub fn ready() -> Self {
         Self { known: ready::arms(), is_named: false }
     }
@@ -58,18 +54,12 @@ impl Arms {
     }
 }
 
-/// One reading of the columns on one arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tried {
-    /// Place of the choice of columns.
     pub choice: usize,
-    /// Place of the arm.
     pub arm: usize,
-    /// Unit of the joints that turn.
     pub angle: AngleUnit,
-    /// Unit of the joints that slide.
     pub slide: LengthUnit,
-    /// Unit of the positions.
     pub length: LengthUnit,
     /// Whether the columns of the joints are from flange to base.
     pub is_reversed: bool,
@@ -77,25 +67,18 @@ pub struct Tried {
     pub median_mm: f64,
 }
 
-/// The one thing in which another reading differs from the best one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Differs {
-    /// The unit of the joints.
     Angle,
-    /// The unit of joints that slide.
     Slide,
-    /// The unit of the positions.
     Length,
-    /// The order of the joints.
     Order,
     Arm,
     Columns,
 }
 
-/// What the arm says.
 #[derive(Debug, Clone)]
 pub struct Verdict {
-    /// The best reading.
     pub best: Tried,
     /// The best of the others, by the one thing in which each differs.
     pub others: Vec<(Differs, Tried)>,
@@ -103,7 +86,6 @@ pub struct Verdict {
     pub stations: usize,
     /// Other arms with the same chain.
     pub alike: Vec<usize>,
-    /// The one change that explains what is left over.
     pub finding: Option<String>,
 }
 
@@ -125,7 +107,6 @@ fn gate_mm() -> f64 {
     JoinSettings::default().geometry_gate_mm
 }
 
-/// Stations of a table under each choice of columns.
 struct Bench<'t> {
     table: &'t MeasuredTable,
     rows: &'t [usize],
@@ -133,7 +114,8 @@ struct Bench<'t> {
     arms: &'t Arms,
 }
 
-/// The verdict of the arms about the choices, from these rows; `None` where no arm has as many joints, or too few stations are whole.
+/// The verdict of the arms about the choices, from these rows; `None` where no arm has as many joints, or too few
+/// stations are whole.
 pub fn verdict(
     table: &MeasuredTable,
     rows: &[usize],
@@ -162,7 +144,6 @@ pub fn verdict(
 }
 
 impl Bench<'_> {
-    /// Raw numbers of the stations under a choice, of the main target.
     fn evidence(&self, choice: usize, most: usize) -> Evidence {
         let choice = &self.choices[choice];
         let dwelt = |&row: &usize| {
@@ -183,7 +164,6 @@ impl Bench<'_> {
         Evidence::spread(stations.into_iter().step_by(stride).collect())
     }
 
-    /// Every reading of a choice on a few stations.
     fn screened(&self, choice: usize) -> Vec<Tried> {
         let evidence = self.evidence(choice, SCREENED);
         if evidence.stations.len() < LEAST_STATIONS {
@@ -193,7 +173,6 @@ impl Bench<'_> {
         tried.map(|own| Tried { median_mm: self.median(&own, &evidence), ..own }).collect()
     }
 
-    /// Every reading of a choice, untried.
     fn readings(&self, choice: usize, evidence: &Evidence) -> Vec<Tried> {
         let joints = self.choices[choice].joints.columns.len();
         let values = evidence.stations.iter().flat_map(|station| &station.reported);
@@ -236,7 +215,6 @@ impl Bench<'_> {
         all
     }
 
-    /// The set-up that a reading means.
     fn set_up(&self, tried: &Tried) -> SetUp {
         let arm = &self.arms.known[tried.arm].arm;
         SetUp {
@@ -342,7 +320,8 @@ impl Bench<'_> {
             .collect()
     }
 
-    /// The usual mistake that explains what the best reading leaves over; where none agrees, what a few of the best readings leave.
+    /// The usual mistake that explains what the best reading leaves over; where none agrees, what a few of the best
+    /// readings leave.
     fn finding(&self, tried: &[Tried], best: &Tried, evidence: &Evidence) -> Option<String> {
         let most = if best.median_mm > gate_mm() { MOST_SEARCHED } else { 1 };
         // A named arm may have been taken for another one; ready ones have all been tried.

@@ -1,7 +1,5 @@
-//! Readings of a table that may be meant: which columns are the joints, and which are the measured positions.
-//!
-//! Names decide where they can: a position of an instrument before one that nobody is named for, that before what a controller or a
-//! program states. Where names say nothing, every run of neighbouring columns is a choice, and the arm decides
+//! Readings of a table that may be meant: which columns are the joints and the measured positions. Names decide where
+//! they can; where they say nothing, every run of neighbouring columns is a choice, and the arm decides
 //! ([`super::by_arm`]).
 
 use super::columns::ColumnSummary;
@@ -10,24 +8,19 @@ use super::names::Sense;
 use super::roles::{JointSet, Placed, Roles, TurnColumns, Whose};
 use super::sum::{Position, Sum};
 
-/// The most choices that are tried.
 const MOST: usize = 60;
 /// Numbers of joints that are looked for where neither names nor an arm tell.
 const USUAL_JOINTS: [usize; 2] = [6, 7];
 /// A number beyond this is no angle: a turn in degrees, with some room.
 const LARGEST_DEG: f64 = 400.0;
 
-/// Columns of one target's reading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Target {
     /// Its name; absent where there is one only.
     pub name: Option<String>,
     pub position: Position,
-    /// The orientation.
     pub turn: Option<TurnColumns>,
-    /// Standard deviations of the position.
     pub sd: Option<[usize; 3]>,
-    /// Standard deviations of the orientation.
     pub turn_sd: Option<[usize; 3]>,
 }
 
@@ -38,13 +31,10 @@ pub enum Part {
     Whole,
     /// The position that the differences belong to.
     Base,
-    /// Position and differences.
     Plus,
-    /// Position less differences.
     Minus,
 }
 
-/// One reading of the columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     pub joints: JointSet,
@@ -94,7 +84,8 @@ pub fn choices(
     all
 }
 
-/// Whether a column may hold a joint's or a position's value: numbers that differ, and no time, temperature or running number.
+/// Whether a column may hold a joint's or a position's value: numbers that differ, and no time, temperature or running
+/// number.
 fn may_be_value(column: &ColumnSummary) -> bool {
     let other = [Sense::Time, Sense::Temperature, Sense::Station, Sense::Session];
     let is_other = other.iter().any(|sense| column.named.has(*sense));

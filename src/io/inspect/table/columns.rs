@@ -1,5 +1,3 @@
-//! The values of each column in numbers: how many there are of each kind, and their range.
-
 use std::collections::BTreeSet;
 
 use super::names::Named;
@@ -12,17 +10,13 @@ const MOST_TEXTS: usize = 12;
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnSummary {
     pub name: String,
-    /// The name in words, with the unit.
     pub named: Named,
     /// Number of cells with a number.
     pub numbers: usize,
-    /// Number of cells with NaN or infinity.
     pub not_finite: usize,
-    /// Number of blank cells.
     pub blanks: usize,
     /// Number of cells with a text.
     pub texts: usize,
-    /// Number of cells with 0.
     pub zeros: usize,
     /// Number of cells with 9999 or −9999, which stand for a missing reading.
     pub missing: usize,
@@ -30,7 +24,6 @@ pub struct ColumnSummary {
     pub range: Option<(f64, f64)>,
     /// Its different texts, in order, up to twelve.
     pub different: BTreeSet<String>,
-    /// Whether there are more different texts.
     pub has_more: bool,
 }
 
@@ -94,13 +87,11 @@ impl ColumnSummary {
         self.range.map_or(0.0, |(low, high)| low.abs().max(high.abs()))
     }
 
-    /// Whether its numbers differ.
     pub fn varies(&self) -> bool {
         self.range.is_some_and(|(low, high)| low < high)
     }
 }
 
-/// Every column, in the order of the table.
 pub fn summaries(table: &MeasuredTable) -> Vec<ColumnSummary> {
     (0..table.columns().len()).map(|column| ColumnSummary::of(table, column)).collect()
 }

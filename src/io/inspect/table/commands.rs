@@ -1,7 +1,6 @@
-//! The commanded pose of a table, and where its frame lies against the nominal arm.
-//!
-//! The frame of commands is mostly the base itself, or the base turned by right angles: then the tool alone is found beside the
-//! commands. Otherwise both are, and none of it is more than a start: the controller states them.
+//! The commanded pose of a table, and where its frame lies against the nominal arm: mostly the base itself, turned by
+//! right angles or not; then the tool alone is found beside the commands. Otherwise both are, and are no more than a
+//! start.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -16,16 +15,14 @@ use crate::join::JoinSettings;
 use crate::join::placement::{Placement, ReadingAtFlange};
 use crate::measured_table::MeasuredTable;
 
-/// A frame turned by right angles is taken where it leaves no more than this many times what the fitted one leaves, or a millimetre.
+/// A frame turned by right angles is taken where it leaves no more than this many times what the fitted one leaves, or
+/// a millimetre.
 const AS_GOOD: f64 = 2.0;
 const A_MILLIMETRE: f64 = 1.0;
 
-/// The commanded pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commands {
-    /// Its columns.
     pub placed: Placed,
-    /// The unit of its positions.
     pub unit: LengthUnit,
     /// Its orientation; absent where there is none, or none that turns with the arm.
     pub turned: Option<Turned>,
@@ -39,10 +36,10 @@ pub struct Commands {
     pub is_of_base: bool,
 }
 
-/// A nominal flange and the commanded position there, mm.
 type Pair = (usize, Isometry3<f64>, Vector3<f64>);
 
-/// The commanded pose of these columns beside the nominal flanges of rows; `None` where it is not near the arm in any unit.
+/// The commanded pose of these columns beside the nominal flanges of rows; `None` where it is not near the arm in any
+/// unit.
 pub fn commands(
     table: &MeasuredTable,
     placed: &Placed,
@@ -90,7 +87,8 @@ fn with_turn(
     found
 }
 
-/// The frame of commands, the tool's origin in the flange frame, what they leave in the median, and whether it is the base's.
+/// The frame of commands, the tool's origin in the flange frame, what they leave in the median, and whether it is the
+/// base's.
 fn frames(pairs: &[Pair]) -> Option<(Isometry3<f64>, nalgebra::Translation3<f64>, f64, bool)> {
     let readings: Vec<ReadingAtFlange> =
         pairs.iter().map(|&(_, flange, attained)| ReadingAtFlange { flange, attained }).collect();

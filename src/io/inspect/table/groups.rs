@@ -1,7 +1,5 @@
-//! Columns that belong together by their names: one for each axis, or one for each number.
-//!
-//! A group is what stays of the names when the axis (or the number) is taken out: `measurement_std_x`, `…_y` and `…_z` are the
-//! group `measurement std`; `T1_x`, `T1_y` and `T1_z` are `t 1`; `joint_1` to `joint_7` are `joint`.
+//! Columns that belong together by their names: a group is what stays when the axis or number is taken out.
+//! `measurement_std_x`, `…_y` and `…_z` are the group `measurement std`; `joint_1` to `joint_7` are `joint`.
 
 use std::collections::BTreeMap;
 
@@ -10,18 +8,15 @@ use super::columns::ColumnSummary;
 /// Place of an axis among x, y, z and w.
 type Axis = usize;
 
-/// Columns of one thing along its axes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisGroup {
     /// The words of the names without the axis.
     pub words: Vec<String>,
-    /// Columns of x, y and z.
     pub columns: [usize; 3],
     /// Column of w, which makes it a quaternion.
     pub w: Option<usize>,
 }
 
-/// Columns that are numbered one after another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NumberedGroup {
     /// The words of the names without the number.

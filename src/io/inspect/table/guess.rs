@@ -27,49 +27,31 @@ const LARGEST_RAD: f64 = 2.1 * std::f64::consts::PI;
 /// Positions that are all below this are in metres: no arm is as large, and none as small.
 const LARGEST_M: f64 = 30.0;
 
-/// A key of the sections that may be unsure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Key {
-    /// `[robot] file`.
     Robot,
-    /// `[stations] joints`.
     Joints,
-    /// `[stations] joint_unit`.
     JointUnit,
-    /// `[stations] length_unit`.
     LengthUnit,
-    /// `[stations] session`.
     Session,
-    /// `[stations] target` and `targets`.
     Target,
-    /// `[stations] time`.
     Time,
-    /// `[stations.commanded]` and `[commanded]`.
     Commanded,
-    /// `[stations.measured] position`.
     Position,
-    /// `[stations.measured] unit`.
     Unit,
-    /// `[stations.measured] orientation`.
     Orientation,
-    /// `[stations.references] on`.
     Reference,
 }
 
-/// Why a key is unsure, and the alternative.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Doubt {
     pub key: Key,
-    /// The reason.
     pub words: String,
 }
 
-/// How a table would be read.
 #[derive(Debug)]
 pub struct Guess {
-    /// `[stations]`.
     pub settings: StationsSettings,
-    /// The doubts about it.
     pub doubts: Vec<Doubt>,
     /// What was seen and is not used.
     pub notes: Vec<String>,
@@ -81,15 +63,12 @@ pub struct Guess {
     pub arm_is_named: bool,
     /// Joints and position of each choice in words, in the order of the verdict's places.
     pub choices: Vec<String>,
-    /// The commanded pose, where the table has one near the arm.
     pub commands: Option<Commands>,
     /// The base in the frame of the main target's positions, mm, as found beside the nominal arm.
     pub base: Option<Isometry3<f64>>,
-    /// Names of the sessions in the column of sessions; empty without one.
     pub sessions: Vec<String>,
 }
 
-/// A table with what was found of it so far.
 struct Work<'t> {
     table: &'t MeasuredTable,
     columns: &'t [ColumnSummary],
@@ -100,7 +79,6 @@ struct Work<'t> {
     units: (AngleUnit, LengthUnit, LengthUnit),
     /// Rows of the main session and target, with the nominal flange; empty where no arm agrees.
     flanges: Vec<(usize, Isometry3<f64>)>,
-    /// Base and main target beside the nominal arm.
     placement: Option<Placement>,
 }
 
@@ -143,7 +121,6 @@ pub(super) fn guess(
     ))
 }
 
-/// Number of rows without a reading of a target.
 fn missing(table: &MeasuredTable, target: &Target) -> usize {
     (0..table.row_count()).filter(|&row| position(&target.position, table, row).is_none()).count()
 }
@@ -306,7 +283,6 @@ impl<'t> Work<'t> {
         }
     }
 
-    /// Columns with a role in what was chosen.
     fn used(&self, roles: &Roles) -> Vec<usize> {
         let positions = self.choice.targets.iter().flat_map(|target| {
             target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
@@ -340,7 +316,6 @@ impl<'t> Work<'t> {
         all
     }
 
-    /// The commanded pose, where it is not the measured one.
     fn commands(&self, roles: &Roles) -> Option<Commands> {
         let of_command = roles.positions.iter().find(|own| own.whose == Whose::Command)?;
         let is_measured = self.choice.targets.iter().any(|target| {
@@ -428,7 +403,6 @@ fn whose_choice(choice: &Choice, names: &[String]) -> String {
     in_words(choice, names) + whose
 }
 
-/// Joints and main position of a choice.
 fn in_words(choice: &Choice, names: &[String]) -> String {
     let joints: Vec<&str> =
         choice.joints.columns.iter().map(|&column| names[column].as_str()).collect();

@@ -1,6 +1,5 @@
-//! The long form: a row is a reading of one target, and several rows are a station.
-//!
-//! It is told by the joints: they repeat from row to row, and no two rows have the same joints and the same target.
+//! The long form: a row is a reading of one target, and several rows are a station. Joints repeat from row to row, and
+//! no two rows have the same joints and the same target.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,24 +7,21 @@ use super::columns::{ColumnSummary, number};
 use super::names::Sense;
 use crate::measured_table::{Cell, MeasuredTable};
 
-/// The most targets of a long table.
 const MOST_TARGETS: usize = 12;
 /// A table is long where it has fewer different joint vectors than this share of its rows.
 const REPEATS: f64 = 0.75;
 
-/// The columns that make a table a long one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Long {
-    /// Names of targets.
     pub target: usize,
-    /// Names of stations.
     pub station: usize,
     /// Names in the column of targets, the one with most rows first.
     pub targets: Vec<String>,
 }
 
 impl Long {
-    /// Keeps the targets that a row has a position of; `has_position` says whether a row has one. All stay where none has.
+    /// Keeps the targets that a row has a position of; `has_position` says whether a row has one. All stay where none
+    /// has.
     pub fn keep_placed(&mut self, table: &MeasuredTable, has_position: impl Fn(usize) -> bool) {
         let placed: BTreeSet<String> = (0..table.row_count())
             .filter(|row| has_position(*row))
@@ -69,7 +65,8 @@ fn pose(table: &MeasuredTable, joints: &[usize], row: usize) -> Vec<u64> {
     joints.iter().map(|&column| number(table, row, column).map_or(u64::MAX, f64::to_bits)).collect()
 }
 
-/// The names of targets in a column; `None` where it names something else: too many, or two rows of one pose with one name.
+/// The names of targets in a column; `None` where it names something else: too many, or two rows of one pose with one
+/// name.
 fn targets(
     table: &MeasuredTable,
     summary: &ColumnSummary,

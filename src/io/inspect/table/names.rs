@@ -2,15 +2,12 @@
 
 use crate::ingest::{AngleUnit, LengthUnit};
 
-/// A unit as a name or a line of units states it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StatedUnit {
-    /// Of angles.
     Angle(AngleUnit),
     Length(LengthUnit),
 }
 
-/// A name in words.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Named {
     /// Its words in small letters, numbers by themselves, the unit left out.
@@ -19,31 +16,20 @@ pub struct Named {
     pub unit: Option<StatedUnit>,
 }
 
-/// A word that says what kind of value a column has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sense {
-    /// An angle of a joint.
     Joint,
-    /// An orientation.
     Turn,
-    /// A standard deviation.
     Deviation,
-    /// A difference from another column.
     Difference,
-    /// Commanded, wanted or nominal.
     Command,
-    /// Measured by an instrument.
     Measured,
-    /// Stated by the controller.
     Controller,
-    /// Neither a position nor an angle: speed, force, current.
     Other,
     Time,
     Temperature,
     Session,
-    /// The name of a station.
     Station,
-    /// The name of a target.
     Target,
 }
 
@@ -93,7 +79,6 @@ const SENSES: &[(Sense, &str)] = &[
     (Sense::Target, "target reflector reflektor smr ziel zielmarke marker prism point name tgt"),
 ];
 
-/// Whether a word has a sense.
 pub fn has_sense(word: &str, sense: Sense) -> bool {
     let compound = ["joint", "gelenk", "achse"];
     let lists = SENSES.iter().filter(|(own, _)| *own == sense);
@@ -115,13 +100,11 @@ impl Named {
         Self { words, unit }
     }
 
-    /// Whether one of its words has this sense.
     pub fn has(&self, sense: Sense) -> bool {
         any_has(&self.words, sense)
     }
 }
 
-/// Whether one of the words has this sense.
 pub fn any_has(words: &[String], sense: Sense) -> bool {
     words.iter().any(|word| has_sense(word, sense))
 }
@@ -170,7 +153,6 @@ fn unit_word(word: &str) -> Option<StatedUnit> {
     }
 }
 
-/// Kinds of characters between which a word ends.
 #[derive(PartialEq, Eq, Clone, Copy)]
 enum Kind {
     Small,

@@ -9,7 +9,6 @@ use crate::measured_table::MeasuredTable;
 
 /// Angles and lengths beyond this are no angles in degrees: a turn, with some room.
 const LARGEST_DEG: f64 = 400.0;
-/// The most joints of an arm.
 const MOST_JOINTS: usize = 16;
 /// A group that moves by less than this share of what the others move does not move with the arm.
 const STILL: f64 = 0.02;
@@ -17,53 +16,41 @@ const STILL: f64 = 0.02;
 const GENERIC: &str =
     "pos position point translation trans p xyz coord coordinate coordinates pose mean avg average";
 
-/// Whose position it is, by the words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Whose {
-    /// An instrument's.
     Measured,
     /// Nobody says.
     Unknown,
-    /// Computed by the controller from its joints.
     Controller,
-    /// Commanded or nominal.
     Command,
 }
 
-/// Columns of an orientation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TurnColumns {
     /// A quaternion; the order is that of the names.
     Quaternion([usize; 4]),
-    /// Three angles, or a rotation vector.
     Angles([usize; 3]),
 }
 
-/// Columns of a position with what belongs to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
     /// The words of its names.
     pub words: Vec<String>,
     pub columns: [usize; 3],
     pub whose: Whose,
-    /// Its orientation.
     pub turn: Option<TurnColumns>,
-    /// Its standard deviations.
     pub sd: Option<[usize; 3]>,
-    /// The standard deviations of its orientation.
     pub turn_sd: Option<[usize; 3]>,
     /// Whether it moves as the others do.
     pub moves: bool,
 }
 
 impl Placed {
-    /// The position in its columns.
     pub fn position(&self) -> Position {
         sum::of_columns(self.columns)
     }
 }
 
-/// Columns of the joints.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JointSet {
     /// The columns from base to flange.
@@ -72,7 +59,6 @@ pub struct JointSet {
     pub doubt: Option<String>,
 }
 
-/// Kinds of groups along axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Position,
@@ -83,7 +69,6 @@ enum Kind {
     Other,
 }
 
-/// Groups of columns by their roles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Roles {
     /// Positions, in the order of their columns.
@@ -128,7 +113,8 @@ impl Roles {
         roles
     }
 
-    /// Marks positions that do not move with the arm: reference reflectors. Commands may have another unit and are left alone.
+    /// Marks positions that do not move with the arm: reference reflectors. Commands may have another unit and are left
+    /// alone.
     fn mark_still(&mut self, table: &MeasuredTable) {
         let own = self
             .positions
@@ -142,7 +128,6 @@ impl Roles {
         }
     }
 
-    /// Columns that have a role.
     pub fn used(&self) -> Vec<usize> {
         let placed = self.positions.iter().flat_map(|own| {
             let turn: Vec<usize> =
@@ -197,7 +182,8 @@ fn owner(words: &[String]) -> Vec<&String> {
     words.iter().filter(|word| !generic.contains(&word.as_str()) && !of_kind(word)).collect()
 }
 
-/// A position with the groups that belong to it: those of the same owner, or the only one where there is one position only.
+/// A position with the groups that belong to it: those of the same owner, or the only one where there is one position
+/// only.
 fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGroup)]) -> Placed {
     let is_only = groups.iter().filter(|(kind, _)| *kind == Kind::Position).count() == 1;
     let of_kind = |wanted: Kind| {
@@ -232,7 +218,8 @@ fn whose(columns: &[ColumnSummary], group: &AxisGroup) -> Whose {
     }
 }
 
-/// Four numbered columns whose squares sum up to one are a quaternion: w first, as ABB and most papers number it from q1 and q0.
+/// Four numbered columns whose squares sum up to one are a quaternion: w first, as ABB and most papers number it from
+/// q1 and q0.
 fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<AxisGroup> {
     let &[w, x, y, z] = &group.columns[..] else {
         return None;

@@ -1,5 +1,3 @@
-//! How far positions of a table lie apart.
-
 use super::sum::{Position, position};
 use crate::figures::median;
 use crate::measured_table::MeasuredTable;

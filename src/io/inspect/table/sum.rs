@@ -1,5 +1,3 @@
-//! A value of `[stations]`: a column, or a sum and difference of columns.
-
 use super::columns::number;
 use crate::measured_table::MeasuredTable;
 
@@ -44,7 +42,7 @@ impl Sum {
 /// A position as a table has it: x, y and z.
 pub type Position = [Sum; 3];
 
-/// The position in a row, in the unit of the columns; `None` where a cell has no number, or all three are 0, which instruments write
+/// The unit is that of the columns; `None` where a cell has no number, or all three are 0, which instruments write
 /// where they measured nothing.
 pub fn position(sums: &Position, table: &MeasuredTable, row: usize) -> Option<[f64; 3]> {
     let [x, y, z] = sums;
@@ -52,7 +50,6 @@ pub fn position(sums: &Position, table: &MeasuredTable, row: usize) -> Option<[f
     at.iter().any(|value| *value != 0.0).then_some(at)
 }
 
-/// The position that these columns have.
 pub fn of_columns(columns: [usize; 3]) -> Position {
     columns.map(Sum::of)
 }

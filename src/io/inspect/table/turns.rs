@@ -20,14 +20,11 @@ const ROUNDED: f64 = 1e-5;
 /// Orders that people use, the more usual ones first; others are taken only where they agree better.
 const USUAL: [&str; 5] = ["fixed-xyz", "moving-xyz", "moving-zyx", "moving-zyz", "fixed-zyx"];
 
-/// The way in which the numbers of an orientation are read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
     /// A quaternion; the columns in the order x y z w.
     Quaternion([usize; 4]),
-    /// Angles about axes.
     Angles([usize; 3], RotationOrder, AngleUnit),
-    /// A rotation vector.
     Vector([usize; 3], AngleUnit),
 }
 
@@ -35,7 +32,6 @@ pub enum Form {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned {
     pub form: Form,
-    /// The orientation in the flange frame.
     pub flange_from_own: UnitQuaternion<f64>,
     /// Median angle between it and the nominal arm, rad.
     pub median_rad: f64,
@@ -98,8 +94,7 @@ fn usual_orders() -> Vec<RotationOrder> {
     orders
 }
 
-/// The orientation under the form that turns with the arm; `flanges` are rows with the orientation of the nominal flange in the frame
-/// of the orientations. `None` where no form agrees.
+/// `flanges` are rows with the nominal flange's orientation; `None` where no form agrees.
 pub fn turned(
     table: &MeasuredTable,
     columns: &TurnColumns,

@@ -8,12 +8,10 @@ use super::names::Sense;
 use crate::ingest::{TableTime, TimeColumn};
 use crate::measured_table::{Cell, MeasuredTable};
 
-/// Most sessions of one table.
 const MOST_SESSIONS: usize = 100;
 /// Temperatures of places where people measure, °C.
 const TEMPERATURES: (f64, f64) = (-30.0, 80.0);
 
-/// A column of times.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Time {
     /// It can be used; the second says why its unit is unsure.
@@ -94,7 +92,6 @@ fn is_iso(table: &MeasuredTable, column: usize) -> bool {
     })
 }
 
-/// The column of temperatures.
 pub fn temperature(columns: &[ColumnSummary], used: &[usize]) -> Option<usize> {
     let fits = |column: &usize| {
         let own = &columns[*column];

@@ -10,7 +10,6 @@ use crate::log::record::{ChunkRecord, FRAME_HEADER, op};
 /// Number of sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;
 
-/// The part of a log in which a frame is searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Among {
     Data,
@@ -73,8 +72,7 @@ impl Frames<'_> {
         Ok(None)
     }
 
-    /// The log that begins between these bytes: the record that seems to contain it was cut, and its length reaches into
-    /// it.
+    /// The record that seems to contain the log was cut, and its length reaches into it.
     fn log_within(&mut self, from: u64, to: u64) -> io::Result<Option<u64>> {
         let mut at = from;
         while at < to {

@@ -1,8 +1,5 @@
-//! The bytes after the data of a log: its summary and its end, further data, or another log.
-//!
-//! 1. After the mark that data ends, records of a summary are skipped up to the footer. Where a data record is among them,
-//!    the mark is wrong, and the walk continues after it.
-//! 2. After the footer and the closing magic bytes another log may begin, or records may follow that somebody added.
+//! The bytes after the data of a log: its summary and its end, further data, or another log. Where a data record is
+//! among the summary, the mark that data ends is wrong, and the walk continues after it.
 
 use std::io;
 
@@ -21,7 +18,6 @@ const MARK: u64 = MAGIC.len() as u64;
 enum Behind {
     /// No more data of the log; the byte where its end was found.
     End(u64),
-    /// Data records.
     Data,
 }
 
@@ -31,12 +27,10 @@ pub(super) fn begins_log(start: &[u8]) -> bool {
 }
 
 impl Frames<'_> {
-    /// Whether there are magic bytes at `at`.
     pub(super) fn has_magic(&mut self, at: u64) -> io::Result<bool> {
         Ok(self.source.probe(at, MAGIC.len())? == MAGIC)
     }
 
-    /// Whether a log begins at `at`.
     pub(super) fn begins_log(&mut self, at: u64) -> io::Result<bool> {
         Ok(begins_log(self.source.probe(at, MAGIC.len() + 1)?))
     }

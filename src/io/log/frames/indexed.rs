@@ -6,8 +6,7 @@ use std::io;
 use crate::log::record::{FRAME_HEADER, indexed_messages, op};
 use crate::log::source::Source;
 
-/// The number of messages of each channel in the message indexes from byte `at` on, for a chunk that cannot be read; `None`
-/// where there are no indexes.
+/// Counts by channel, for a chunk that cannot be read; `None` where there are no indexes.
 pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTreeMap<u16, u64>>> {
     let mut found = BTreeMap::new();
     loop {

@@ -5,7 +5,6 @@ use std::io;
 use super::{Frames, Loss};
 use crate::log::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op};
 
-/// The judgement of a frame.
 pub(super) enum Judged {
     Sound {
         end: u64,
@@ -117,8 +116,7 @@ impl Frames<'_> {
         Ok(extends(20, length) && (near_end || self.has_magic(end)?))
     }
 
-    /// Whether the bytes at `start` can be a frame by a quick test: the end of the file or of a log, or an opcode in use
-    /// and a plausible length.
+    /// A quick test: the end of the file or of a log, or an opcode in use and a plausible length.
     pub(super) fn could_follow(&mut self, start: u64) -> io::Result<bool> {
         if start == self.source.length() {
             return Ok(true);
@@ -153,7 +151,6 @@ impl Frames<'_> {
     }
 }
 
-/// Whether a record is application-specific.
 pub(super) const fn is_private(opcode: u8) -> bool {
     opcode >= op::FIRST_PRIVATE
 }
@@ -170,7 +167,6 @@ pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
     )
 }
 
-/// Parts of a record's body, as far as they determine its length.
 #[derive(Debug, Clone, Copy)]
 enum Part {
     /// This many bytes.

@@ -1,13 +1,11 @@
 //! The records in a sound run of frames, such as a chunk's.
 
-/// Iterates over the bodies of the records in a sound run of frames, with their places.
 pub struct Records<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> Records<'a> {
-    /// Starts at the first frame of `bytes`.
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
     }

@@ -1,5 +1,3 @@
-//! Runs of records outside chunks, and the merge of a block that was worked on.
-
 use super::super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::super::frames::{Loss, Lost};
 use super::super::read_summary::ReadSummary;
@@ -43,7 +41,6 @@ pub(super) fn settle<V: Visitor>(
     }
 }
 
-/// Records outside chunks, one after another.
 pub(super) struct Run {
     pub start: u64,
     pub end: u64,
@@ -56,8 +53,8 @@ impl Run {
         Self { start: run.map_or(start, |run| run.start), end, last: (start, is_message) }
     }
 
-    /// Where framing is lost right after a message, the message's own length may be wrong; where it is lost from the last
-    /// record on, that record is none.
+    /// The message before lost framing: its own length may be wrong; where it is lost from the last record
+    /// on, that record is none.
     pub(super) fn yield_to(&mut self, lost: &mut Lost) {
         let (start, is_message) = self.last;
         let is_framing = matches!(lost.why, Loss::Framing(_));

@@ -1,5 +1,3 @@
-//! Numbers of messages by channel.
-
 use std::collections::BTreeMap;
 
 /// The number of messages of each channel; ids are dense in most logs.
@@ -22,12 +20,10 @@ impl Counts {
         self.of[place] = self.of[place].saturating_add(messages);
     }
 
-    /// The number of messages of a channel.
     pub fn of(&self, channel: u16) -> u64 {
         self.of.get(usize::from(channel)).copied().unwrap_or(0)
     }
 
-    /// The number of messages of all channels.
     pub fn all(&self) -> u64 {
         let of_channels = self.met.iter().map(|&channel| self.of(channel));
         of_channels.fold(0, u64::saturating_add)
@@ -39,7 +35,6 @@ impl Counts {
         of_channels.collect()
     }
 
-    /// Sets all numbers to zero.
     pub fn clear(&mut self) {
         for channel in self.met.drain(..) {
             self.of[usize::from(channel)] = 0;

@@ -43,8 +43,7 @@ where
         Ok(())
     }
 
-    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one; the same holds for
-    /// application-specific records, one of which may be a message with one bit wrong.
+    /// Messages and application-specific records outside chunks have only the checksum of the data section.
     fn check_records(&mut self) -> Result<(), E> {
         let Some((data_end, stated)) = self.frames.data_crc() else {
             return Ok(());
@@ -97,8 +96,8 @@ where
         }
     }
 
-    /// Adds a reject for the bytes that could not be decompressed, after all others; their number is not known, but each
-    /// byte of the compressed file is counted as one byte, the least that it can be.
+    /// Comes after all other rejects; each byte of the compressed file is counted as one byte, the least that it can
+    /// be.
     pub(super) fn reject_undecompressed(&mut self) {
         let Some(packed @ Packed { fault: Some(fault), .. }) = &self.read_summary.packed else {
             return;

@@ -1,8 +1,6 @@
-//! Messages that the log's own summary counts and that were not read.
-//!
-//! A chunk cut out cleanly, or a message whose length covers the records after it, leaves only sound records. The loss
-//! shows in the statistics of the summary, where its checksum is right. Statistics that count fewer messages than there
-//! are, or none, are a writer's mistake and no loss.
+//! Messages that the log's own summary counts and that were not read: a chunk cut out cleanly, or a message whose
+//! length covers the records after it. Statistics that count fewer messages than there are, or none, are a writer's
+//! mistake and no loss.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -24,7 +22,6 @@ struct Missing {
     unexplained: BTreeMap<u16, u64>,
     /// Number of lost messages, not in a damaged chunk, whose channel is not known.
     elsewhere: u64,
-    /// Number of all lost messages.
     all: u64,
 }
 
@@ -63,8 +60,7 @@ where
     V: Visitor<Error = E>,
     E: From<FileError>,
 {
-    /// Counts the lost messages of the log, which ends at byte `end`, and adds rejects for those that no damage explains;
-    /// `summary` is the place of a sound summary.
+    /// Adds rejects for those that no damage explains; `summary` is the place of a sound summary.
     pub(super) fn compare(&mut self, end: u64, summary: Option<Range<u64>>) -> Result<(), E> {
         let source = self.frames.source();
         let stated = summary.map(|range| Statistics::read(source, range));

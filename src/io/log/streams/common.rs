@@ -4,7 +4,6 @@ use super::Stream;
 use super::layout::Meaning;
 use crate::message::ros2msg;
 
-/// The values that a type of message is decoded into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
     /// Names and positions of joints: `sensor_msgs/JointState` and its like.
@@ -25,7 +24,6 @@ pub enum Layout {
     Length,
 }
 
-/// A message type that needs no field paths.
 pub(super) struct Common {
     names: &'static [&'static str],
     pub(super) layout: Layout,
@@ -210,7 +208,6 @@ impl Layout {
         common(name).map(|common| common.layout)
     }
 
-    /// Whether a stream can be made of it.
     pub const fn suits(self, stream: Stream) -> bool {
         match stream {
             Stream::Joints => matches!(self, Self::Joints),
@@ -252,7 +249,6 @@ impl Common {
     }
 }
 
-/// The common type of this name.
 pub(super) fn common(name: &str) -> Option<&'static Common> {
     let name = ros2msg::short_name(name);
     let mut all = COMMON.iter().chain([&TEMPERATURE]).chain(&LENGTHS);

@@ -1,7 +1,5 @@
-//! Messages with an array of poses: which element is of which target, and the pose of an element.
-//!
-//! Cameras state all markers that they see in one message: names or numbers and poses, as arrays of structures or side by side. The
-//! reader has gathered each value of the elements into a list ([`crate::message`]), whose length the message bounds.
+//! Messages with an array of poses: names or numbers and poses of all markers, as arrays of structures or side by side.
+//! The reader has gathered each value of the elements into a list ([`crate::message`]).
 
 use super::reader::{RowFault, Values};
 use crate::ingest::{LoggedCovariance, TargetName};
@@ -25,7 +23,6 @@ impl ElementColumns<'_> {
         if list.len() == names { Ok(()) } else { Err(RowFault::UnequalPoses) }
     }
 
-    /// The pose of one element.
     pub(super) fn element(&self, index: usize) -> Result<Element, RowFault> {
         let position = self.numbers(0, index)?;
         let orientation = self.orientation.then(|| self.numbers(3, index));
@@ -58,7 +55,6 @@ impl ElementColumns<'_> {
     }
 }
 
-/// Names or numbers of a message's elements.
 pub(super) enum Names<'m> {
     Numbers(Numbers<'m>),
     Texts(Vec<Option<Text<'m>>>),
@@ -84,7 +80,6 @@ impl<'m> Names<'m> {
         }
     }
 
-    /// Whether an element has this name or number.
     pub(super) fn is(&self, index: usize, wanted: &TargetName) -> bool {
         match (self, wanted) {
             (Self::Numbers(numbers), TargetName::Number(wanted)) => {
@@ -99,7 +94,6 @@ impl<'m> Names<'m> {
     }
 }
 
-/// Whether the value of a message is this name or number.
 pub(super) fn is_named(value: Value<'_>, wanted: &TargetName) -> bool {
     match (value, wanted) {
         (Value::Integer(own), TargetName::Number(wanted)) => own == *wanted,

@@ -1,5 +1,5 @@
-//! The fields of a message that a stream is made from: those of the common types ([`super::common`]), or those that the pipeline file
-//! names.
+//! The fields of a message that a stream is made from: those of the common types ([`super::common`]), or those that the
+//! pipeline file names.
 
 use super::common::{Common, Layout, common};
 use super::{Stream, Wanted};
@@ -16,7 +16,6 @@ const ENTRIES: usize = 36;
 /// Fields of a time, in ROS 2, in protobuf, and in ROS 1 and JSON.
 const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
 
-/// The first values of a row: the message's stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum StampValues {
     /// None: the record's time is used.
@@ -31,22 +30,25 @@ pub(super) enum StampValues {
 /// The values of a row after stamp and frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// An array of names, and an array of as many angles.
     NamedAngles,
     /// The angle of each joint of the arm.
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
-    Pose { orientation: bool, covariance: bool },
-    /// Lists of x, y, z, of a quaternion where there is one, and of the 36 entries of a covariance where there is one: an element for each
+    Pose {
+        orientation: bool,
+        covariance: bool,
+    },
+    /// Lists of x, y, z, of a quaternion and of the 36 entries of a covariance where there are: an element for each
     /// pose of an array.
-    Poses { orientation: bool, covariance: bool },
+    Poses {
+        orientation: bool,
+        covariance: bool,
+    },
     /// The temperature, °C.
     Temperature,
-    /// The length of each instrument of the topic.
     Lengths,
 }
 
-/// The values that a stream takes from one channel's messages.
 #[derive(Debug)]
 pub(super) struct Recipe {
     pub(super) stamp: StampValues,
@@ -65,7 +67,6 @@ struct Statements<'m> {
     frame: Option<&'m str>,
     frame_field: Option<&'m str>,
     named: Option<(Meaning, Vec<&'m str>)>,
-    /// Path of the target's name.
     target: Option<&'m str>,
     ignore_orientation: bool,
 }
@@ -73,8 +74,7 @@ struct Statements<'m> {
 /// The values that can be read from messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
-    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; where it is in one of the
-    /// usual places.
+    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place.
     pub stamp: Option<FieldReader>,
     /// The array of joint names, of the common types.
     pub joint_names: Option<FieldReader>,
@@ -83,7 +83,6 @@ pub struct Glance {
 }
 
 impl Glance {
-    /// The values that can be read from a channel's messages.
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
         let schema = schema.and_then(Result::ok);
@@ -143,8 +142,7 @@ fn time_at(
 }
 
 impl Recipe {
-    /// The recipe for a stream from messages of the type `name`; `None` where neither the type nor the pipeline file gives
-    /// one.
+    /// `None` where neither the type nor the pipeline file gives a recipe.
     pub(super) fn resolve(
         wanted: &Wanted,
         mapping: &Mapping,
@@ -183,7 +181,6 @@ impl Recipe {
     }
 }
 
-/// The values that are asked of a message.
 struct Asked<'m> {
     meaning: Meaning,
     /// Path of the target's name, where messages name their targets.
@@ -224,7 +221,7 @@ impl<'m> Statements<'m> {
         }
     }
 
-    /// The values of a message, by the pipeline file or by its common type; `None` where neither says them, or where nothing says which
+    /// Values by the pipeline file or by the common type; `None` where neither says them, or where nothing says which
     /// pose of an array is the target's.
     fn asked(
         &self,
@@ -271,7 +268,6 @@ impl<'m> Statements<'m> {
         }
     }
 
-    /// Those about the lengths on a topic.
     fn of_lengths(tracker: &'m TrackerSettings, topic: &str) -> Self {
         let own = tracker.lengths.iter().filter(|own| own.topic == topic);
         let own: Vec<&LoggedLength> = own.collect();
@@ -331,8 +327,7 @@ impl<'m> Statements<'m> {
         }
     }
 
-    /// The path of the message's own stamp: the one that the pipeline file names, or that of the common type, or else one
-    /// of the usual paths.
+    /// As the pipeline file names it, or of the common type, or else one of the usual paths.
     fn stamp_path(
         &self,
         common: Option<&Common>,

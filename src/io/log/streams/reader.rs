@@ -16,8 +16,7 @@ use crate::log::block::Tally;
 use crate::log::record::MessageRecord;
 use crate::message::{MessageFault, Row, Texts, Value};
 
-/// The reason why one message of a wanted topic is left out. Numbers are places: of a joint in the arm, or of a wanted
-/// path.
+/// Numbers are places: of a joint in the arm, or of a wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum RowFault {
     #[error(transparent)]
@@ -56,7 +55,6 @@ pub enum RowFault {
 /// The reader of one channel's messages: `None` for a channel that is not wanted.
 pub type Decoder = Option<Arc<Reader>>;
 
-/// The reader of the messages of one wanted channel.
 #[derive(Debug)]
 pub struct Reader {
     /// Place of its topic among those that are wanted of the file.
@@ -79,7 +77,6 @@ pub(super) struct Wished {
     pub(super) is: Option<TargetName>,
 }
 
-/// The rows from one block.
 #[derive(Debug, Default)]
 pub struct Part {
     pub joints: DecodedJoints,
@@ -110,7 +107,6 @@ struct JointOrder {
     seen_in: Option<u64>,
 }
 
-/// The values of one message.
 #[derive(Clone, Copy)]
 pub(super) struct Values<'m> {
     row: &'m Row,
@@ -238,8 +234,7 @@ impl Reader {
         own.map(|own| own.place).ok_or(RowFault::OtherTarget)
     }
 
-    /// Adds a pose of each wanted target among a message's elements; zeros, which count as a missing reading, of one that it does not
-    /// have. On a fault it adds nothing.
+    /// Zeros, which count as a missing reading, of a target that the message does not have. On a fault it adds nothing.
     fn push_elements(
         &self,
         columns: &ElementColumns<'_>,
@@ -338,8 +333,8 @@ impl<'m> Values<'m> {
         }
     }
 
-    /// One number in the first place. A floating-point number has the resolution of its digits: 0.24 µs for seconds since
-    /// 1970.
+    /// The number is in the first place. A floating-point number has the resolution of its digits: 0.24 µs for seconds
+    /// since 1970.
     fn stamp(self, unit: TimeUnit) -> Result<i64, RowFault> {
         match self.get(0) {
             Value::Absent => Err(RowFault::NoValue(0)),

@@ -1,15 +1,12 @@
-//! A suggestion of how to read a channel: for `posegrid inspect`, which prints a pipeline snippet.
-//!
-//! A common type needs only its name. For any other the fields are guessed by their names: x, y and z in one message are a
-//! position, with w a quaternion; an array of names belongs to one of positions or angles.
+//! Suggestions of how to read a channel, for `posegrid inspect`, which prints a pipeline snippet. Fields of other than
+//! common types are guessed by their names: x, y and z in one message are a position, with w a quaternion; an array of
+//! names belongs to one of positions or angles.
 
 use super::common::Layout;
 use crate::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
 
-/// A suggestion of how to read a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Suggestion {
-    /// The values that its messages hold.
     pub layout: Layout,
     /// The line `fields = { … }` that the section also needs, a guess; `None` for a common type.
     pub fields: Option<String>,
@@ -17,9 +14,7 @@ pub struct Suggestion {
     pub stamped: bool,
 }
 
-/// A suggestion for the channel's messages; `None` where nothing fits or they cannot be read.
-///
-/// `first_message` helps where JSON has no schema.
+/// `None` where nothing fits or the messages cannot be read. `first_message` helps where JSON has no schema.
 pub fn suggest(
     encoding: &str,
     type_name: &str,
@@ -33,12 +28,9 @@ pub fn suggest(
 /// The longest path that is offered: nobody would write a longer one into a pipeline file.
 const LONGEST_PATH: usize = 200;
 
-/// The suggestion that a schema allows, for all channels that share it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Suggestible {
-    /// Its messages cannot be read.
     Nothing,
-    /// A common type.
     Common(Layout),
     /// The paths of its fields, of CDR and protobuf.
     Fields(Vec<String>),
@@ -47,7 +39,6 @@ pub enum Suggestible {
 }
 
 impl Suggestible {
-    /// Parses a schema.
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
         let Some(Ok(schema)) = schema else {
@@ -62,7 +53,6 @@ impl Suggestible {
         }
     }
 
-    /// The suggestion for the messages.
     pub fn suggestion(&self, first_message: Option<&[u8]>) -> Option<Suggestion> {
         match self {
             Self::Nothing => None,
@@ -100,7 +90,6 @@ pub fn json_fields(message: &[u8]) -> Vec<String> {
     leaves.sound().take(MOST_FIELDS).filter_map(field).collect()
 }
 
-/// A value as text, shortened.
 fn brief(value: Value<'_>) -> String {
     let text = match (value, value.number(), value.numbers()) {
         (Value::Text(text), ..) => format!("{:?}", text.to_text()),
@@ -121,7 +110,6 @@ fn offered(mut leaves: Vec<String>) -> Vec<String> {
     leaves
 }
 
-/// The paths of a type's fields.
 struct Leaves<'l>(&'l [String]);
 
 type Named = Vec<(&'static str, String)>;

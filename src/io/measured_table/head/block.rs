@@ -45,8 +45,8 @@ impl<'s> Block<'s> {
         row.fits(self.width) && is_name
     }
 
-    /// The record of names above the first row: of several the one with most of them, of those the first. Units are names only
-    /// where there are no others.
+    /// The record of names above the first row: of several the first with most of them. Units are names only where
+    /// there are no others.
     pub(super) fn header(&self) -> Option<usize> {
         let rows = self.sample.iter().enumerate();
         let above = rows.take_while(|(_, row)| {
@@ -111,8 +111,7 @@ impl<'s> Block<'s> {
         Err(MeasuredTableErrorKind::HeaderLength { header: header.line, names, line, cells })
     }
 
-    /// Whether rows look like numbers with decimal commas that were split at them: up to twice as many cells as names, none
-    /// with a point.
+    /// Whether rows look like numbers split at their decimal commas: up to twice as many cells as names.
     fn are_halves(&self, first: usize, names: usize) -> bool {
         let rows = self.sample[first..].iter();
         let rows = rows.filter(|row| !row.is_blank() && !row.is_comment);

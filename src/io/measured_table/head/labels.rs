@@ -1,5 +1,4 @@
-//! Labels in the records above the header, which tell columns of one name from each other: the name of a reflector above its x, y
-//! and z.
+//! Labels above the header, which tell columns of one name from each other: a reflector's name above its x, y and z.
 
 use std::collections::BTreeSet;
 
@@ -7,7 +6,6 @@ use super::SampleRow;
 
 /// Most records of labels.
 const MOST: usize = 5;
-/// Most letters of a label, which stands in many names.
 const LETTERS: usize = 64;
 
 /// Names of columns; those that several columns have carry the labels above them in front, where that tells them apart.

@@ -21,7 +21,6 @@ pub(super) fn units(row: &SampleRow, width: usize) -> Vec<String> {
     (0..width).map(unit).collect()
 }
 
-/// Whether every cell that is not blank is a unit in brackets or a unit that people write without.
 pub(super) fn are_units(row: &SampleRow, width: usize) -> bool {
     let mut units = 0;
     for piece in row.pieces.iter().filter(|piece| piece.kind != PieceKind::Blank) {

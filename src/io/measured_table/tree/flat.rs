@@ -1,5 +1,3 @@
-//! Records → columns: each value has the name of its path.
-
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -12,7 +10,6 @@ use crate::measured_table::{
     Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
 };
 
-/// Values of all records, each with its column.
 #[derive(Default)]
 pub(super) struct Flat<'d> {
     pub(super) names: Vec<String>,
@@ -25,7 +22,6 @@ pub(super) struct Flat<'d> {
     given: Vec<usize>,
 }
 
-/// A value that holds no others.
 #[derive(Debug, Clone, Copy)]
 enum Value<'d> {
     Blank,
@@ -130,13 +126,9 @@ impl<'d> Flat<'d> {
     }
 }
 
-/// Why a record cannot be flattened.
 enum Flattened {
-    /// A name is given two values.
     Twice(String),
-    /// There are too many columns.
     Columns,
-    /// A name is too long.
     Name,
 }
 

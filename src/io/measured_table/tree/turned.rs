@@ -5,7 +5,8 @@ use std::rc::Rc;
 use super::{Map, Node};
 use crate::measured_table::MeasuredTableErrorKind;
 
-/// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other value.
+/// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other
+/// value.
 pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKind> {
     let Node::Map(map) = root else {
         return Ok(None);
@@ -62,8 +63,8 @@ fn is_counted(map: &Map) -> bool {
     !map.members.is_empty() && members.all(|(number, (key, _))| **key == *number.to_string())
 }
 
-/// Records made of a list of lists, whose names stand in the first, or in `columns` beside them, as pandas writes them; otherwise
-/// they are numbered from 1. `None` for any other value.
+/// A list of lists, whose names stand in the first, or in `columns` as pandas writes them; otherwise numbers from 1.
+/// `None` for any other value.
 pub(super) fn lists(root: &Node) -> Option<Node> {
     let (header, rows) = match root {
         Node::List(rows) => match rows.split_first() {
@@ -98,7 +99,6 @@ fn is_text(node: &Node) -> bool {
     matches!(node, Node::Text(_))
 }
 
-/// The number of values of the longest list.
 fn width(rows: &[Node]) -> usize {
     let lengths = rows.iter().map(|row| match row {
         Node::List(list) => list.len(),

@@ -1,9 +1,6 @@
-//! The layout of the message read last: a recorder writes the same frame, names and array lengths over and over.
-//!
-//! The place of every field in a message follows from its encapsulation and the counts in it. A message as long as the one
-//! before, with the same counts at the same places, has the same layout: its fields are at the same places, and only single
-//! numbers have to be read. The texts after counts are compared too: frames and names hardly ever change, and a few long
-//! stretches of bytes are compared faster than many short ones.
+//! The layout of the message read last: a message as long as it, with the same counts at the same places, has its
+//! fields at the same places, so only single numbers have to be read. The texts after counts are compared too: a few
+//! long stretches of bytes are compared faster than many short ones.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,7 +14,6 @@ const MOST: usize = 32;
 /// Bytes between two stretches that may be padding: they are compared too, though they may hold anything.
 const PADDING: usize = 3;
 
-/// The bytes that determine the layout of a message.
 #[derive(Debug, Clone, Default)]
 pub struct Layout {
     /// The reader that read it; `None` where the next message has to be walked.
@@ -43,7 +39,6 @@ impl Layout {
         self.is_other = false;
     }
 
-    /// Records a count.
     pub fn count(&mut self, place: usize) {
         let is_full = self.stretches.len() == MOST;
         match self.stretches.last_mut() {
@@ -53,14 +48,12 @@ impl Layout {
         }
     }
 
-    /// Records a text that ends at `end`, right after its count.
     pub fn text(&mut self, end: usize) {
         if let Some(last) = self.stretches.last_mut() {
             last.end = end;
         }
     }
 
-    /// Records a single number.
     pub fn number(&mut self, place: usize, slot: usize, of: Primitive) {
         if self.numbers.len() < MOST {
             self.numbers.push((place, slot, of));

@@ -23,7 +23,6 @@ pub(super) fn quote_or_backslash(bytes: &[u8]) -> Option<usize> {
     found.map(|found| at + found)
 }
 
-/// The number of digits at the start.
 #[inline]
 pub(super) fn digits(bytes: &[u8]) -> usize {
     let mut at = 0;

@@ -1,11 +1,8 @@
-//! Numbers: the end of one, and its value.
-
 use super::bytes;
 use crate::message::MessageFault;
 use crate::message::cell::Cell;
 
-/// Puts the double nearest to the number written at `start` into a cell and returns the number's end; a whole number that
-/// fits becomes an integer.
+/// Puts the nearest double, or the whole number where it fits, into a cell; returns the number's end.
 #[inline]
 pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
     let (end, whole) = end(text, start)?;

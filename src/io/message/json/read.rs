@@ -9,9 +9,7 @@ use crate::message::{MessageFault, Row, template};
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 impl JsonReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
-    ///
-    /// After a fault, the values in the row must not be used.
+    /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if row.fill_as_worded_before(&self.identity, message) {
             return Ok(());
@@ -117,7 +115,6 @@ impl JsonReader {
     }
 }
 
-/// Reads a wanted number, string, truth value or null.
 #[inline]
 fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
     let (start, is_number) = (scan.at, scan.is_number());
@@ -129,7 +126,6 @@ fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
     Ok(cell)
 }
 
-/// Skips a value that is not wanted.
 #[inline]
 fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), MessageFault> {
     let start = scan.at;

@@ -7,7 +7,6 @@ use crate::message::cell::{Cell, Span};
 /// Most levels of nested objects and arrays.
 pub(super) const MOST_LEVELS: usize = 64;
 
-/// The reading position.
 pub(super) struct Scan<'m> {
     pub(super) bytes: &'m [u8],
     pub(super) at: usize,
@@ -39,7 +38,6 @@ impl Scan<'_> {
         if self.take_if(sign)? { Ok(()) } else { Err(MessageFault::Json) }
     }
 
-    /// Reads a string, whose opening quote comes next.
     #[inline]
     pub(super) fn text(&mut self) -> Result<Span, MessageFault> {
         self.expect(b'"')?;
@@ -102,7 +100,6 @@ impl Scan<'_> {
         }
     }
 
-    /// Skips a value.
     pub(super) fn skip(&mut self, levels: usize) -> Result<(), MessageFault> {
         let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
         match self.peek()? {

@@ -17,7 +17,6 @@ const MOST_LEAVES: usize = 40;
 const MOST_LEVELS: usize = 8;
 
 impl JsonSchema {
-    /// Reads a schema; one that cannot be read gives no fields.
     pub fn read(bytes: &[u8]) -> Self {
         let mut leaves = Vec::new();
         if let Ok(schema) = serde_json::from_slice::<Value>(bytes) {
@@ -44,7 +43,6 @@ impl JsonSchema {
         Self { leaves }
     }
 
-    /// Whether the schema has the field.
     pub fn has(&self, path: &FieldPath) -> bool {
         let mut leaves = self.leaves.iter().filter_map(|leaf| FieldPath::parse(leaf).ok());
         leaves.any(|leaf| path.may_be(&leaf))

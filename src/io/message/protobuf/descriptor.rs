@@ -1,5 +1,3 @@
-//! A descriptor set: the files that define a message type and everything it uses, as the compiler wrote them.
-
 use std::collections::BTreeMap;
 
 use super::wire::{Wire, wire_type};
@@ -9,7 +7,6 @@ use crate::message::{MessageFault, SchemaError};
 /// Most levels of message types defined inside one another.
 const MOST_LEVELS: usize = 64;
 
-/// The message types of a descriptor set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Descriptors {
     /// The channel's own type.
@@ -17,7 +14,6 @@ pub struct Descriptors {
     pub(super) types: Vec<Type>,
 }
 
-/// A message type.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Type {
     pub(super) name: String,
@@ -58,14 +54,12 @@ pub(super) enum Kind {
     Message(usize),
 }
 
-/// A field's value in the descriptors' own encoding.
 enum Raw<'d> {
     Number(u64),
     Bytes(&'d [u8]),
     Other,
 }
 
-/// A message type before the names in it are resolved.
 struct RawType<'d> {
     name: String,
     fields: Vec<&'d [u8]>,
@@ -81,7 +75,6 @@ enum Presence {
 }
 
 impl Descriptors {
-    /// Reads a descriptor set; `name` is the full name of the channel's own type.
     pub fn read(name: &str, bytes: &[u8]) -> Result<Self, SchemaError> {
         let mut raw = Vec::new();
         each(bytes, |number, value| match (number, value) {

@@ -1,5 +1,3 @@
-//! A message's bytes → the wanted values.
-
 use super::descriptor::Kind;
 use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
 use super::wire::{Wire, wire_type};
@@ -7,9 +5,7 @@ use crate::message::cell::{Cell, Span};
 use crate::message::{MessageFault, Row, template};
 
 impl ProtobufReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
-    ///
-    /// After a fault, the values in the row must not be used.
+    /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if !row.fill_as_worded_before(&self.identity, message) {
             row.begin(message, self.slots)?;
@@ -23,7 +19,6 @@ impl ProtobufReader {
         Ok(())
     }
 
-    /// Reads to the end of the wire's message.
     fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Result<(), MessageFault> {
         let node = &self.nodes[node];
         node.begin(row);
@@ -36,7 +31,6 @@ impl ProtobufReader {
         Ok(())
     }
 
-    /// Reads to the end of a group.
     fn group(
         &self,
         node: usize,
@@ -115,7 +109,6 @@ const fn is_message(wire_type: u8) -> bool {
     matches!(wire_type, wire_type::LENGTH | wire_type::GROUP)
 }
 
-/// Reads a part that begins with its length in bytes.
 fn inside<'m>(
     wire: &mut Wire<'m>,
     read: impl FnOnce(&mut Wire<'m>) -> Result<(), MessageFault>,
@@ -150,8 +143,7 @@ fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
     row.template.slot(wire.bytes, start, wire.at, slot);
 }
 
-/// A part that differs between messages with the same template. Its size is fixed: the lengths of the messages around it
-/// include it.
+/// A part that differs between messages with the same template. Its size is fixed.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::message) struct NumberSlot {
     stored: Stored,
@@ -160,10 +152,12 @@ pub(in crate::message) struct NumberSlot {
 
 #[derive(Debug, Clone, Copy)]
 enum Stored {
-    /// A wanted number.
     Number(Kind),
     /// The value of a field that is not wanted.
-    Unwanted { number: u32, wire_type: u8 },
+    Unwanted {
+        number: u32,
+        wire_type: u8,
+    },
 }
 
 impl NumberSlot {
@@ -265,7 +259,6 @@ impl Kind {
         }
     }
 
-    /// Adds a value of a repeated field to the list in a slot.
     #[inline]
     fn push(self, wire: &mut Wire<'_>, slot: usize, row: &mut Row) -> Result<(), MessageFault> {
         let value = self.take(wire, row)?;
@@ -274,7 +267,6 @@ impl Kind {
         Ok(())
     }
 
-    /// Reads one wanted value.
     #[inline]
     fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
         let (start, mut cell) = (wire.at, Cell::Absent);

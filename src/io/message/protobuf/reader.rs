@@ -7,7 +7,6 @@ use crate::message::cell::Cell;
 use crate::message::path::{Segment, Want, by_element};
 use crate::message::{FieldPath, SchemaError};
 
-/// The actions that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProtobufReader {
     /// The first one is the message itself.
@@ -20,10 +19,8 @@ pub struct ProtobufReader {
     pub(super) identity: Arc<()>,
 }
 
-/// The actions for the fields of one message on the way to wanted ones.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Node {
-    /// The actions by field number.
     pub(super) entries: Vec<Entry>,
     /// Initial values, before anything is read.
     pub(super) defaults: Vec<(Target, Cell)>,
@@ -31,7 +28,6 @@ pub(super) struct Node {
     pub(super) lists: Vec<usize>,
 }
 
-/// The action for one field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub(super) number: u32,
@@ -46,17 +42,14 @@ pub(super) enum Action {
     Value(Target, Kind),
     /// The values of a repeated field are added to the list in a slot.
     Values(usize, Kind),
-    /// A nested message: its node.
     Message(usize),
     Messages(Messages),
 }
 
-/// A repeated nested message.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Messages {
     /// Slot in which elements are counted.
     pub(super) counter: usize,
-    /// The node of an element.
     pub(super) each: usize,
     /// The nodes of single elements with other wanted values, by index.
     pub(super) picked: Vec<(usize, usize)>,
@@ -64,16 +57,13 @@ pub(super) struct Messages {
     pub(super) lists: Vec<usize>,
 }
 
-/// The destination of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Target {
-    /// Into the slot itself.
     Slot(usize),
     /// Into the last element of the list in the slot.
     Last(usize),
 }
 
-/// State while paths are resolved.
 struct Resolving<'d> {
     descriptors: &'d Descriptors,
     wanted: &'d [FieldPath],
@@ -81,7 +71,6 @@ struct Resolving<'d> {
 }
 
 impl ProtobufReader {
-    /// The reader that takes the fields at `wanted`, in that order.
     pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
         let mut resolving = Resolving {
             descriptors,

@@ -15,7 +15,6 @@ pub(super) mod wire_type {
     pub const FIXED_32: u8 = 5;
 }
 
-/// The reading position in a message, which may be inside another.
 pub(super) struct Wire<'m> {
     /// The bytes up to the end of the message that is read.
     pub(super) bytes: &'m [u8],
@@ -84,7 +83,6 @@ impl<'m> Wire<'m> {
         end.filter(|&end| end <= self.bytes.len()).ok_or(MessageFault::Short)
     }
 
-    /// Skips the value of a field.
     #[inline]
     pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Result<(), MessageFault> {
         match wire_type {

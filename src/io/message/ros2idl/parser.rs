@@ -5,16 +5,13 @@ use std::collections::BTreeMap;
 use super::tokens::{Token, tokens};
 use crate::message::{Extensibility, FieldType, Primitive, SchemaError, Shape};
 
-/// Most levels of nested modules, and of nested angle brackets.
 const MOST_LEVELS: usize = 32;
 
-/// The declarations of a text.
 #[derive(Debug, Default)]
 pub(super) struct Parsed {
     pub(super) structs: Vec<Struct>,
     /// Typedefs by full name.
     pub(super) aliases: BTreeMap<String, Alias>,
-    /// Whole-number constants by full name: they may be the length of an array.
     constants: BTreeMap<String, u32>,
 }
 
@@ -41,7 +38,6 @@ pub(super) struct Alias {
     pub(super) shape: Shape,
 }
 
-/// A type before its name is resolved.
 #[derive(Debug, Clone)]
 pub(super) enum RawType {
     Known(FieldType),
@@ -66,7 +62,6 @@ pub(super) fn built_in(short_name: &str) -> Struct {
     }
 }
 
-/// Reads a whole text.
 pub(super) fn parse(text: &str) -> Result<Parsed, SchemaError> {
     let tokens = tokens(text);
     let mut parser =

@@ -1,7 +1,5 @@
-//! The joints on the way from base to tip → a robot file.
-//!
-//! Down a joint, from parent to child, the frame moves by `origin · motion(q)`: its tables are the URDF's numbers. Up a joint it
-//! moves by the inverse, `motion(−q) · origin⁻¹`: the axis is reversed, and the rest stands before the next joint or in `[flange]`.
+//! The joints from base to tip → a robot file. Up a joint the frame moves by `motion(−q) · origin⁻¹`: the axis is
+//! reversed, and the rest stands before the next joint or in `[flange]`.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +13,6 @@ use crate::kinematics::robot_file::Mimic;
 use crate::kinematics::{Convention, JointFile, JointKind, RobotFile};
 use crate::units::MM_PER_M;
 
-/// The most joints of a robot file, those that do not move included.
 const MOST_JOINTS: usize = 64;
 
 /// The robot file of the joints on the way, with remarks; `source` is the URDF's file name.

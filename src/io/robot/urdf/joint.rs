@@ -17,14 +17,12 @@ const TWO_TURNS_RAD: f64 = 12.6;
 /// The first version whose origins may state quaternions.
 const WITH_QUATERNIONS: (u32, u32) = (1, 1);
 
-/// The joint's frame in its parent link's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Origin {
     xyz_m: [f64; 3],
     turn: Turn,
 }
 
-/// The rotation of an origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turn {
     /// Roll, pitch, yaw, rad.
@@ -53,7 +51,6 @@ pub(crate) fn mm(metres: f64) -> f64 {
 impl Origin {
     const NOWHERE: Self = Self { xyz_m: [0.0; 3], turn: Turn::Rpy([0.0; 3]) };
 
-    /// The placement, mm and degrees.
     pub(crate) fn placement(&self) -> Placement {
         let mut placement = Placement {
             xyz_mm: self.xyz_m.map(mm),

@@ -17,28 +17,22 @@ pub(crate) struct Joint<'a, 'i> {
     pub(crate) child: &'a str,
 }
 
-/// The tree of links.
 #[derive(Debug)]
 pub(crate) struct Tree<'a, 'i> {
-    /// The robot's name.
     pub(crate) robot: &'a str,
-    /// The joints in the file's order.
     pub(crate) joints: Vec<Joint<'a, 'i>>,
     /// Each link with the joint that carries it; `None` for the root.
     carried: BTreeMap<&'a str, Option<usize>>,
-    /// The links in the file's order.
     links: Vec<&'a str>,
     root: &'a str,
 }
 
-/// The chosen ends of a chain.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Ends<'a> {
     pub(crate) base: &'a str,
     pub(crate) tip: &'a str,
 }
 
-/// A joint on the way.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Step<'t, 'a, 'i> {
     pub(crate) joint: &'t Joint<'a, 'i>,
@@ -47,7 +41,6 @@ pub(crate) struct Step<'t, 'a, 'i> {
 }
 
 impl Joint<'_, '_> {
-    /// Its line, from 1.
     pub(crate) fn line(&self) -> u32 {
         line(self.node)
     }
@@ -111,7 +104,6 @@ impl<'a, 'i> Tree<'a, 'i> {
         self.links.iter().map(|link| (*link).to_owned()).collect()
     }
 
-    /// The joint that carries a link; `None` for the root.
     fn carrier(&self, link: &str) -> Option<&Joint<'a, 'i>> {
         let place = *self.carried.get(link)?;
         place.map(|place| &self.joints[place])
@@ -137,7 +129,6 @@ impl<'a, 'i> Tree<'a, 'i> {
         Ok(())
     }
 
-    /// The error of the circle through a link.
     fn circle(&self, link: &str) -> UrdfError {
         let up = |joint: &&Joint<'a, 'i>| self.carrier(joint.parent);
         let around = std::iter::successors(self.carrier(link), up);
@@ -167,7 +158,6 @@ impl<'a, 'i> Tree<'a, 'i> {
         }
     }
 
-    /// The ends of the chosen chain.
     pub(crate) fn ends(&self, selection: &Selection) -> Result<Ends<'a>, UrdfError> {
         let base = self.end("base", selection.base.as_deref())?;
         let base = base.unwrap_or(self.root);
@@ -228,7 +218,6 @@ impl<'a, 'i> Tree<'a, 'i> {
         up.chain(down.map(|joint| Step { joint, is_up: false })).collect()
     }
 
-    /// The joints from a link up to the root.
     fn to_root(&self, link: &str) -> Vec<&Joint<'a, 'i>> {
         let up = |joint: &&Joint<'a, 'i>| self.carrier(joint.parent);
         std::iter::successors(self.carrier(link), up).collect()

@@ -1,7 +1,5 @@
-//! Readings of reference reflectors: in the row of a station, or in a row of their own between stations.
-//!
-//! References are measured now and then, so a blank cell is no missing reading. A position of zeros or of a number that stands for
-//! a missing one was tried and is listed.
+//! Readings of reference reflectors, in the row of a station or in a row of their own. A blank cell is no missing
+//! reading; zeros or a number that stands for a missing one was tried and is listed.
 
 use super::super::columns::Sum;
 use super::super::name;

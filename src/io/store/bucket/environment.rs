@@ -1,7 +1,5 @@
-//! The environment → the clients of a bucket.
-//!
-//! Credentials come from `AWS_…` variables and from nowhere else: no file, and no machine's metadata service unless a
-//! variable names it. A missing variable is reported before any request is sent.
+//! The environment → the clients of a bucket. Credentials come from `AWS_…` variables and from nowhere else. A missing
+//! variable is reported before any request.
 
 use std::env;
 
@@ -39,7 +37,6 @@ pub(super) fn clients(place: &Place) -> Result<(Clients, Secrets), StoreError> {
     Ok((clients, secrets))
 }
 
-/// The bucket's name in an address.
 fn bucket(place: &Place) -> Result<&str, StoreError> {
     let (bucket, prefix) = place.bucket().expect("an address");
     let problem = if bucket.is_empty() {
@@ -54,7 +51,6 @@ fn bucket(place: &Place) -> Result<&str, StoreError> {
     Err(StoreError::Address { place: place.clone(), problem })
 }
 
-/// Checks the environment before any request is sent.
 fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
     let wrong = |variable, problem| {
         Err(StoreError::Environment { place: place.clone(), variable, problem })

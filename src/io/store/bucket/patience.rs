@@ -1,8 +1,5 @@
-//! How long a request is retried.
-//!
-//! While the storage answers, an outage is waited for, up to [`PATIENCE`]: work that is under way is not lost by it. Storage that has not
-//! answered yet, or whose outage was longer, is asked [`RETRIES`] times more, within a second: a wrong address is reported at once, and
-//! the other sessions of a batch do not wait one by one.
+//! Retries of a request: while the storage answers, up to [`PATIENCE`]; storage that has not answered yet is
+//! asked [`RETRIES`] times more, within a second, so that a wrong address is reported at once.
 
 use std::env;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,9 +10,7 @@ use object_store::{BackoffConfig, Error, RetryConfig};
 
 use super::trouble;
 
-/// Number of retries of a request to storage that has not answered.
 pub(super) const RETRIES: usize = 3;
-/// Time after which no request is retried.
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Pauses between retries: they grow from the first to the last, by a factor of up to the third.
 const PAUSES: (Duration, Duration, f64) = (Duration::from_millis(250), Duration::from_secs(8), 3.0);
@@ -25,14 +20,12 @@ const MOST_ATTEMPTS: &str = "AWS_MAX_ATTEMPTS";
 /// Whether the storage answered last. All buckets of a process are reached at one address.
 static ANSWERS: AtomicBool = AtomicBool::new(false);
 
-/// Two clients of one bucket.
 pub(super) struct Clients {
     brief: AmazonS3,
     patient: AmazonS3,
 }
 
 impl Clients {
-    /// The clients that a builder makes.
     pub fn of(builder: &AmazonS3Builder) -> Result<Self, Error> {
         let retrying = |retry| builder.clone().with_retry(retry).build();
         let (init_backoff, max_backoff, base) = PAUSES;
@@ -50,7 +43,6 @@ impl Clients {
         })
     }
 
-    /// The client for a request that is made now.
     pub fn now(&self) -> &AmazonS3 {
         if ANSWERS.load(Ordering::Relaxed) { &self.patient } else { &self.brief }
     }

@@ -1,7 +1,5 @@
-//! An answer of the storage → an error with advice, without anything secret.
-//!
-//! An answer may quote the request with its headers and session token: of its text only status, code and message are used,
-//! and secrets are removed from those too.
+//! An answer of the storage → an error with advice. An answer may quote the request with its session token: only
+//! status, code and message are used, and secrets are removed from those too.
 
 use object_store::Error;
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
@@ -15,12 +13,10 @@ const CHANGED: &str = "it changed meanwhile";
 /// Longest message that is shown, in characters.
 const LONGEST: usize = 300;
 
-/// Texts that no message may contain.
 #[derive(Default)]
 pub(super) struct Secrets(Vec<String>);
 
 impl Secrets {
-    /// The secrets in a client's settings.
     pub(super) fn of(builder: &AmazonS3Builder) -> Self {
         let keys = [
             AmazonS3ConfigKey::SecretAccessKey,
@@ -37,7 +33,6 @@ impl Secrets {
     }
 }
 
-/// The error of an operation, from the client's error.
 pub(super) fn failure(
     doing: &'static str,
     place: Place,
@@ -54,7 +49,6 @@ pub(super) fn failure(
     StoreError::Bucket { doing, place, reason, trouble }
 }
 
-/// The error of an object that does not exist.
 pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
     StoreError::Bucket {
         doing,
@@ -64,7 +58,6 @@ pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
     }
 }
 
-/// The error of an object that differs from the one listed.
 pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
     StoreError::Bucket { doing, place, reason: CHANGED.to_owned(), trouble: BucketTrouble::Changed }
 }

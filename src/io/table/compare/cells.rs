@@ -1,5 +1,3 @@
-//! Two cells → their difference.
-
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::{DataType, Float64Type};
 use arrow::util::display::array_value_to_string;
@@ -8,16 +6,13 @@ use serde_json::Value;
 /// Most letters of a cell's text that are shown.
 const SHOWN: usize = 120;
 
-/// The difference of two cells.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum CellDifference {
     /// Only numbers differ; of several in one cell, the pair that differs most.
     Number(Numbers),
-    /// They differ otherwise: the published text and the computed one.
     Unlike(String, String),
 }
 
-/// Two numbers that differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Numbers {
     pub published: f64,
@@ -35,7 +30,8 @@ impl Numbers {
     }
 }
 
-/// The difference of the cell `own` of a column from the cell `other` of the computed one; `None` where they are the same.
+/// The difference of the cell `own` of a column from the cell `other` of the computed one; `None` where they are the
+/// same.
 pub(super) fn difference(
     published: &dyn Array,
     own: usize,
@@ -137,7 +133,6 @@ pub(super) fn text(array: &dyn Array, row: usize) -> String {
     short(&whole_text(array, row))
 }
 
-/// A cell as text.
 pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
     if array.is_null(row) {
         return "null".to_owned();

@@ -1,7 +1,4 @@
-//! Rows of two tables, paired by the columns that identify them.
-//!
-//! Names are compared exactly, except numbers among them, which may differ by rounding: rows that are equal in all other
-//! columns are merged in order.
+//! Rows of two tables, paired by the columns that identify them; numbers among those may differ by rounding.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -23,7 +20,6 @@ pub(super) struct Rows {
     pub in_step: bool,
 }
 
-/// The name of a row: its values in the columns that rows are sorted by.
 pub(super) fn name(table: &Table, row: usize) -> String {
     let order = table.schema().order.iter();
     let parts: Vec<String> =
@@ -31,7 +27,6 @@ pub(super) fn name(table: &Table, row: usize) -> String {
     if parts.is_empty() { "the only row".to_owned() } else { parts.join(", ") }
 }
 
-/// Pairs the rows of two tables of one schema.
 pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Rows {
     let order = published.schema().order.iter().map(String::as_str);
     let order: Vec<&str> = order.filter(|column| !ignored.contains(column)).collect();

@@ -13,7 +13,6 @@ use super::{number, text};
 use crate::schema::{ColumnSchema, ColumnType};
 
 pub(super) struct ColumnDigest {
-    /// Index of the column in a batch of rows.
     pub(super) place: usize,
     name: String,
     kind: ColumnType,
@@ -25,14 +24,12 @@ pub(super) struct ColumnDigest {
     latest: Option<ArrayRef>,
 }
 
-/// The values that are present in a column.
 enum Values {
     Numbers(Box<Hasher>),
     Counted(Box<Runs>),
 }
 
 impl ColumnDigest {
-    /// The digest of a column without rows.
     pub(super) fn new(place: usize, column: &ColumnSchema) -> Self {
         Self {
             place,
@@ -50,7 +47,6 @@ impl ColumnDigest {
         }
     }
 
-    /// Adds rows after those before.
     pub(super) fn add(&mut self, array: &ArrayRef) {
         self.add_presence(array);
         if array.null_count() == array.len() {
@@ -119,7 +115,6 @@ impl ColumnDigest {
         }
     }
 
-    /// Adds the column to the digest of the table.
     pub(super) fn finish(self, whole: &mut Hasher) {
         text(whole, self.name.as_bytes());
         text(whole, self.kind.name().as_bytes());
@@ -184,7 +179,6 @@ impl Runs {
         }
     }
 
-    /// The digest of the whole sequence.
     pub(super) fn finish(mut self) -> blake3::Hash {
         self.end();
         self.hasher.finalize()

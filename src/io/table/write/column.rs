@@ -17,13 +17,11 @@ use parquet::schema::types::ColumnDescPtr;
 use super::levels::Levels;
 use super::lists;
 
-/// A column of a row group, encoded for the file.
 pub(super) struct EncodedColumn {
     pub(super) bytes: Bytes,
     pub(super) close: ColumnCloseResult,
 }
 
-/// Encodes `array` as the file's `column`.
 pub(super) fn encode(
     column: ColumnDescPtr,
     properties: WriterPropertiesPtr,

@@ -17,13 +17,11 @@ use crate::schema::TableSchema;
 use crate::table::digest::ContentDigest;
 use crate::table::{Table, same};
 
-/// Encodes a table and its further parts.
 pub struct Encoder {
     schema: SchemaDescriptor,
     properties: WriterPropertiesPtr,
     of: &'static TableSchema,
-    /// Columns with one value in all rows, such as the table's subject, and columns of nulls: encoded once for a number of
-    /// rows, such a column is the same bytes in every row group with as many rows.
+    /// Columns with one value in all rows, or of nulls, are the same bytes in every row group with as many rows.
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
     /// The last array of each such column: if it comes again it need not be examined.
     latest: Mutex<Vec<Option<Known>>>,
@@ -50,7 +48,6 @@ enum Says {
 pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
 
 impl RowGroups {
-    /// The number of rows.
     pub fn rows(&self) -> u64 {
         let first_columns = self.columns().filter_map(<[_]>::first);
         first_columns.map(|column| column.close.rows_written).sum()
@@ -82,7 +79,6 @@ impl Encoder {
         Arc::clone(&self.properties)
     }
 
-    /// The digest of the table, without rows yet.
     pub(super) fn digest(&self) -> ContentDigest {
         ContentDigest::new(self.of, self.of.version, &[])
     }

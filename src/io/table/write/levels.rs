@@ -5,7 +5,6 @@ use std::iter::{once, repeat_n};
 use arrow::array::{Array, ArrayRef, AsArray, ListArray};
 use parquet::schema::types::ColumnDescPtr;
 
-/// Levels of the values of a column and of the places without a value.
 pub(super) struct Levels {
     /// The column's largest level where there is a value, less where there is none; `None` where nothing can be absent.
     pub(super) definition: Option<Vec<i16>>,

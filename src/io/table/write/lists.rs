@@ -1,13 +1,10 @@
 //! Lists of one length of numbers of which hardly two are equal, such as the angles of an arm → the pages of a column.
+//! Such columns hold by far the most bytes of all tables. The crate's writer examines each number: by it, the path from
+//! a log to its tables costs 7 % more CPU seconds (`cargo bench --bench ingest`). It is used for lists of other kinds,
+//! and numbers that repeat.
 //!
-//! Such columns hold by far the most bytes of all tables. Their numbers are in the file as they are in memory, and the
-//! levels of the lists repeat; the crate's writer examines each number. By it, the whole path from a log to its Parquet tables
-//! costs 7.7 % more CPU seconds (± 1.6 %; joints that always move) or 7.1 % (± 1.3 %; from rest to rest): 35 interleaved rounds
-//! of that step of `cargo bench --bench ingest`, and files 0.2 % larger. It is used for the cases that it handles better: lists
-//! of other kinds, and numbers that repeat.
-//!
-//! A page consists, by the format's `DATA_PAGE`, of repetition levels, definition levels and values. Both kinds of levels
-//! are runs of the format's hybrid of repeats and packed bits, after their length in four bytes.
+//! A page consists, by the format's `DATA_PAGE`, of repetition levels, definition levels and values; levels are runs of
+//! repeats and packed bits, after their length in four bytes.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -27,7 +24,6 @@ use parquet::schema::types::ColumnDescPtr;
 use super::column::EncodedColumn;
 use super::properties::REPEATED_FLOATS;
 
-/// Bytes of a number.
 const NUMBER: usize = size_of::<f64>();
 /// Approximate number of bytes of the numbers of a page.
 const PAGE: usize = 768 << 10;
@@ -36,7 +32,6 @@ const EIGHT: usize = 8;
 /// More bytes than a page's header takes.
 const HEADER: usize = 64;
 
-/// Lists of one length.
 struct Lists<'a> {
     /// Number of values in each list.
     length: usize,

@@ -10,13 +10,11 @@ use parquet::schema::types::ColumnPath;
 use crate::schema::{ColumnSchema, ColumnType, TableSchema};
 use crate::table::Table;
 
-/// Bytes of a dictionary of numbers: 4096 of them. Where more differ in a row group nearly all do, and a dictionary costs
-/// time and space: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each
-/// represent 90 samples it saves as much as a larger one.
+/// If more than 4096 numbers differ in a row group nearly all do, and a dictionary costs half of the time to write
+/// and a tenth of the file.
 pub(super) const REPEATED_FLOATS: usize = 32 << 10;
 
-/// Number of values between two tests of whether a page is full, which is so at a million bytes: the crate's own 1024 test
-/// more often than needed.
+/// The crate's own 1024 tests whether a page is full (a million bytes) more often than needed.
 const VALUES_AT_ONCE: usize = 16_384;
 
 /// Snappy: every reader has it, and it is the faster of the two to write, which matters most for decoded logs.
@@ -41,9 +39,8 @@ fn encoding(properties: WriterPropertiesBuilder, column: &ColumnSchema) -> Write
         ColumnType::Float64 => {
             properties.set_column_dictionary_page_size_limit(path(), REPEATED_FLOATS)
         }
-        // The joints of an arm in one list: their minimum and maximum describe none of them. Numbers that no dictionary
-        // holds have noise in their last digits: Snappy saved a twentieth of the angles of recorded logs, and took more
-        // time than all the other work of writing them.
+        // Minimum and maximum of an arm's joints describe none of them. Snappy saved a twentieth of recorded angles,
+        // and took more time than all the other work.
         ColumnType::ListFloat64 => properties
             .set_column_compression(elements(column), Compression::UNCOMPRESSED)
             .set_column_dictionary_page_size_limit(elements(column), REPEATED_FLOATS)

@@ -11,7 +11,6 @@ use super::Found;
 
 const TARGETS: &str = "targets";
 
-/// A value of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Cell {
     Absent,
@@ -72,7 +71,6 @@ impl Cell {
 /// The keys and values of an object in its order, or the fault in it.
 pub(super) type Object = Result<Vec<(String, Cell)>, RowProblem>;
 
-/// The whole text.
 pub(super) struct Document<'a>(pub(super) &'a mut Found);
 
 impl<'de> DeserializeSeed<'de> for Document<'_> {
@@ -142,7 +140,6 @@ fn problem_of(keys: &[String]) -> Option<NamesProblem> {
     })
 }
 
-/// The array of targets.
 struct Targets<'a>(&'a mut Found);
 
 impl<'de> DeserializeSeed<'de> for Targets<'_> {
@@ -167,7 +164,6 @@ impl<'de> Visitor<'de> for Targets<'_> {
     }
 }
 
-/// One element of the array.
 struct ObjectSeed;
 
 impl<'de> DeserializeSeed<'de> for ObjectSeed {
@@ -201,7 +197,6 @@ impl<'de> Visitor<'de> for ObjectSeed {
     }
 }
 
-/// One value.
 struct CellSeed;
 
 impl<'de> DeserializeSeed<'de> for CellSeed {

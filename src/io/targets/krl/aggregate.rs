@@ -1,7 +1,5 @@
-//! An aggregate's components: `{E6POS: X 1650.0,Y -120.5,…}`.
-//!
-//! Components are separated by one comma each, and each is a name and one value separated by blanks. Any other text between
-//! the braces is an error: a controller would refuse it, and half of its meaning would be read here.
+//! An aggregate's components: `{E6POS: X 1650.0,Y -120.5,…}`, each a name and one value. Any other text between the
+//! braces is an error: a controller would refuse it.
 
 use std::ops::Range;
 
@@ -54,8 +52,8 @@ fn of_braces(text: &[u8], value: &Range<usize>, depth: usize) -> Result<Aggregat
     Ok(Aggregate { kind, components })
 }
 
-/// The parts between the outer braces, separated by commas outside texts and inner braces; `None` where the braces are not
-/// closed, or something follows them.
+/// Separated by commas outside texts and inner braces; `None` where the braces are not closed, or something follows
+/// them.
 fn pieces(text: &[u8], value: &Range<usize>) -> Option<Vec<Range<usize>>> {
     let mut pieces = Vec::new();
     let mut open = Vec::new();
@@ -142,19 +140,16 @@ fn capitals(word: &[u8]) -> String {
 }
 
 impl Aggregate {
-    /// The number of these components that are present.
     pub(super) fn has(&self, components: &[&str]) -> usize {
         let there = components.iter().filter(|own| self.range(own).is_some());
         there.count()
     }
 
-    /// The first component that is not among those allowed.
     pub(super) fn other_than(&self, components: &[&str]) -> Option<&str> {
         let mut names = self.components.iter().map(|(name, _)| name.as_str());
         names.find(|name| !components.contains(name))
     }
 
-    /// The place of a component's value.
     pub(super) fn range(&self, component: &str) -> Option<Range<usize>> {
         let found = self.components.iter().find(|(own, _)| own == component);
         found.map(|(_, value)| value.clone())

@@ -12,7 +12,6 @@ pub(super) struct Line {
     pub(super) whole: Range<usize>,
     /// The bytes before a comment, without blanks around them.
     pub(super) code: Range<usize>,
-    /// First byte after the line's end.
     pub(super) next: usize,
 }
 
@@ -20,7 +19,6 @@ pub(super) struct Line {
 pub(super) const CORRECTED: &str = "corrected by posegrid";
 pub(super) const REFUSED: &str = "refused by posegrid";
 
-/// All lines of a text.
 pub(super) fn all(text: &[u8]) -> Result<Vec<Line>, InLine> {
     let mut lines = Vec::new();
     let mut start = 0;
@@ -72,8 +70,7 @@ pub(super) struct Inside<'l> {
     pub(super) end: usize,
 }
 
-/// The lines between DEFDAT and ENDDAT. Only lines that begin with `&`, and comments, may come before them; only comments
-/// after.
+/// Only lines that begin with `&`, and comments, may come before; only comments after.
 pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, InLine> {
     let at =
         |line: &Line, problem: KrlProblem| InLine { line: line.number, problem: problem.into() };
@@ -108,7 +105,6 @@ pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, 
     Ok(Inside { head: head.next, lines: &inside[..length], end: end.whole.start })
 }
 
-/// Whether a statement begins with a word.
 pub(super) fn begins(code: &[u8], word: &str) -> bool {
     let own = code.get(..word.len());
     let after = code.get(word.len());

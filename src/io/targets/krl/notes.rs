@@ -2,7 +2,6 @@
 
 use super::{DataList, Point};
 
-/// Most lines that are named.
 const LINES_SHOWN: usize = 10;
 
 impl DataList {

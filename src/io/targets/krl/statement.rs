@@ -1,8 +1,5 @@
-//! One line of code → the declaration or the value in it.
-//!
-//! A line of a data list declares names of a type, gives a name a value, or does both; or it is one of the declarations
-//! without a value ([`WITHOUT_VALUES`]). Any other line is an error: a controller refuses it, and a skipped line may be a
-//! position.
+//! One line of code → the declaration or the value in it, or one of [`WITHOUT_VALUES`]. Any other line is an error: a
+//! controller refuses it, and a skipped line may be a position.
 
 use std::ops::Range;
 
@@ -13,26 +10,21 @@ use super::lines::{begins, trimmed};
 /// A statement that is used here; names and types in capitals, since KRL does not distinguish them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Statement {
-    /// Names of a type.
     Declared(Declaration),
-    /// A value for a name.
     Valued {
         /// The type; `None` where the line does not state it.
         kind: Option<String>,
         name: Name,
-        /// The place of the value.
         value: Range<usize>,
     },
 }
 
-/// Names of a type.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Declaration {
     pub(super) kind: String,
     pub(super) names: Vec<String>,
 }
 
-/// The left side of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Name {
     /// The variable, in capitals.
@@ -64,7 +56,6 @@ const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 const WITHOUT_VALUES: [&str; 8] =
     ["EXT", "EXTP", "EXTFCT", "EXTFCTP", "IMPORT", "STRUC", "ENUM", "SIGNAL"];
 
-/// The statement of a line; `None` where there is nothing to declare.
 pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement>, RowProblem> {
     let line = &text[code.clone()];
     if line.is_empty() || is_without_values(line) {

@@ -1,18 +1,17 @@
 //! S, the status of a KUKA position → the arm configuration that it asks for.
 //!
-//! - Bit 0 is set where the arm reaches over itself: the wrist's centre has a negative x in the frame that turns with axis 1.
-//! - Bit 1 is set where axis 3 is beyond the angle at which the arm is stretched: A3 = 0° where axes 3 and 4 meet, and
-//!   −atan(offset / forearm) where they pass each other.
-//! - Bit 2 is set where A5 is negative. (Some editions of the manual print the reverse. T shows which is right: its bit 4
-//!   is the sign of A5, and points that controllers taught have S 6 with T 26, 27 or 50, and S 2 with T 2, 10 or 35.)
-//! - Bit 4 is set where the point was taught by a robot with the absolute-accuracy option.
+//! - Bit 0: the wrist's centre has a negative x in the frame that turns with axis 1.
+//! - Bit 1: axis 3 is beyond the angle at which the arm is stretched: A3 = 0° where axes 3 and 4 meet, else
+//!   −atan(offset / forearm).
+//! - Bit 2: A5 is negative. (Some editions of the manual print the reverse; bit 4 of T, the sign of A5, on points that
+//!   controllers taught shows which is right.)
+//! - Bit 4: the point was taught by a robot with the absolute-accuracy option.
 //!
-//! These are the three sides of the arm's singularities that [`Configuration`] names, except for the direction in which a
-//! chain counts. So one posture that every such arm can take shows what each bit means for it.
+//! These are the sides of the singularities that [`Configuration`] names, except for the direction in which a chain
+//! counts. So one posture that every such arm can take shows what each bit means for it.
 
 use crate::kinematics::{Arm, Configuration, Side};
 
-/// The value of S.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Status(u8);
 
@@ -40,12 +39,13 @@ pub struct Postures {
 
 /// Joint angles as the controller shows them: upper arm upright, forearm level, wrist bent down. S is 2.
 const HOME_DEG: [f64; 6] = [0.0, -90.0, 90.0, 0.0, 45.0, 0.0];
-/// An axis closer than this to the angle where its bit changes may be on either side, rad: the offset of axes 3 and 4
-/// amounts to 2° on large arms and 8° on small ones.
+/// Nearer to the angle where its bit changes an axis may be on either side, rad: the offset of axes 3 and 4 amounts to
+/// 2° on large arms and 8° on small ones.
 const UNSURE_RAD: f64 = 0.2;
 
 impl Postures {
-    /// Postures of arms whose robot files are in standard DH with the signs of `pipelines/robots/kr210-r2700-extra.toml`.
+    /// Postures of arms whose robot files are in standard DH with the signs of
+    /// `pipelines/robots/kr210-r2700-extra.toml`.
     pub const STANDARD_DH: Self = Self {
         home: Configuration { shoulder: Side::Minus, elbow: Side::Plus, wrist: Side::Minus },
     };
@@ -60,9 +60,8 @@ impl Postures {
         Some(Self { home })
     }
 
-    /// Postures of the arm that a table was made for, from the joint angles (rad) of its nodes and their configuration.
-    ///
-    /// `None` where the two do not agree with [`Self::STANDARD_DH`]: then no S can be compared.
+    /// Postures by the joint angles (rad) and configuration of its nodes; `None` where they do not agree with
+    /// [`Self::STANDARD_DH`].
     pub fn of_table<'j>(
         configuration: Option<&str>,
         joints: impl IntoIterator<Item = &'j [f64]>,
@@ -80,7 +79,6 @@ impl Postures {
         joints.into_iter().all(agrees).then_some(own)
     }
 
-    /// The configuration that S asks for.
     pub fn configuration(&self, status: Status) -> Configuration {
         let side = |own: Side, other: bool| match (own, other) {
             (side, false) => side,

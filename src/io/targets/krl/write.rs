@@ -1,5 +1,3 @@
-//! Commands in place of targets.
-
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -10,9 +8,7 @@ use crate::compensation::{Corrected, Refused};
 use crate::table::Word as _;
 
 impl DataList {
-    /// The list with the command of each target, and a comment in place of each that has none.
-    ///
-    /// `outcomes` are those of the targets in their order; `table_id` names the table.
+    /// A target without a command becomes a comment; `outcomes` are in the targets' order.
     pub fn write(&self, outcomes: &[Result<Corrected, Refused>], table_id: &str) -> Vec<u8> {
         let mut written = Written {
             text: &self.text,
@@ -46,7 +42,6 @@ impl DataList {
     }
 }
 
-/// A text being written.
 struct Written<'t> {
     text: &'t [u8],
     bytes: Vec<u8>,

@@ -1,5 +1,3 @@
-//! Doubts about a guess, in words: why, and the alternative.
-
 use super::{Doubt, Key, Work};
 use crate::ingest::{AngleUnit, LengthUnit};
 use crate::inspect::table::by_arm::{Arms, BETTER, Differs, LEAST_STATIONS, Tried, Verdict};
@@ -7,7 +5,6 @@ use crate::inspect::table::choices::{Choice, Part};
 use crate::inspect::table::names::StatedUnit;
 
 impl Work<'_> {
-    /// Doubts about joints, units, arm and position.
     pub(super) fn doubts(&self, choices: &[Choice], arms: &Arms, doubts: &mut Vec<Doubt>) {
         let mut add = |key: Key, words: String| doubts.push(Doubt { key, words });
         if let Some(words) = &self.choice.joints.doubt {
@@ -172,7 +169,6 @@ fn length(unit: LengthUnit) -> &'static str {
     }
 }
 
-/// Doubts about a ready arm that was found by its residual.
 fn add_arm(verdict: &Verdict, arms: &Arms, add: &mut impl FnMut(Key, String)) {
     let file = |place: usize| arms.known[place].file.as_str();
     if !verdict.alike.is_empty() {

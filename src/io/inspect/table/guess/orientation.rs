@@ -8,7 +8,6 @@ use crate::ingest::{AngleUnit, OrientationColumns, OrientationForm};
 use crate::inspect::table::choices::Target;
 use crate::inspect::table::turns::{Form, turned};
 
-/// The most forms that a doubt names.
 const MOST_NAMED: usize = 4;
 
 impl Work<'_> {
