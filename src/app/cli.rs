@@ -1,11 +1,10 @@
-//! The command line: arguments, messages, exit codes; one file per command.
+//! The command line: arguments, messages, exit codes; one file per command. Results go to stdout, messages and progress
+//! bars to stderr. An interrupt ends `run` at its next step and any other command at once: a lake stays sound, since a
+//! run exists only once it is whole.
 //!
-//! Results go to stdout, messages and progress bars to stderr. An interrupt ends `run` at its next step and any other command
-//! at once: a lake stays sound either way, since a run exists only once it is whole.
-//!
-//! Work goes on when messages cannot be written. Results that cannot be written give exit code 1; where their reader has
-//! gone away (`| head -1`), a command ends silently, as if SIGPIPE had ended it. `run` has finished its work by then, so a
-//! reader who left does not change its exit code.
+//! Work goes on when messages cannot be written. Results that cannot be written give exit code 1; where their reader
+//! has gone away (`| head -1`), a command ends silently. `run` has finished its work by then: a reader who left does
+//! not change its exit code.
 
 pub mod check;
 pub mod compact;
@@ -45,7 +44,7 @@ pub const NO_RESULT: u8 = 1;
 pub const BAD_USAGE: u8 = 2;
 /// There is a result, but a tolerance is not met or not shown to be.
 pub const NOT_MET: u8 = 3;
-/// The reader of `verify`'s output went away before all runs were verified: the shells' code for a process ended by SIGPIPE
+/// The reader of `verify`'s output went away before all runs were verified: the code of a process ended by SIGPIPE
 /// (13).
 pub const READER_GONE: u8 = 128 + 13;
 
@@ -94,7 +93,6 @@ const RETIRED: &[(&str, &str)] = &[
          --format urdf --urdf my.urdf",
     ),
 ];
-/// Lists of rows.
 const LISTS: &str = "lists of verify were retired: keep the result of `SELECT run, row_digest, robot, session FROM runs` elsewhere, and compare";
 
 #[derive(Debug, Subcommand)]
@@ -116,7 +114,6 @@ enum Command {
     Schema(schema::SchemaArgs),
 }
 
-/// Runs the command line of this process.
 pub fn main() -> ExitCode {
     keep_what_is_freed();
     outlive_limits_of_files();
@@ -144,8 +141,7 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// Turns a write beyond the process's file size limit into an error, like a full disk's, instead of the end of the process:
-/// the file may be the one that takes the messages. Where SIGXFSZ cannot be caught, the process ends as before.
+/// Turns a write beyond the process's file size limit into an error, like a full disk's, where SIGXFSZ can be caught.
 fn outlive_limits_of_files() {
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
@@ -161,7 +157,6 @@ fn answered(answer: &clap::Error) -> u8 {
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
-/// The answer to what was retired says what to do instead.
 fn with_remedy(mut answer: clap::Error) -> clap::Error {
     let kinds =
         [ContextKind::InvalidSubcommand, ContextKind::InvalidArg, ContextKind::InvalidValue];
@@ -174,7 +169,6 @@ fn with_remedy(mut answer: clap::Error) -> clap::Error {
     answer
 }
 
-/// Prints a command's result on stdout, or its error on stderr.
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
         Ok(result) => {

@@ -1,15 +1,6 @@
 //! The page of a run: the rows that it published → one HTML file that opens anywhere, even from a mail: no script, no
-//! network.
-//!
-//! Input is [`Content`], the rows of the run's tables ([`mod@content`]); output is the text of the page. It is a pure
-//! function: the same rows give the same bytes. Sections, the verdict first:
-//!
-//! 1. verdict, chosen step and bound; 2. the work space before and after on one scale; 3. error against step;
-//! 4. accuracy before and after, ISO 9283 figures where there are; 5. similarity; 6. joint curves; 7. parameters and which
-//!    are not identifiable; 8. clocks, pairing and rejects; 9. fit of the models; 10. provenance.
-//!
-//! `shell` makes the frame around the sections and escapes names, which may hold any character; the page of a plan,
-//! [`plan`], uses it too.
+//! network. The same [`Content`] gives the same bytes. `shell` makes the frame around the sections and escapes names,
+//! which may hold any character.
 
 mod accuracy;
 pub mod content;
@@ -54,7 +45,6 @@ const SECTIONS: [Maker<Content>; 12] = [
     ("reading", "How to read the tables", |c| Some(provenance::reading_section(c))),
 ];
 
-/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("{} · {}", content.robot, content.session),

@@ -61,7 +61,6 @@ fn all_robots(fleet: &Fleet) -> String {
     text + &remarks(fleet)
 }
 
-/// What is left out, and what a person should know.
 fn remarks(fleet: &Fleet) -> String {
     let mut text = String::new();
     for left in &fleet.left_out {
@@ -137,7 +136,6 @@ fn nodes(step_mm: f64, grid: &GridSettings) -> String {
     }
 }
 
-/// Sessions whose logs are split into several files.
 fn split(configuration: &Configuration) -> String {
     let sessions =
         configuration.pieces.iter().flat_map(|piece| piece.training.iter().chain(&piece.test));
@@ -158,7 +156,6 @@ fn split(configuration: &Configuration) -> String {
     counts.iter().map(|(name, counts)| line((name, counts))).collect()
 }
 
-/// The convention's way with two parallel axes, as text.
 const fn remark_on_parallel(convention: Convention) -> &'static str {
     match convention {
         Convention::MdH => ", Hayati's beta beside d: the next axis is parallel",
@@ -196,8 +193,7 @@ fn arm(arm: &Arm) -> String {
     text
 }
 
-/// The nominal flange at poses that can be gone to at the cell: an arm whose file is right shows the same on its pendant, for a
-/// tool of zero.
+/// The nominal flange at poses that can be gone to: the pendant of a right arm shows the same, for a tool of zero.
 fn checkable(arm: &Arm) -> String {
     let zero = vec![0.0; arm.joints().len()];
     let poses = [("at zero", Some(zero.as_slice())), ("at home", arm.home())];
@@ -237,7 +233,6 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     )
 }
 
-/// The topics of logs.
 fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
     let Mapping { controller, tracker, .. } = mapping;
@@ -260,7 +255,6 @@ fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
     named
 }
 
-/// The columns of tables of stations.
 fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
     let angle = format!("{:?}", stations.joint_unit).to_lowercase();
     let joints = format!("{} in {angle}", stations.joints.join(", "));

@@ -1,7 +1,5 @@
-//! `posegrid compact`: the tables for people, a file for each month.
-//!
-//! Exit codes: 0 up to date; 3 some run could not be read and is not in it; 1 the lake cannot be read or written; 2 bad usage, or no such
-//! lake.
+//! `posegrid compact`: the tables for people, a file for each month. Exit codes: 0 up to date; 3 some run could not be
+//! read and is not in it; 1 the lake cannot be read or written; 2 bad usage, or no such lake.
 
 use std::path::PathBuf;
 
@@ -37,7 +35,6 @@ pub struct CompactArgs {
     pub lake: PathBuf,
 }
 
-/// Compacts a lake; gives the exit code.
 pub fn run(args: &CompactArgs, bars: &Bars) -> u8 {
     let progress = bars.of("compact");
     let lake = Lake::at(&Place::of(&args.lake)).map_err(CompactError::from);

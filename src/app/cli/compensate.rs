@@ -1,9 +1,7 @@
-//! `posegrid compensate TABLE TARGETS`: a table of a run and a file of targets → the commands that attain them.
-//!
-//! Exit codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table does not
-//! meet its tolerance or was not shown to, and that was allowed; 1 no target has a command, or the result cannot be written; 2
-//! the table or the targets cannot be read, the table does not meet its tolerance or was not shown to, or it is not valid for
-//! what the targets will be run with.
+//! `posegrid compensate TABLE TARGETS`: a table of a run and a file of targets → the commands that attain them. Exit
+//! codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table does
+//! not meet its tolerance or was not shown to, and that was allowed; 1 no target has a command, or the result cannot be
+//! written; 2 table or targets cannot be read, or the table is not valid for them.
 
 mod error;
 mod named;
@@ -94,7 +92,6 @@ pub struct CompensateArgs {
     pub used_with: UsedWithArgs,
 }
 
-/// The outcome of each target, for a person to read.
 #[derive(Debug)]
 pub struct Compensated {
     named: Named,
@@ -105,7 +102,6 @@ pub struct Compensated {
     recording: Recording,
 }
 
-/// Runs the command: the result goes to `--out` or standard output, everything else to standard error. Gives the exit code.
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
     // The whole result is made first: an error leaves no half of it on a pipe.
     let mut for_stdout = Vec::new();
@@ -216,7 +212,6 @@ impl CompensateArgs {
 }
 
 impl Compensated {
-    /// The exit code of the command.
     pub fn exit_code(&self) -> u8 {
         if self.corrected().next().is_none() {
             1

@@ -1,6 +1,5 @@
-//! `posegrid export TABLE --format …`: a table of a run → a file for controllers and off-line programming.
-//!
-//! Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read or is not one of those for the format.
+//! `posegrid export TABLE --format …`: a table of a run → a file for controllers and off-line programming. Exit codes:
+//! 0 written; 1 nothing could be written; 2 the table cannot be read or is not one of those for the format.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -93,7 +92,6 @@ pub enum ExportFormat {
     UrCalibration,
 }
 
-/// The convention of that word.
 fn convention(word: &str) -> Result<Convention, String> {
     let words = Convention::ALL.map(Convention::word).join(", ");
     Convention::of_word(word).ok_or_else(|| format!("no convention of links; one of {words}"))
@@ -193,7 +191,6 @@ impl ExportArgs {
     }
 }
 
-/// Tells what a person has to know before the file is used.
 fn told(remarks: Vec<String>) {
     for remark in remarks {
         tracing::info!("{}", Printable(&remark));

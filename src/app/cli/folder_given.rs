@@ -24,7 +24,6 @@ impl FolderGiven {
         Self { path: path.to_owned(), wanted, files: Some(files) }
     }
 
-    /// A folder in the place of a new file.
     pub(super) fn for_new_file(path: &Path, wanted: &'static str) -> Self {
         Self { path: path.to_owned(), wanted, files: None }
     }

@@ -1,7 +1,6 @@
-//! `posegrid history`: accuracy over time and drift, from the tables of a lake.
-//!
-//! Exit codes: 0 the newest session of every robot is where it was and in control; 3 one is not, or some run could not be
-//! read; 1 a robot has no session, or output cannot be written; 2 bad usage, or no such lake, robot or session.
+//! `posegrid history`: accuracy over time and drift, from the tables of a lake. Exit codes: 0 the newest session of
+//! every robot is where it was and in control; 3 one is not, or some run could not be read; 1 a robot has no session,
+//! or output cannot be written; 2 bad usage, or no such lake, robot or session.
 
 mod output;
 mod words;
@@ -75,7 +74,6 @@ pub struct HistoryArgs {
     pub fresh: bool,
 }
 
-/// Why there is no history.
 #[derive(Debug, Error)]
 enum HistoryCommandError {
     #[error(transparent)]
@@ -86,7 +84,6 @@ enum HistoryCommandError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Prints the history; gives the exit code.
 pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     let (lake, robots) = match made(args, bars) {
         Ok(made) => made,

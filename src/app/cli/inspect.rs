@@ -1,6 +1,5 @@
-//! `posegrid inspect FILE…`: what is in a log or a table of stations, what is wrong with it, and a pipeline snippet that would read it.
-//!
-//! Names come from the file, so they are escaped before they are printed.
+//! `posegrid inspect FILE…`: what is in a log or a table of stations, and a pipeline snippet that would read it. Names
+//! come from the file, so they are escaped.
 
 mod describe;
 mod snippet;
@@ -196,7 +195,6 @@ fn shown(text: &str) -> String {
     }
 }
 
-/// A name from a file as a TOML string.
 fn toml_text(text: &str) -> String {
     let mut quoted = String::from('"');
     for c in text.chars() {

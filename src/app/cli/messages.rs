@@ -1,7 +1,5 @@
-//! Messages on stderr, results on stdout.
-//!
-//! A message that cannot be written is lost, and the work goes on. A result that cannot be written is [`Undelivered`],
-//! which a command's exit code reports.
+//! Messages on stderr, results on stdout. A message that cannot be written is lost; a result that cannot be written is
+//! [`Undelivered`], which the exit code reports.
 
 use std::env;
 use std::fmt::{self, Display};
@@ -25,8 +23,8 @@ pub enum LogFormat {
     Json,
 }
 
-/// Starts the messages of this process; `RUST_LOG` selects among posegrid's own. Those of libraries are left out: an HTTP
-/// library may print headers, and with them credentials.
+/// `RUST_LOG` selects among posegrid's own messages. Those of libraries are left out: an HTTP library may print
+/// credentials.
 pub fn start(format: LogFormat, bars: &Bars) {
     let asked = env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
     let (filter, unread) = match filter(&asked) {
@@ -85,7 +83,6 @@ pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
     deliver(text.as_bytes(), bars)
 }
 
-/// Writes a result to stdout, unchanged.
 pub(super) fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
     delivered(bars.write_aside(Stream::Results, result))
 }
@@ -103,8 +100,7 @@ pub(super) fn delivered(written: io::Result<()>) -> Result<(), Undelivered> {
     })
 }
 
-/// A text that may hold names from a log or a file system, printed with every character escaped that a terminal would act
-/// on.
+/// A text that may hold names from a log, printed with every character escaped that a terminal would act on.
 pub struct Printable<'a>(pub &'a str);
 
 impl Display for Printable<'_> {

@@ -1,7 +1,6 @@
-//! `posegrid plan`: before measuring, which step, which poses, and what accuracy to expect.
-//!
-//! Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 there is no plan, or it
-//! cannot be written; 2 the pipeline file is bad. Of the plans of several robots (`fleet`) 1 outranks 3.
+//! `posegrid plan`: before measuring, which step, which poses, and what accuracy to expect. Exit codes: 0 the plan is
+//! shown to meet the tolerance; 3 it is not, and the best one is there; 1 there is no plan, or it cannot be written; 2
+//! the pipeline file is bad. Of the plans of several robots (`fleet`) 1 outranks 3.
 
 mod fleet;
 mod locate;
@@ -70,7 +69,6 @@ pub struct PlanArgs {
     pub locate: Option<u16>,
 }
 
-/// Why a plan was not made or written.
 #[derive(Debug, Error)]
 enum PlanCommandError {
     #[error(transparent)]
@@ -94,7 +92,6 @@ enum CsvCause {
 }
 
 impl CsvCause {
-    /// What went wrong, and what to do.
     fn told(&self) -> String {
         match self {
             Self::Io(error) => whole_file::told(error),
@@ -120,7 +117,6 @@ fn load(args: &PlanArgs) -> Result<Planning, PlanCommandError> {
     Ok(Planning::load(&args.pipeline, robot, lake).map_err(Box::new)?)
 }
 
-/// Makes a plan; gives the exit code.
 pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     let ended = match (&args.measured, args.locate) {
         (Some(session), _) => so_far(args, session, bars),
@@ -196,7 +192,6 @@ fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String),
     Ok((promise.holds(), text))
 }
 
-/// The next step, as text.
 fn next(found: &SoFar, tolerance_mm: f64) -> String {
     let names = found.next.join(" ");
     let count = found.next.len();

@@ -31,7 +31,6 @@ pub struct TerminalProgress {
     tasks: Mutex<Vec<Task>>,
 }
 
-/// A task under way.
 #[derive(Debug)]
 struct Task {
     bar: ProgressBar,
@@ -64,13 +63,11 @@ impl Bars {
         Self { drawn: MultiProgress::with_draw_target(target), are_seen: is_drawn }
     }
 
-    /// Writes to a stream while no bar is drawn. It takes bytes, not a function that makes them: a function that logged a
-    /// message meanwhile would wait for itself.
+    /// It takes bytes, not a function that makes them: one that logged a message meanwhile would wait for itself.
     pub(super) fn write_aside(&self, to: Stream, bytes: &[u8]) -> io::Result<()> {
         self.drawn.suspend(|| to.write(bytes))
     }
 
-    /// Bars of a session.
     pub fn of(&self, session: &str) -> TerminalProgress {
         TerminalProgress {
             bars: self.clone(),

@@ -1,5 +1,5 @@
-//! `posegrid robot FILE`: a robot file made from a URDF, in any convention, or its flange at joint positions; `--list`: the ready
-//! robots.
+//! `posegrid robot FILE`: a robot file from a URDF, in any convention, or its flange at joint positions; `--list`: the
+//! ready robots.
 
 mod list;
 
@@ -68,7 +68,6 @@ pub struct ArmFlags {
 }
 
 impl ArmFlags {
-    /// The arm in the file, and the names of its joints.
     pub fn selection(&self) -> Selection {
         Selection { base: self.base.clone(), tip: self.tip.clone(), joints: self.joints.clone() }
     }
@@ -79,36 +78,27 @@ fn conventions() -> impl TypedValueParser<Value = Convention> {
     words.try_map(|word| Convention::of_word(&word).ok_or("no convention"))
 }
 
-/// The reason why there is no robot file.
 #[derive(Debug, Error)]
 pub enum RobotCommandError {
-    /// Neither a file nor a ready robot.
     #[error(
         "there is no file {}, and no ready robot has that name: {}",
         .0.display(), ready_names()
     )]
     Nothing(PathBuf),
-    /// A file with a fault.
     #[error(transparent)]
     File(#[from] At<RobotProblem>),
 }
 
-/// The fault in a file.
 #[derive(Debug, Error)]
 pub enum RobotProblem {
-    /// It cannot be read.
     #[error("{0}")]
     Read(#[from] io::Error),
-    /// It is no robot file.
     #[error(transparent)]
     NoRobot(#[from] NoRobotFile),
-    /// Its arm cannot be stated in the convention.
     #[error(transparent)]
     Restate(#[from] RestateError),
-    /// A value that TOML cannot hold.
     #[error("{0}")]
     Toml(#[from] toml::ser::Error),
-    /// The joint positions are wrong.
     #[error(transparent)]
     Poses(#[from] PosesError),
 }
@@ -127,7 +117,6 @@ fn ready_names() -> String {
     names.join(", ")
 }
 
-/// The text that the command prints.
 pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
     let Some(path) = args.file.as_deref().filter(|_| !args.list) else {
         return Ok(list::ready());
@@ -142,7 +131,6 @@ pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
     poses::flanges(&stated.arm, &positions).map_err(|source| RobotProblem::Poses(source).at(poses))
 }
 
-/// The text of the file, or of the ready robot of that name.
 fn text(path: &Path) -> Result<String, RobotCommandError> {
     let ready = path.to_str().and_then(ReadyRobot::find);
     match (robot::text(path), ready) {

@@ -1,12 +1,9 @@
-//! `posegrid run`: every session found or named, through all stages, into the lake.
+//! `posegrid run`: every session found or named, through all stages, into the lake. The lake is locked (`alone`);
+//! pieces of work run on `--jobs` threads (`work`), and whatever goes wrong with one stays with it; a line for each
+//! session, ten for each new result, and the totals are the summary (`summary`).
 //!
-//! 1. The pipeline file becomes a list of pieces of work ([`Fleet`]); sessions that wait or cannot be used are set aside.
-//! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
-//! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
-//! 4. A line for each session, ten lines for each new result, and the totals are the summary (`summary`); `--verbose` adds all other
-//!    results. Where it cannot be written, the work is still done and the exit code is 1; a reader who left does not change the exit code.
-//!
-//! A first SIGINT or SIGTERM ends the pieces under way and starts no other (`stop`); a second one ends the process.
+//! Where the summary cannot be written, the work is still done and the exit code is 1. A first SIGINT or SIGTERM ends
+//! the pieces under way and starts no other (`stop`); a second one ends the process.
 
 mod alone;
 mod stop;
@@ -139,7 +136,6 @@ pub enum Since {
     Report,
 }
 
-/// Runs the pipeline; gives the exit code.
 pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     if jobs(args) == NonZeroUsize::MIN {
         // No parallel work precedes this one, so the pool of threads is not there yet.
@@ -173,7 +169,6 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     batch(&fleet, args, bars)
 }
 
-/// What is worth knowing before the work.
 fn tell(fleet: &Fleet) {
     for left in &fleet.left_out {
         tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);
@@ -183,7 +178,6 @@ fn tell(fleet: &Fleet) {
     }
 }
 
-/// All the work of a fleet, with the lake to ourselves.
 fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     let stop = match Stop::on_signals() {
         Ok(stop) => stop,
@@ -231,7 +225,6 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     after_summary(code, written, &stop)
 }
 
-/// Sessions worked on at once.
 fn jobs(args: &RunArgs) -> NonZeroUsize {
     let cores = || thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     args.jobs.unwrap_or_else(|| cores().min(MOST_JOBS))

@@ -37,10 +37,8 @@ pub enum Format {
     Json,
 }
 
-/// The name of the views.
 const VIEWS: &str = "views";
 
-/// The text that the command prints.
 pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
     if let Some(keys) = args.table.as_deref().and_then(KeyReference::find) {
         return Ok(match args.format {

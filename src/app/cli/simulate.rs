@@ -1,7 +1,5 @@
-//! `posegrid simulate`: a synthetic session with known truth, as MCAP.
-//!
-//! Inputs: a robot file and flags. Outputs: `controller.mcap`, `tracker.mcap`, `truth.json` and `truth_stations.csv` in
-//! a folder. The same flags give the same bytes.
+//! `posegrid simulate`: a synthetic session with known truth, as MCAP: `controller.mcap`, `tracker.mcap`, `truth.json`
+//! and `truth_stations.csv` in a folder. The same flags give the same bytes.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -110,59 +108,40 @@ struct ReflectorFlags {
     in_turn: bool,
 }
 
-/// The reason why no session was made.
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
-    /// A file that cannot be read or written, with the problem.
     #[error(transparent)]
     File(#[from] At<SimulateFileError>),
-    /// The robot file is not one.
     #[error(transparent)]
     NoRobot(#[from] Box<At<NoRobotFile>>),
-    /// The settings cannot be simulated.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
-    /// The poses to measure cannot be read.
     #[error(transparent)]
     Poses(#[from] TargetsError),
-    /// The folder holds a session already.
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
 }
 
-/// The fault in a file that a simulated session is made from, or written to.
 #[derive(Debug, Error)]
 pub enum SimulateFileError {
-    /// The robot file cannot be read.
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
-    /// A pose without joint angles.
     #[error(
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
     )]
-    NoJoints {
-        /// Name of the target.
-        target: String,
-    },
-    /// The folder or the disk refused.
+    NoJoints { target: String },
     #[error("{told}", told = told(.0))]
     Write(#[from] io::Error),
-    /// The recording does not fit into a log.
     #[error(transparent)]
     Log(#[from] LogWriteError),
-    /// The truth does not fit into JSON.
     #[error("{0}")]
     Json(#[from] serde_json::Error),
 }
 
-/// What was made, for a person to read.
 #[derive(Debug, Clone)]
 pub struct SimulatedSession {
-    /// Folder of the files.
     pub out: PathBuf,
-    /// The session.
     pub simulated: Simulated,
-    /// Whether a table of its stations was written too.
     pub table: bool,
 }
 
@@ -196,7 +175,6 @@ const FILES: [&str; 4] = ["controller.mcap", "tracker.mcap", "truth.json", "trut
 /// The table of stations, where one is asked for.
 const TABLE: &str = "stations.csv";
 
-/// Makes the session and writes its files.
 pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError> {
     let arm = read_arm(&args.robot, &args.arm_in_file.selection())?;
     let listed = args.poses.poses.as_deref().map(listed).transpose()?;
@@ -337,7 +315,6 @@ impl SimulateArgs {
         names.map(|(name, _)| name).zip(readings).collect()
     }
 
-    /// Names of all reflectors, the main one first.
     fn target_names(&self) -> Vec<String> {
         let numbers = 1..=self.reflectors.beside.len() + 1;
         numbers.map(|number| format!("T{number}")).collect()

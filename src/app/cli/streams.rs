@@ -1,20 +1,15 @@
-//! stdout and stderr, either of which may refuse what is written: a full disk, a reader that has gone away.
-//!
-//! Every byte that a command writes to them passes here, except clap's answer to `--help` and what the panic hook prints at
-//! a defect. `println!` and `eprintln!` end the thread where a stream refuses, so they are not used (`lib.rs` forbids
-//! them), and libraries that print to stderr are not used for messages.
+//! stdout and stderr, either of which may refuse what is written. Every byte passes here, except clap's answer to
+//! `--help` and what the panic hook prints: `println!` ends the thread where a stream refuses, so it is not used
+//! (`lib.rs` forbids it).
 
 use std::io::{self, Write as _};
 
 use super::{DONE, NO_RESULT};
 use crate::io::system;
 
-/// A stream of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
-    /// stdout.
     Results,
-    /// stderr.
     Messages,
 }
 

@@ -1,7 +1,6 @@
-//! `posegrid tasks` and `posegrid task`: the work of a pipeline file as independent jobs, for engines that share them out.
-//!
-//! `tasks` lists what is not known as done, a line of JSON each; no log is opened. `task` does one, on any machine that reaches the
-//! sessions and the lake, and tells how it ended as a line of JSON. Neither takes the lake's lock.
+//! `posegrid tasks` and `posegrid task`: the work of a pipeline file as independent jobs, a line of JSON each. No log
+//! is opened to list them; `task` does one, on any machine that reaches the sessions and the lake. Neither takes the
+//! lake's lock.
 
 use std::io::{BufRead as _, stdin};
 use std::path::PathBuf;
@@ -80,7 +79,6 @@ pub struct TaskArgs {
     pub lake: Option<PathBuf>,
 }
 
-/// Lists the tasks; gives the exit code.
 pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     if args.plans {
         return plans(args, bars);
@@ -117,7 +115,6 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     written(&open, bars)
 }
 
-/// Lists the plans; gives the exit code.
 fn plans(args: &TasksArgs, bars: &Bars) -> u8 {
     let all = match tasks::plans::all(&args.pipeline, &args.robot, args.lake.as_deref()) {
         Ok(all) => all,
@@ -137,7 +134,6 @@ fn plans(args: &TasksArgs, bars: &Bars) -> u8 {
     written(&open, bars)
 }
 
-/// Writes the tasks; gives the exit code.
 fn written(open: &[Task], bars: &Bars) -> u8 {
     let line = |task: &Task| serde_json::to_string(task).map(|line| line + "\n");
     match open.iter().map(line).collect::<Result<String, _>>() {
@@ -152,7 +148,6 @@ fn written(open: &[Task], bars: &Bars) -> u8 {
     }
 }
 
-/// Does a task; gives the exit code.
 pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
     let (id, robot) = match named(args) {
         Ok(named) => named,
@@ -176,7 +171,6 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
     told(&tasks::work(&fleet, &known, &id, &bars.of("task")), bars)
 }
 
-/// Makes the plan of that id; gives the exit code.
 fn plan(args: &TaskArgs, id: &str, robot: Option<String>, bars: &Bars) -> u8 {
     let robots: Vec<String> = robot.into_iter().collect();
     match tasks::plans::all(&args.pipeline, &robots, args.lake.as_deref()) {
@@ -185,7 +179,6 @@ fn plan(args: &TaskArgs, id: &str, robot: Option<String>, bars: &Bars) -> u8 {
     }
 }
 
-/// Writes how a task ended; gives the exit code.
 fn told(ended: &Ended, bars: &Bars) -> u8 {
     if let (How::Failed | How::Fault, Some(reason)) = (ended.ended, &ended.reason) {
         tracing::error!("{}", Printable(reason));
@@ -205,7 +198,6 @@ fn told(ended: &Ended, bars: &Bars) -> u8 {
     messages::result(line, bars).map_or(FAULT, |()| code)
 }
 
-/// Id and robot of the task that is asked for.
 fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
     if let Some(id) = &args.id {
         return Ok((id.clone(), args.robot.clone()));
@@ -227,13 +219,11 @@ fn known(fleet: &Fleet, read: impl Fn(Lake) -> Result<Known, LakeError>) -> Opti
     known.map_err(|error| tracing::error!("{}", Printable(&error.to_string()))).ok()
 }
 
-/// The exit code of a pipeline file that makes no plan.
 fn no_plan(error: &PlanningError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
     if error.is_fault() { FAULT } else { BAD_USAGE }
 }
 
-/// The exit code of a pipeline file that makes no fleet.
 fn unusable(error: &ConfigurationError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
     if error.is_worth_a_retry() { FAULT } else { BAD_USAGE }

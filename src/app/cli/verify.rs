@@ -1,7 +1,5 @@
-//! `posegrid verify`: past runs recomputed and compared with what they claim.
-//!
-//! Exit codes: 0 all the same; 3 a mismatch; 1 something could not be recomputed; 2 bad usage, or no such lake or run.
-//! 1 outranks 3.
+//! `posegrid verify`: past runs recomputed and compared with what they claim. Exit codes: 0 all the same; 3 a mismatch;
+//! 1 something could not be recomputed; 2 bad usage, or no such lake or run. 1 outranks 3.
 
 mod files;
 mod words;
@@ -68,7 +66,6 @@ pub struct VerifyArgs {
     pub seed: u64,
 }
 
-/// Verifies runs; gives the exit code.
 pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
     match checked(args, bars) {
         Ok(code) => code,
@@ -84,9 +81,7 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
 
 /// The reason why a verification ended early; no run is recomputed whose verdict could not be printed.
 enum Ended {
-    /// The lake or a pipeline file cannot be used.
     Unusable(VerifyError),
-    /// stdout took no more.
     Undelivered(Undelivered),
 }
 
@@ -143,8 +138,7 @@ fn all_stages(
     Ok(all)
 }
 
-/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there; gives also the estimates and
-/// grids that runs showed.
+/// Prints each verdict as soon as it is there; gives also the estimates and grids that runs showed.
 fn all(
     selected: &Selected,
     sought: &mut Sought,

@@ -1,5 +1,3 @@
-//! Accuracy figures before and after.
-
 mod sessions;
 mod tip;
 

@@ -16,26 +16,20 @@ use crate::report::verdict::RunVerdict;
 
 pub use origin::{Count, Provenance, Session};
 
-/// Everything on the page of one run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// Name of the robot.
     pub robot: String,
     /// Name of the session, or `pooled`.
     pub session: String,
-    /// Name of the run.
     pub run: String,
     /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     /// Whether it is, by what, and who says so: held-out blocks, and every test session.
     pub verdict: RunVerdict,
-    /// The base frame that errors, table and verdict hold in.
     pub frame: StatedFrame,
-    /// What to do with the result.
     pub next: Next,
     /// The command that corrects targets by the result, as it is typed beside the folder `lake`; `None` where nothing is corrected.
     pub command: Option<String>,
-    /// Errors before and after.
     pub pairs: Pairs,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
     pub bounds: Option<[[f64; 3]; 2]>,
@@ -43,7 +37,6 @@ pub struct Content {
     pub measured: Option<String>,
     /// What they were measured with: what it is, and its name or uncertainty.
     pub instruments: Vec<(&'static str, String)>,
-    /// The choice of the step in words.
     pub choice: String,
     /// Warnings for the operator in addition to the verdict, in sentences, shown before the figures.
     pub warnings: Vec<String>,
@@ -51,24 +44,15 @@ pub struct Content {
     pub notes: Vec<String>,
     /// Whether the table that drove the session still holds, as text; `None` where no table did.
     pub table_state: Option<String>,
-    /// Rows of table `grid_steps`.
     pub steps: Vec<StepRow>,
-    /// Rows of table `accuracy` without the tool tip.
     pub figures: Vec<AccuracyRow>,
-    /// Rows of table `accuracy` of the tool tip.
     pub tip: Vec<AccuracyRow>,
-    /// Rows of table `semivariograms`.
     pub semivariograms: Vec<SemivariogramRow>,
-    /// Rows of table `joint_errors`.
     pub joint_errors: Vec<JointErrorRow>,
-    /// Rows of table `parameters`.
     pub parameters: Vec<ParameterRow>,
-    /// Rows of table `calibrations`.
     pub calibrations: Vec<CalibrationRow>,
     /// Rows of `clocks`, `stations` and `rejects` for each session, training sessions first.
     pub sessions: Vec<Session>,
-    /// The number of items that each stage read, kept and rejected.
     pub counts: Vec<Count>,
-    /// Files, version and settings that the run was made from.
     pub provenance: Provenance,
 }

@@ -1,9 +1,5 @@
-//! The page of a fleet: the newest session of each robot → one HTML file, as a robot's page is, with a link to each.
-//!
-//! Input is [`Content`]; output is the text of the page. It is a pure function: the same content gives the same bytes, on whichever day. What is
-//! "last night" and how long ago a session was follows from a date that the content states. Sections, the verdicts first:
-//!
-//! 1. bounds over tolerances; 2. the worst; 3. what moved; 4. robots that were not measured; 5. all robots by verdict.
+//! The page of a fleet: the newest session of each robot → one HTML file. What is "last night" and how long ago a
+//! session was follows from a date that the content states, not from the day.
 
 mod bounds;
 pub mod content;
@@ -27,7 +23,6 @@ const SECTIONS: [Maker<Content>; 6] = [
     ("reading", "How to read this", |c| Some(reading(c))),
 ];
 
-/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("Fleet · {}", content::how_many(content.robots.len())),

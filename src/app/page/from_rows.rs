@@ -1,6 +1,4 @@
 //! The published rows of a run's tables, and the statements that no table has → the content of its page.
-//!
-//! A figure on the page is the value of a row, so page and tables cannot differ.
 
 use std::collections::BTreeMap;
 
@@ -18,26 +16,18 @@ use crate::report::frame::StatedFrame;
 use crate::report::next::{Next, Stated};
 use crate::report::verdict::RunVerdict;
 
-/// The statements of a run that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The statement that targets need where the identified arm corrects them.
     pub stated: Stated,
-    /// The inputs and settings of the run.
     pub work: &'a Work,
     /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// The choice of the step as text.
     pub choice: &'a str,
-    /// Whether the tolerance is met, by what, and who says so.
     pub verdict: &'a RunVerdict,
-    /// The base frame that errors, table and verdict hold in.
     pub frame: &'a StatedFrame,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// The number of items that each stage read, kept and rejected.
     pub counts: &'a [StageCount],
-    /// Tables written.
     pub written: &'a [Written],
     /// Warnings and notes as text.
     pub said: &'a Statements,
@@ -52,20 +42,17 @@ pub struct Statements {
     pub warnings: Vec<String>,
     /// Whether one of them is that the logs of a session disagree with the stated set-up.
     pub doubts_set_up: bool,
-    /// Other findings.
     pub notes: Vec<String>,
     /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
     pub measured: Option<String>,
     /// What they were measured with: what it is, and its name or uncertainty.
     pub instruments: Vec<(&'static str, String)>,
-    /// Errors before and after.
     pub pairs: Pairs,
     /// Whether the table that drove the session still holds; `None` where no table did.
     pub table_state: Option<String>,
 }
 
 impl Statements {
-    /// The warnings at the head of the page.
     fn all_warnings(&self) -> Vec<String> {
         let rejected = self.rejected.iter();
         let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));

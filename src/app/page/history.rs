@@ -1,10 +1,4 @@
-//! The trend page of a robot: its history → one HTML file, as a run's page is.
-//!
-//! Input is [`Content`], the rows of the tables `history` and `drift`; output is the text of the page. It is a pure
-//! function: the same history gives the same bytes. Sections, the verdict first:
-//!
-//! 1. changes, session by session; 2. accuracy before and after; 3. base, target and joint offsets since the first session, with
-//!    bands; 4. control charts; 5. joint curves, first and newest; 6. parameters, first and newest; 7. what was left out.
+//! The trend page of a robot: its history, the rows of the tables `history` and `drift` → one HTML file.
 
 mod changes;
 mod charts;
@@ -33,7 +27,6 @@ const SECTIONS: [Maker<Content>; 8] = [
     ("reading", "How to read this", |content| Some(reading::section(content))),
 ];
 
-/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("History · {}", content.robot),

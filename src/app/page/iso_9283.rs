@@ -1,5 +1,3 @@
-//! Figures of ISO 9283, over all poses and pose by pose.
-
 use std::collections::BTreeMap;
 
 use maud::{Markup, html};
@@ -34,7 +32,6 @@ const ANGLES: [Characteristic; 6] = [
     Characteristic::RpC,
 ];
 
-/// The evidence and the subject of figures.
 type Of = (Moment, Subject);
 
 pub(super) fn section(content: &Content) -> Option<Markup> {

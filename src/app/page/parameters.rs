@@ -162,7 +162,6 @@ const fn unit(parameter: &ParameterRow) -> (&'static str, f64) {
     }
 }
 
-/// The symbols of parameters, one after another.
 fn symbols(names: &[String]) -> String {
     let symbols: Vec<String> = names.iter().map(|name| symbol(name)).collect();
     symbols.join(", ")

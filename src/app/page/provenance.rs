@@ -1,5 +1,3 @@
-//! Provenance: the files and settings that the run was made from, the files it wrote, and how to read them.
-
 use maud::{Markup, html};
 
 use super::content::{Content, Provenance};

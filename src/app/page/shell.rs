@@ -1,8 +1,5 @@
-//! The frame of every page: its parts → one HTML file that opens anywhere.
-//!
-//! Input is a [`Shell`]; output is the text of the page, well-formed as XML too. Names come from logs and settings and may
-//! hold any character: maud escapes every value, and at the end every character that a reader would not see, or that would
-//! change the direction of the text, is written out ([`visible`]).
+//! The frame of every page: a [`Shell`] → one HTML file that opens anywhere, well-formed as XML too. Names may hold any
+//! character: maud escapes every value, and [`visible`] writes out every character that a reader would not see.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -10,9 +7,7 @@ use crate::report::chart;
 
 pub(super) const STYLE: &str = include_str!("page.css");
 
-/// The parts of a page.
 pub(super) struct Shell {
-    /// The subject of the page, for the window's title.
     pub(super) title: String,
     /// The verdict and the figures that it rests on.
     pub(super) header: Markup,
@@ -22,13 +17,9 @@ pub(super) struct Shell {
     pub(super) footer: Markup,
 }
 
-/// A section of a page.
 pub(super) struct Section {
-    /// Anchor of the section.
     pub(super) id: &'static str,
-    /// Heading of the section.
     pub(super) heading: &'static str,
-    /// Content of the section.
     pub(super) body: Markup,
 }
 
@@ -44,7 +35,6 @@ pub(super) fn sections<C>(makers: &[Maker<C>], content: &C) -> Vec<Section> {
     made.collect()
 }
 
-/// The page as HTML text.
 pub(super) fn page(shell: &Shell) -> String {
     let page = html! {
         (DOCTYPE)
@@ -72,8 +62,8 @@ pub(super) fn page(shell: &Shell) -> String {
     visible(page.into_string())
 }
 
-/// The page with every character written out that a reader would not see: controls, and marks that change the direction of
-/// text, with which a name in a log could read as something else. The page's own markup has none.
+/// Writes out controls, and marks that change the direction of text, with which a name in a log could read as something
+/// else.
 fn visible(page: String) -> String {
     if !page.contains(is_hidden) {
         return page;

@@ -77,7 +77,6 @@ fn bin(row: &SemivariogramRow) -> Option<[f64; 2]> {
     Some([row.separation?, row.gamma_mm2?])
 }
 
-/// The model that fits best.
 struct Best {
     shape: Shape,
     nugget_mm2: f64,

@@ -65,7 +65,6 @@ fn shown(content: &Content, compared: &Compared) -> Option<Markup> {
     })
 }
 
-/// One state of the errors.
 fn drawn(
     compared: &Compared,
     name: &str,

@@ -74,7 +74,6 @@ fn no_table(content: &Content) -> Markup {
     }
 }
 
-/// The choice of each rule, with the reason.
 fn choices(content: &Content) -> Markup {
     let why = |of: fn(&StepRow) -> Option<&String>| content.steps.iter().find_map(of);
     html! {
@@ -136,7 +135,6 @@ fn judged_on(step: &StepRow) -> Markup {
     html! { (step.held_out) @if step.visits > step.held_out { small { (step.visits) " visits" } } }
 }
 
-/// The steps of the chosen source and interpolation.
 fn own_rows(steps: &[&StepRow]) -> Markup {
     let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Interpolation shown, %" } th { "Mean" } th { "Bound" } th.word { "Verdict" } };
     let body = html! {
@@ -236,7 +234,6 @@ fn chart(content: &Content, chosen: &StepRow) -> Markup {
     .svg()
 }
 
-/// Step and value, in the order of the steps.
 fn points(steps: &[&StepRow], value: impl Fn(&StepRow) -> Option<f64>) -> Vec<[f64; 2]> {
     let point = |step: &&StepRow| Some([step.step_mm, value(step)?]);
     let mut points: Vec<[f64; 2]> = steps.iter().filter_map(point).collect();

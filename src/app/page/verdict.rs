@@ -51,7 +51,6 @@ fn to_do(content: &Content) -> Markup {
     }
 }
 
-/// What the sessions were measured with.
 fn instruments(content: &Content) -> Markup {
     html! {
         @if !content.instruments.is_empty() {
@@ -60,7 +59,6 @@ fn instruments(content: &Content) -> Markup {
     }
 }
 
-/// The base frame that the results hold in.
 fn frame(content: &Content) -> Markup {
     let stated = &content.frame;
     html! { p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." } }

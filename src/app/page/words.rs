@@ -1,5 +1,3 @@
-//! Values of the tables → text of the page, and numbers in fixed digits.
-
 use maud::{Markup, html};
 
 use crate::fit::Identifiability;
@@ -10,12 +8,10 @@ use crate::io::tables::words::TableVerdict;
 use crate::plan::Kind;
 use crate::report::{BaseRefit, Model, Split, Subject};
 
-/// A model as text.
 pub(super) const fn model(model: Model) -> &'static str {
     model.about().name
 }
 
-/// The look of a model in every chart.
 pub(super) const fn look(model: Model) -> usize {
     model.about().look
 }

@@ -1,6 +1,4 @@
 //! TABLE → the file of a table: the file itself, or of a robot in a lake the table of its current run.
-//!
-//! A folder in the place of a file is an error that names the files to give.
 
 use std::path::{Path, PathBuf};
 
@@ -15,17 +13,14 @@ use crate::io::targets::{self, DataList, Form, Targets};
 use crate::manifest::RunKey;
 use crate::pipeline::history;
 
-/// The file of a table.
 #[derive(Debug)]
 pub(super) struct Named {
-    /// The file.
     pub(super) path: PathBuf,
     /// Which run and table of a robot it is, in words; `None` where the file itself was given.
     pub(super) words: Option<String>,
 }
 
 impl CompensateArgs {
-    /// Refuses folders where files are needed.
     pub(super) fn check_folders(&self) -> Result<(), CompensateCommandError> {
         if self.lake.is_none() && self.table.is_dir() {
             return Err(table_folder(&self.table));
@@ -79,8 +74,7 @@ impl CompensateArgs {
         })
     }
 
-    /// The table asked for; without a wish the identified arm where every target states what it needs, and the nodes of the grid
-    /// otherwise, as far as the run has them.
+    /// The table asked for; without a wish the identified arm where every target states what it needs, otherwise the nodes.
     fn table_of(
         &self,
         lake: &Lake,
@@ -107,7 +101,6 @@ impl CompensateArgs {
     }
 }
 
-/// The current run of a robot's session.
 fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey, CompensateCommandError> {
     let current = lake.current(&RunKey::new(robot, session, ""))?;
     let run = current.ok_or_else(|| CompensateCommandError::NoRun {
@@ -131,7 +124,6 @@ fn is_for_the_arm(targets: &Targets) -> bool {
     targets.targets.iter().filter(|target| !is_for_it(target)).count() == 0
 }
 
-/// What a folder in the place of a table is told.
 fn table_folder(path: &Path) -> CompensateCommandError {
     let robots = folders_in(&path.join("runs"));
     if !robots.is_empty() {

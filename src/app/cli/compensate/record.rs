@@ -1,8 +1,6 @@
-//! The lake's record of corrections: no file that the lake knows is corrected twice.
-//!
-//! Marks can be removed from a file, with its comments or by a script that rewrites it. So where the table is in its lake,
-//! every file written is recorded there, and targets are compared with all records of the lake, of every robot and run: the
-//! file as a whole by its digest, and its targets by their values: a target that equals a recorded command is that command.
+//! The lake's record of corrections: no file that the lake knows is corrected twice. Marks can be removed from a file,
+//! so targets are compared with all records of the table's lake: the file as a whole by its digest, its targets by
+//! their values.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -20,25 +18,21 @@ use crate::io::table::Word as _;
 use crate::io::targets::{CorrectedBy, Form};
 use crate::manifest::{self, VERSION};
 
-/// A target this close to a command on each axis is taken for the command, mm: files have a micrometre at least, and
-/// controllers keep 32-bit numbers, which at 4 m are 0.24 µm apart.
+/// A target this close to a command on each axis is taken for it, mm: controllers keep 32-bit numbers, which at 4 m are
+/// 0.24 µm apart.
 const SAME_MM: f64 = 0.001_5;
 /// The tolerance for each joint angle, rad: 2 µm at 2 m.
 const SAME_RAD: f64 = 1e-6;
 
-/// Records of the lake that holds the table.
 pub(super) struct Recorded {
     lake: Option<Lake>,
     /// Each record with its path, and the time it was written.
     records: Vec<(PathBuf, Option<SystemTime>, Correction)>,
 }
 
-/// The outcome of recording this correction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Recording {
-    /// The record is in the lake.
     Done,
-    /// The table is in no lake.
     NoLake,
     /// The lake cannot take the record, and the caller accepts that (`--no-record`).
     Refused,

@@ -13,12 +13,9 @@ use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, JointUnits, Targets};
 
-/// The source of a correction.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// The nodes of a grid.
     Table(Box<PublishedTable>),
-    /// The identified arm.
     Arm(Box<PublishedArm>),
 }
 
@@ -230,7 +227,6 @@ impl Source {
         }
     }
 
-    /// Whether the run meets its tolerance.
     pub(super) const fn verdict(&self) -> TableVerdict {
         match self {
             Self::Table(own) => own.verdict,

@@ -1,5 +1,3 @@
-//! The outcome of the targets, as text.
-
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -12,7 +10,6 @@ use crate::io::targets::{DataList, RefusedFor};
 /// Most refusals that have a line of their own.
 const REFUSALS_SHOWN: usize = 20;
 
-/// Writes the table, the corrections and the refusals.
 impl fmt::Display for Compensated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let by = self.source.by(&[]);

@@ -36,7 +36,6 @@ pub struct UsedWithArgs {
     pub temperature_c: Option<f64>,
 }
 
-/// Whether an option is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum OnOff {
     /// On
@@ -59,7 +58,6 @@ impl UsedWithArgs {
     }
 }
 
-/// Reads the name of the table that corrects.
 pub(super) fn correcting_table() -> impl TypedValueParser<Value = CorrectingTable> {
     named(
         [CorrectingTable::Compensation, CorrectingTable::Calibrations]
@@ -67,7 +65,6 @@ pub(super) fn correcting_table() -> impl TypedValueParser<Value = CorrectingTabl
     )
 }
 
-/// Reads the name that an exception is allowed by.
 pub(super) fn exception() -> impl TypedValueParser<Value = Exception> {
     named(
         EXCEPTIONS.map(|(exception, name, help)| (exception, PossibleValue::new(name).help(help))),

@@ -1,5 +1,3 @@
-//! Writes the result in its form, completely or not at all.
-
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,13 +8,11 @@ use crate::io::table::{self, Table};
 use crate::io::targets::{self, Form, JointUnits, Targets};
 use crate::io::whole_file::write_whole;
 
-/// The result to write.
 pub(super) struct Written<'a> {
     pub(super) result: &'a Table,
     pub(super) targets: &'a Targets,
     pub(super) outcomes: &'a [Result<Corrected, Refused>],
     pub(super) table_id: &'a str,
-    /// Units of joint angles in a text.
     pub(super) units: JointUnits,
 }
 
@@ -48,7 +44,6 @@ impl CompensateArgs {
         taken.map_or(Ok(wanted), |path| Err(CompensateCommandError::Exists(path)))
     }
 
-    /// Writes the result, which is `bytes`, to `stdout` where the arguments name no file.
     pub(super) fn write(
         &self,
         written: &Written<'_>,
@@ -79,7 +74,6 @@ impl CompensateArgs {
         })
     }
 
-    /// The error of a result that could not be made.
     pub(super) fn not_written(&self, source: WriteCause) -> CompensateCommandError {
         let path = self.out.clone();
         CompensateCommandError::Write { path, source }
@@ -87,7 +81,6 @@ impl CompensateArgs {
 }
 
 impl Written<'_> {
-    /// The whole result in its form.
     pub(super) fn bytes(&self, form: Form) -> Result<Vec<u8>, WriteCause> {
         if let (Form::Krl, Some(list)) = (form, &self.targets.list) {
             return Ok(list.write(self.outcomes, self.table_id));

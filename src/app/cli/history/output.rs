@@ -68,7 +68,6 @@ pub(super) fn pages(
     Ok(written)
 }
 
-/// The page of the fleet, where there are several robots.
 fn page_of_fleet(
     lake: &Lake,
     robots: &[RobotHistory],
@@ -112,8 +111,8 @@ fn rows<'h>(
     each.collect()
 }
 
-/// The file name of a robot's page, encoded as in the lake: a robot's name may hold any character. A robot named like the page of the
-/// fleet has its first letter encoded too, on a file system that ignores case as well.
+/// A robot's name may hold any character, so it is encoded as in the lake; of a robot named like the page of the fleet
+/// the first letter is too.
 fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
     let key = RunKey::new("robot", "session", robot);
     let path = lake.page(&key)?.named();
@@ -132,7 +131,6 @@ fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {
     })
 }
 
-/// Replaces an earlier file, completely or not at all.
 fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, HistoryCommandError> {
     let path = folder.join(name);
     match replace_whole(&path, bytes) {

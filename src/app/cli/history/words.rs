@@ -1,5 +1,3 @@
-//! The history of a robot in a few lines.
-
 use std::collections::BTreeMap;
 
 use crate::history::FALSE_ALARM;
@@ -9,7 +7,6 @@ use crate::pipeline::history::{RobotHistory, RunResult};
 /// Most changes printed on stdout, the newest ones.
 const PRINTED: usize = 3;
 
-/// The lines of text.
 pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
     let count = robot.sessions.len();
     let mut lines = Vec::new();

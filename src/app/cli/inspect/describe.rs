@@ -1,5 +1,3 @@
-//! The description of one log, as text.
-
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -13,7 +11,6 @@ const MOST_PRINTED: usize = 20;
 /// A gap of this many usual steps or more is described.
 const LONG_GAP: f64 = 5.0;
 
-/// The description of one log, as text.
 pub fn describe(found: &Inspection) -> String {
     let read_summary = &found.read_summary;
     let mut text = String::new();

@@ -1,6 +1,4 @@
-//! The sections of a pipeline file that would read the logs, as far as types, topics and times show.
-//!
-//! Values that no log states are comments that say what has to be filled in.
+//! The sections of a pipeline file that would read the logs; values that no log states are comments to fill in.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,7 +10,6 @@ use crate::io::log::Layout;
 /// Most topics that are named where none fits.
 const MOST_TOPICS: usize = 100;
 
-/// A section that needs a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Section {
     Controller,
@@ -37,8 +34,7 @@ impl Section {
         }
     }
 
-    /// Commands are in logs with joint states; poses in a log without joint states are a tracker's, whatever their topic is
-    /// called.
+    /// Commands are in logs with joint states; poses in a log without are a tracker's, whatever their topic is called.
     fn suits(self, beside_joints: bool, channel: &ChannelSummary) -> bool {
         let is_pose = matches!(
             layout(channel),
@@ -52,7 +48,6 @@ impl Section {
         }
     }
 
-    /// The lines to fill in with values that no log states.
     const fn to_fill_in(self) -> &'static str {
         match self {
             Self::Controller => {

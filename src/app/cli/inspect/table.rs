@@ -1,5 +1,3 @@
-//! The description of a table of measured stations, as text.
-
 pub mod arm;
 mod section;
 
@@ -23,7 +21,6 @@ const MOST_TEXTS: usize = 5;
 /// Positions whose frame is no further from the base are stated in the base frame, mm and degrees.
 const OWN_FRAME_MM: f64 = 20.0;
 const OWN_FRAME_DEG: f64 = 2.0;
-/// Endings of tables.
 const TABLES: [&str; 15] = [
     "csv", "tsv", "tab", "txt", "dat", "asc", "json", "jsonl", "ndjson", "yaml", "yml", "parquet",
     "xlsx", "xls", "ods",
@@ -45,7 +42,6 @@ fn begins_as_a_log(path: &Path) -> bool {
     matches!(read, Some(Ok(_))) && LOGS.iter().any(|log| bytes.starts_with(log))
 }
 
-/// The description of one table, as text.
 pub fn describe(path: &Path, found: &TableInspection) -> String {
     let name = escaped(&path.to_string_lossy());
     let mut text = format!("{name}  {} rows, {} columns\n", found.rows, found.columns.len());
@@ -146,7 +142,6 @@ fn of_guess(guess: &Guess) -> Vec<String> {
     lines
 }
 
-/// The frame of the positions, as the base lies in it.
 fn of_base(base: &Isometry3<f64>) -> String {
     let at = base.translation.vector;
     let turn = base.rotation.angle().to_degrees();

@@ -49,7 +49,6 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
     of_all(&codes)
 }
 
-/// The arguments for one robot.
 fn of(args: &PlanArgs, robot: &str) -> PlanArgs {
     let named = |csv: &PathBuf| PathBuf::from(csv.to_string_lossy().replace(ROBOT_PLACE, robot));
     PlanArgs { robot: Some(robot.to_owned()), csv: args.csv.as_ref().map(named), ..args.clone() }

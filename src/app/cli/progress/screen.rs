@@ -1,5 +1,3 @@
-//! The terminal that bars are drawn on.
-
 use std::io;
 use std::sync::{Mutex, MutexGuard};
 
@@ -8,10 +6,8 @@ use indicatif::TermLike;
 
 use crate::cli::streams::Stream;
 
-/// stderr as a terminal that never fails: a bar that cannot be drawn, because the terminal was closed, is dropped.
-///
-/// The bars' own terminal passes an error on to whoever suspends the bars, which takes it for a defect, and keeps the text
-/// that it could not write, more with each step.
+/// stderr as a terminal that never fails: a bar that cannot be drawn, because the terminal was closed, is dropped. The
+/// bars' own terminal would keep the text that it could not write.
 #[derive(Debug)]
 pub(super) struct Screen {
     size: Term,

@@ -1,5 +1,3 @@
-//! The ready robots as a table.
-
 use std::fmt::Write as _;
 
 use crate::io::robot::ready::READY;
@@ -31,8 +29,7 @@ pub(super) fn ready() -> String {
     text
 }
 
-/// The largest distance of the flange from the first axis within the joints' limits, mm: searched joint by joint, from zero, the
-/// middle and home.
+/// Largest distance of the flange from the first axis within the limits, mm: searched joint by joint.
 fn reach_mm(arm: &Arm) -> f64 {
     let middle = arm.joints().iter().map(|j| f64::midpoint(j.lower, j.upper));
     let zero = arm.joints().iter().map(|j| 0.0_f64.clamp(j.lower, j.upper));

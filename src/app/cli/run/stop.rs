@@ -10,7 +10,6 @@ use signal_hook::flag;
 
 use crate::progress::{Progress, Stopped};
 
-/// Whether a signal asked this process to end, and which.
 #[derive(Debug, Clone, Default)]
 pub struct Stop {
     /// 0 for none yet.
@@ -35,12 +34,10 @@ impl Stop {
         Ok(stop)
     }
 
-    /// Whether an end was asked for.
     pub fn asked(&self) -> bool {
         self.signal.load(Ordering::Relaxed) != 0
     }
 
-    /// The name of the signal that asked.
     pub fn name(&self) -> &'static str {
         const INTERRUPT: usize = SIGINT as usize;
         match self.signal.load(Ordering::Relaxed) {

@@ -1,7 +1,5 @@
-//! The summary of a batch: a line for each session, ten lines for each new result, the totals, the exit code.
-//!
-//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
-//! what it says; a name cannot break a line or begin one. Sessions stand in the order of the configuration.
+//! The summary of a batch. A line begins with how the session ended, in one word and always in the same columns, so
+//! that `grep '^failed'` finds what it says. Sessions stand in the order of the configuration.
 
 use std::fmt::Write as _;
 
@@ -17,7 +15,6 @@ use crate::pipeline::fleet::{Fleet, FleetPiece};
 use crate::pipeline::run::Done;
 use crate::pipeline::summary::Next;
 
-/// The pieces of work in words.
 pub fn work(fleet: &Fleet) -> String {
     let names = |sessions: &[SessionFiles]| {
         let names: Vec<_> = sessions.iter().map(|s| Printable(&s.name).to_string()).collect();
@@ -109,7 +106,6 @@ fn state_line(state: &str, session: &str, words: &str) -> String {
     format!("{state:<12} {}: {}\n", Printable(session), Printable(words))
 }
 
-/// A result in one line.
 fn outcome(done: &Done) -> String {
     let mut text = verdict(&done.verdict).to_owned();
     if let Some(of) = done.verdict_of {
@@ -128,8 +124,7 @@ fn outcome(done: &Done) -> String {
     text
 }
 
-/// The summary of a new result, with everything else that it found where that is asked for; for one that was there before, its line
-/// is enough, unless it took the place of another.
+/// The line of a result that was there before is enough, unless it took the place of another.
 fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
@@ -173,7 +168,6 @@ fn now(next: &Next, table: &Place) -> String {
     format!("now: {}{command}", next.words())
 }
 
-/// A path as a shell takes it.
 fn quoted(path: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-%+:@=,".contains(c);
     if path.chars().all(is_plain) {
@@ -191,7 +185,6 @@ const fn verdict(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// The number of sessions for each ending.
 #[derive(Debug, Default)]
 struct Totals {
     new: usize,
@@ -226,7 +219,6 @@ impl Totals {
         totals
     }
 
-    /// Adds a result, which the lake may have had already.
     fn add(&mut self, already_there: bool) {
         self.before += usize::from(already_there);
         self.new += usize::from(!already_there);

@@ -1,5 +1,4 @@
-//! Pieces of work on threads: whatever goes wrong with one stays with it, and a pool goes on without a session that cannot be
-//! used.
+//! Pieces of work on threads: a pool goes on without a session that cannot be used.
 
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
@@ -15,25 +14,18 @@ use crate::pipeline::fleet::FleetPiece;
 use crate::pipeline::run::{Done, Known, RunError, StageDone, run_piece, stage_piece};
 use crate::progress::Progress;
 
-/// The ending of one piece of work.
 #[derive(Debug)]
 pub enum Ending {
-    /// With a result.
     Done(Box<Done>),
     /// With the result of a stage, which was all that was asked for.
     OfStage(StageDone),
-    /// Without one.
     Failed(Failure),
-    /// A signal ended it under way.
     Stopped,
-    /// A signal came before it was begun.
     NotStarted,
 }
 
-/// Why a piece of work has no result.
 #[derive(Debug)]
 pub struct Failure {
-    /// The reason as text.
     pub reason: String,
     /// The session that caused it; `None` where no single one did.
     pub session: Option<String>,

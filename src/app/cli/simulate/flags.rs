@@ -1,5 +1,3 @@
-//! The flags that say where to measure and which errors there are.
-
 use std::path::PathBuf;
 
 use clap::Args;
@@ -283,15 +281,12 @@ fn set(setting: &mut f64, flag: Option<f64>, unit: f64) {
     }
 }
 
-/// Numbers separated by commas.
 #[derive(Debug, Clone)]
 struct List(Vec<f64>);
 
-/// Three numbers separated by commas.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Triple(pub(super) [f64; 3]);
 
-/// Five numbers separated by commas.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Five(pub(super) [f64; 5]);
 
@@ -307,7 +302,6 @@ fn list(text: &str) -> Result<List, String> {
     numbers.map(List)
 }
 
-/// Five numbers, separated by commas, the last a standard deviation.
 pub(super) fn five(text: &str) -> Result<Five, String> {
     let five = numbers(text, "five")?;
     if five[4] > 0.0 {
@@ -317,7 +311,6 @@ pub(super) fn five(text: &str) -> Result<Five, String> {
     }
 }
 
-/// Three numbers, separated by commas.
 pub(super) fn triple(text: &str) -> Result<Triple, String> {
     numbers(text, "three").map(Triple)
 }

@@ -1,5 +1,3 @@
-//! The flags of an instrument in the place of the laser tracker.
-
 use clap::Args;
 
 use super::flags::{finite, numbers};
@@ -37,7 +35,6 @@ const OF_TRACKERS: [&str; 6] =
     ["six_dof", "beside", "reference", "no_tracker_noise", "tracker_scale_ppm", "outlier_share"];
 
 impl InstrumentFlags {
-    /// Puts the instrument into a session's settings.
     pub(super) fn change(&self, settings: &mut SimulateSettings) {
         let distance_mm = self.instrument_distance_mm;
         settings.instrument = match (self.scanner, self.camera) {
@@ -69,7 +66,6 @@ fn scanner(text: &str) -> Result<Scanner, String> {
     numbers(text, "2").map(Scanner)
 }
 
-/// A camera and its target.
 #[derive(Debug, Clone, Copy)]
 struct Camera {
     focal_px: f64,

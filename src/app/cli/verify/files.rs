@@ -1,5 +1,3 @@
-//! The files under a lake as lines of text.
-
 use std::collections::BTreeMap;
 
 use crate::cli::messages::Printable;

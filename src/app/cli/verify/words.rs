@@ -17,7 +17,6 @@ pub(super) fn name(key: &RunKey) -> String {
     format!("{}/{} run {}", key.robot, key.session, key.run)
 }
 
-/// The line of a run.
 pub(super) fn line(name: &str, verdict: &Verdict) -> String {
     let words = match verdict {
         Verdict::NotRecomputed(reason) => format!("not recomputed: {reason}"),

@@ -1,5 +1,3 @@
-//! Each robot's bound over its tolerance, the smallest first.
-
 use maud::{Markup, html};
 
 use super::content::{Content, how_many};

@@ -1,21 +1,14 @@
-//! The content of the page of a fleet.
-
 use crate::io::tables::words::TableVerdict;
 use crate::units::WallTime;
 
-/// Microseconds of a day.
 const DAY_US: f64 = 86_400e6;
 
-/// The robots of a lake.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// Version of the program that made the page.
     pub version: String,
     /// The time that the page is of: the start of the newest session, or a stated one; `None` where no session has a date.
     pub as_of: Option<WallTime>,
-    /// Whether that time was stated.
     pub is_stated: bool,
-    /// The robots, in the order of their names.
     pub robots: Vec<Robot>,
 }
 
@@ -25,15 +18,12 @@ pub struct Robot {
     pub name: String,
     /// File name of its page, next to this one.
     pub page: String,
-    /// Number of its sessions.
     pub sessions: usize,
     /// The newest of them; `None` where none could be used.
     pub newest: Option<Newest>,
-    /// Number of its runs that could not be read.
     pub unreadable: usize,
 }
 
-/// The newest session of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Newest {
     pub session: String,
@@ -41,11 +31,9 @@ pub struct Newest {
     pub started: Option<WallTime>,
     /// The middle of the times between sessions, days; `None` of fewer than three with a date.
     pub usual_days: Option<f64>,
-    /// The verdict of its run.
     pub verdict: TableVerdict,
     /// The bound that it rests on, mm.
     pub bound_mm: Option<f64>,
-    /// The tolerance, mm.
     pub tolerance_mm: Option<f64>,
     /// Mean error before correction, mm.
     pub before_mm: Option<f64>,
@@ -58,12 +46,10 @@ pub struct Newest {
 }
 
 impl Content {
-    /// The time that the page is of, as text.
     pub(super) fn as_of_text(&self) -> String {
         self.as_of.map_or_else(|| "a time that is not known".to_owned(), |time| time.to_string())
     }
 
-    /// Robots with their newest sessions.
     pub(super) fn measured(&self) -> impl Iterator<Item = (&Robot, &Newest)> {
         let robots = self.robots.iter();
         robots.filter_map(|robot| Some((robot, robot.newest.as_ref()?)))
@@ -88,13 +74,11 @@ impl Newest {
         Some(self.bound_mm? / tolerance)
     }
 
-    /// Whether something moved, or is out of control.
     pub(super) fn is_changed(&self) -> bool {
         self.moved.is_some() || !self.out_of_control.is_empty()
     }
 }
 
-/// A number of robots, in words.
 pub(super) fn how_many(robots: usize) -> String {
     if robots == 1 { "1 robot".to_owned() } else { format!("{robots} robots") }
 }

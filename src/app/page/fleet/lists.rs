@@ -1,5 +1,3 @@
-//! Tables of robots: the worst, those that moved, those that were not measured, and all of them.
-
 use std::cmp::Reverse;
 
 use maud::{Markup, html};
@@ -15,7 +13,6 @@ const WORST: usize = 10;
 /// Most rows of other tables before the rest is folded.
 const MOST: usize = 50;
 
-/// A robot and its newest session.
 type Measured<'c> = (&'c Robot, &'c Newest);
 
 pub(super) fn worst(content: &Content) -> Option<Markup> {

@@ -1,23 +1,14 @@
-//! The content of the trend page.
-
-/// The history of one robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// Name of the robot.
     pub robot: String,
-    /// Version of the program that made the page.
     pub version: String,
     /// Probability of a false alarm in one session.
     pub false_alarm: f64,
-    /// Number of runs of the robot in the lake.
     pub runs: usize,
     /// Sessions in the order of their logs.
     pub sessions: Vec<Session>,
-    /// Charted figures over the sessions.
     pub series: Vec<Series>,
-    /// Error curves of the joints.
     pub curves: Vec<Curve>,
-    /// Parameters of the arm.
     pub parameters: Vec<Parameter>,
     /// Runs left out: name and reason.
     pub left_out: Vec<(String, String)>,
@@ -25,9 +16,7 @@ pub struct Content {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
-    /// Name of the session.
     pub name: String,
-    /// Name of the session's current run.
     pub run: String,
     /// Segment of the session, from 1.
     pub segment: usize,
@@ -45,20 +34,15 @@ pub struct Session {
     pub out_of_control: Vec<String>,
 }
 
-/// A charted figure over the sessions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// Name of the figure.
     pub name: String,
     /// `mm` or `rad`.
     pub unit: &'static str,
-    /// Whether it is an accuracy figure.
     pub is_accuracy: bool,
-    /// The value in each session that has one.
     pub points: Vec<Point>,
 }
 
-/// A figure in one session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Number of the session, from 1.
@@ -78,16 +62,12 @@ pub struct Curve {
     pub joint: usize,
     /// Whether it slides: then its points are in mm over mm, and not in rad.
     pub slides: bool,
-    /// The curve in the first session.
     pub first: Vec<[f64; 3]>,
-    /// The curve in the newest session.
     pub newest: Vec<[f64; 3]>,
 }
 
-/// A parameter of the arm: value and standard error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Name of the parameter.
     pub name: String,
     /// `mm` or `rad`.
     pub unit: &'static str,

@@ -1,5 +1,3 @@
-//! Notes on how the figures of the page are computed.
-
 use maud::{Markup, html};
 
 use super::content::Content;

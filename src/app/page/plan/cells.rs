@@ -10,8 +10,6 @@ pub(super) fn robots_head() -> Markup {
     html! { th { "Robots that meet it" } th { "At least" } }
 }
 
-/// The number of robots that meet the tolerance, and the least share of all robots that it shows; dashes where none could
-/// be judged.
 pub(super) fn robots(figure: &FigureRow) -> Markup {
     html! {
         @if figure.judged == 0 {

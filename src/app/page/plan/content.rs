@@ -6,7 +6,6 @@ use crate::manifest::{StageCount, Work, Written};
 use crate::page::content::{Count, Provenance};
 use crate::page::from_rows::{count, made_from};
 
-/// Everything on the page of one plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
     pub robot: String,
@@ -16,20 +15,14 @@ pub struct Content {
     pub figures: Vec<FigureRow>,
     /// `sampling_plan`, in the order of visits.
     pub visits: Vec<VisitRow>,
-    /// Numbers of candidates read, kept and rejected.
     pub counts: Vec<Count>,
-    /// Files, version and settings that the plan was made from.
     pub provenance: Provenance,
 }
 
-/// The statements of a plan that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The inputs and settings of the plan.
     pub work: &'a Work,
-    /// Numbers of candidates read, kept and rejected.
     pub counts: &'a [StageCount],
-    /// Tables written.
     pub written: &'a [Written],
 }
 

@@ -33,7 +33,6 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-/// Poses and value of one design.
 fn points(
     rows: &[&FigureRow],
     design: Kind,

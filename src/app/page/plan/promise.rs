@@ -38,7 +38,6 @@ impl Status {
     }
 }
 
-/// The figures of the planned session on simulated robots.
 fn found(content: &Content) -> Option<&FigureRow> {
     let mut rows = content.figures.iter();
     rows.find(|row| row.study == FigureStudy::Promise)

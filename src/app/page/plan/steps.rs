@@ -53,7 +53,6 @@ fn sentence(chosen: Option<&FigureRow>) -> Markup {
     }
 }
 
-/// The steps of the family that is drawn.
 fn own_rows(steps: &[&FigureRow]) -> Markup {
     let head =
         html! { th { "Step, mm" } th { "Poses" } (cells::errors_head()) (cells::robots_head()) };
@@ -130,14 +129,12 @@ fn chart(
     .svg()
 }
 
-/// The tolerance as a line.
 pub(super) fn tolerance(content: &Content) -> Vec<Limit> {
     let limit = |mm: f64| Limit { name: format!("tolerance {mm} mm"), value: mm };
     let promise = content.promise().into_iter();
     promise.map(|promise| limit(promise.tolerance_mm)).collect()
 }
 
-/// Step and value, in the order of the steps.
 fn points(steps: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64>) -> Vec<[f64; 2]> {
     let point = |row: &&FigureRow| Some([row.step_mm?, value(row)?]);
     in_order(steps).iter().filter_map(point).collect()

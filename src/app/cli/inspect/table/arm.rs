@@ -11,13 +11,10 @@ use crate::io::robot::ready::ReadyRobot;
 use crate::io::robot::{self, Selection};
 use crate::pipeline::robot_file::{self, NoRobotFile};
 
-/// The reason why there is no arm.
 #[derive(Debug, Error)]
 pub enum NoArm {
-    /// The file cannot be read.
     #[error("--robot {0}; `posegrid robot --list` names the ready robots")]
     Read(At<io::Error>),
-    /// It is no robot file.
     #[error("--robot {0}")]
     File(#[from] Box<At<NoRobotFile>>),
 }

@@ -15,7 +15,6 @@ use crate::io::robot::Selection;
 
 use super::{angle, length};
 
-/// Lines of TOML, each with what is unsure about it.
 struct Lines<'g> {
     guess: &'g Guess,
     text: String,
@@ -207,7 +206,6 @@ impl Lines<'_> {
         }
     }
 
-    /// The frames of the commands.
     fn commanded(&mut self, commands: &Commands) {
         self.head("commanded");
         self.key(
