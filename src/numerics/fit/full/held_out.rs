@@ -5,8 +5,8 @@
 //! not say so, so the model is trained a second time without curves and gear lines, and the two are held against each other on
 //! blocks: each block's residuals as predicted from all others, in closed form at the sizes found.
 //!
-//! The sums of a block's rows are taken out of those of all, which leaves the posterior of all other stations; what is predicted by that
-//! never saw the block.
+//! What a block's own stations said is taken out of their residuals in closed form; what is left is predicted by a posterior that never
+//! saw the block.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
@@ -15,10 +15,10 @@ use super::regression::Evidence;
 use super::rows::{Around, Coefficients, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
-use super::whitening::add;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::model::PartEvidence;
 use crate::fit::problem::Problem;
+use crate::linalg::gram;
 
 /// Number of blocks that suffice where they all say the same clearly.
 const CLEAR: usize = 3;
@@ -98,47 +98,22 @@ impl Settled {
 
     /// What leaving out any block needs of all rows; `None` where they are few and their covariance cannot be found.
     fn known(&self, around: &Around<'_>) -> Option<Known> {
-        if !matches!(self.evidence, Evidence::Rows(_)) {
-            return Some(Known::Sums);
-        }
         let all: Vec<usize> = (0..around.count()).collect();
         let rows = around.rows(&all);
         let noise = covariances(around.state, &rows, &all);
-        let open = left_open(&self.posterior, &noise)?;
-        Some(Known::Rows { rows, noise, open })
+        let open = match self.evidence {
+            Evidence::Rows(_) => Some(left_open(&self.posterior, &noise)?),
+            Evidence::Sums(_) | Evidence::Sessions(_) => None,
+        };
+        Some(Known { rows, noise, open })
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
+    ///
+    /// With `N` the block's noise, `H` the covariance that the model explains there and `r` its residuals, those left out are
+    /// `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
     fn left_out(&self, around: &Around<'_>, known: &Known, block: &[usize]) -> Option<f64> {
-        if let Known::Rows { rows, noise, open } = known {
-            return self.left_out_of_few(around, (rows, noise, open), block);
-        }
-        let mut others = self.evidence.clone();
-        let mut taken = Vec::new();
-        for (session, stations) in around.batches_of(block) {
-            let rows = around.rows(&stations);
-            let sums = others.adding(session, -1.0)?;
-            add(around, (session, &stations), &rows, &self.prior_mean, sums);
-            taken.push((session, rows));
-        }
-        let posterior = others.posterior_at(self.posterior.scale.clone())?;
-        let mean = posterior.mean() + &self.prior_mean;
-        let batches = taken.iter().map(|(session, rows)| {
-            let own = Coefficients::of(around.seen(*session), &mean);
-            let away = rows.iter().map(|row| distance(row, &(&row.value - row.times(&own))));
-            away.sum::<f64>()
-        });
-        Some(batches.sum())
-    }
-
-    /// [`Self::left_out`] of rows that are few: with `N` the block's noise, `H` the covariance that the model explains there and `r` its
-    /// residuals, those left out are `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
-    fn left_out_of_few(
-        &self,
-        around: &Around<'_>,
-        (rows, covariances, open): (&[Row], &[DMatrix<f64>], &DMatrix<f64>),
-        block: &[usize],
-    ) -> Option<f64> {
+        let Known { rows, noise: covariances, open } = known;
         let mean = self.posterior.mean() + &self.prior_mean;
         let count = block.iter().map(|&place| rows[place].value.len()).sum();
         let mut left = DVector::zeros(count);
@@ -154,8 +129,11 @@ impl Settled {
                 first += size;
             }
         }
-        let half = open.select_columns(&rows_of(rows, block));
-        let residual = noise * half.tr_mul(&half).cholesky()?.solve(&left);
+        let open = match open {
+            Some(open) => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
+            None => &noise - gram(&self.half_of(around, rows, block).as_view()),
+        };
+        let residual = noise * open.cholesky()?.solve(&left);
         first = 0;
         let away = block.iter().map(|&place| {
             let size = rows[place].value.len();
@@ -165,16 +143,26 @@ impl Settled {
         });
         Some(away.sum())
     }
+
+    /// A square root `HᵀH` of the covariance that the model explains of a block's rows, a column for each.
+    fn half_of(&self, around: &Around<'_>, rows: &[Row], block: &[usize]) -> DMatrix<f64> {
+        let size = self.state.layout.size();
+        let count = block.iter().map(|&place| rows[place].value.len()).sum();
+        let (mut all, mut first) = (DMatrix::zeros(count, size), 0);
+        for &place in block {
+            let whole = rows[place].whole(around.seen(around.session(place)), size);
+            all.rows_mut(first, whole.nrows()).copy_from(&whole);
+            first += whole.nrows();
+        }
+        self.posterior.half(&all)
+    }
 }
 
-enum Known {
-    Sums,
-    Rows {
-        rows: Vec<Row>,
-        noise: Vec<DMatrix<f64>>,
-        /// A square root of the covariance of all rows that the model leaves open.
-        open: DMatrix<f64>,
-    },
+struct Known {
+    rows: Vec<Row>,
+    noise: Vec<DMatrix<f64>>,
+    /// A square root of the covariance of all rows that the model leaves open; `None` where the rows were summed.
+    open: Option<DMatrix<f64>>,
 }
 
 /// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
 use few_rows::{FewRoot, FewRows};
-use sessions::{Adding, Arrow, SessionSums};
+use sessions::{Arrow, SessionSums};
 
 /// Columns of a part of a pool that are few: their covariance costs a twentieth of another posterior.
 const SMALL_PART: usize = 100;
@@ -98,16 +98,6 @@ impl Evidence {
         }
     }
 
-    /// What `share` times rows of one session are added to: −1 takes out rows that are in. `None` where rows are kept, of which none can
-    /// be taken out.
-    pub(super) fn adding(&mut self, session: usize, share: f64) -> Option<Adding<'_>> {
-        match self {
-            Self::Rows(_) => None,
-            Self::Sums(sums) => Some(Adding::to(sums, share)),
-            Self::Sessions(sums) => Some(sums.adding(session, share)),
-        }
-    }
-
     /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a
     /// matrix indefinite.
     ///
@@ -143,18 +133,13 @@ impl Sums {
         }
     }
 
-    /// Adds `share` times the sums of other rows: −1 takes rows out that are in.
-    pub fn add(&mut self, other: &Self, share: f64) {
-        let own = &mut self.information;
-        own.zip_apply(&other.information, |own, other| *own += share * other);
-        self.moment.axpy(share, &other.moment, 1.0);
-        self.add_squares(other, share);
-    }
-
-    /// The part of [`Self::add`] that is of no column.
-    fn add_squares(&mut self, other: &Self, share: f64) {
-        self.square += share * other.square;
-        self.ln_noise += share * other.ln_noise;
+    /// Adds the sums of other rows.
+    #[cfg(test)]
+    pub fn add(&mut self, other: &Self) {
+        self.information += &other.information;
+        self.moment += &other.moment;
+        self.square += other.square;
+        self.ln_noise += other.ln_noise;
     }
 
     /// The posterior at prior variances `v`; `None` if rounding made M indefinite.

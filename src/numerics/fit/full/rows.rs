@@ -93,7 +93,6 @@ impl Row {
     }
 
     /// Its rows of all `columns` columns of the model.
-    #[cfg(test)]
     pub fn whole(&self, seen: &Seen, columns: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(self.value.len(), columns);
         for (own, &place) in self.plain.column_iter().zip(&seen.plain) {

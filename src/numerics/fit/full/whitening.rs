@@ -34,7 +34,7 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     let mut sums = SessionSums::zero(&around.partition);
     for (session, stations) in around.batches() {
         let rows = around.rows(&stations);
-        let sums = sums.adding(session, 1.0);
+        let sums = sums.adding(session);
         add(around, (session, &stations), &rows, prior_mean, sums);
     }
     for (session, row, value) in distances(around) {
@@ -42,7 +42,7 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
         let expected = prior_mean.select_rows(&seen.columns);
         let values = DVector::from_element(1, value - row.dot(&expected));
         let row = DMatrix::from_row_slice(1, row.len(), row.as_slice());
-        sums.add(session, &Sums::new(&row, &values, 0.0), 1.0);
+        sums.add(session, &Sums::new(&row, &values, 0.0));
     }
     sums.mirror();
     sums

@@ -239,7 +239,7 @@ fn the_sums_of_a_pool_are_those_of_its_rows() {
             let inverse = factor.try_inverse().expect("a factor");
             let value = &inverse * (&row.value - &whole * &settled.prior_mean);
             let ln_noise = -2.0 * inverse.diagonal().map(f64::ln).sum();
-            sums.add(&Sums::new(&(inverse * whole), &value, ln_noise), 1.0);
+            sums.add(&Sums::new(&(inverse * whole), &value, ln_noise));
         }
         let scale = settled.posterior.scale.clone();
         let dense = sums.posterior_at(scale).expect("positive definite");

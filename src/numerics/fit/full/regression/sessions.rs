@@ -41,10 +41,9 @@ pub struct OwnSums {
 /// Sums that rows of one session are added to: of symmetric matrices the lower triangle.
 #[derive(Debug)]
 pub struct Adding<'s> {
-    /// The session's own columns come first; `None` where all are shared.
-    own: Option<&'s mut OwnSums>,
+    /// The session's own columns come first.
+    own: &'s mut OwnSums,
     common: &'s mut Sums,
-    share: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -72,9 +71,8 @@ impl SessionSums {
         Self { own: own.collect(), common: Sums::zero(shared), partition: partition.clone() }
     }
 
-    /// What `share` times rows of one session are added to.
-    pub fn adding(&mut self, session: usize, share: f64) -> Adding<'_> {
-        Adding { own: Some(&mut self.own[session]), common: &mut self.common, share }
+    pub fn adding(&mut self, session: usize) -> Adding<'_> {
+        Adding { own: &mut self.own[session], common: &mut self.common }
     }
 
     pub fn mirror(&mut self) {
@@ -84,11 +82,11 @@ impl SessionSums {
         mirror(&mut self.common.information);
     }
 
-    /// Adds `share` times the sums of rows of one session, over its own columns, then the shared ones: the lower triangles.
-    pub fn add(&mut self, session: usize, sums: &Sums, share: f64) {
+    /// Adds the sums of rows of one session, over its own columns, then the shared ones: the lower triangles.
+    pub fn add(&mut self, session: usize, sums: &Sums) {
         let all: Vec<usize> = (0..sums.moment.len()).collect();
         let columns = runs(&all, self.own[session].moment.len());
-        let mut adding = self.adding(session, share);
+        let mut adding = self.adding(session);
         adding.block(&columns, &columns, &sums.information);
         adding.values(&columns, &sums.moment);
         adding.squares(sums.square, sums.ln_noise);
@@ -126,12 +124,7 @@ impl SessionSums {
     }
 }
 
-impl<'s> Adding<'s> {
-    /// Sums over columns of one kind.
-    pub const fn to(sums: &'s mut Sums, share: f64) -> Self {
-        Self { own: None, common: sums, share }
-    }
-
+impl Adding<'_> {
     /// Adds the products of these rows and columns, from those of their shapes. Of two lists each product is of either order, of a list
     /// with itself of both.
     pub fn block(&mut self, rows: &[Run], columns: &[Run], products: &DMatrix<f64>) {
@@ -149,7 +142,7 @@ impl<'s> Adding<'s> {
     }
 
     fn run(&mut self, (row, column): (&Run, &Run), products: &DMatrixView<'_, f64>) {
-        let share = self.share * row.share * column.share;
+        let share = row.share * column.share;
         let first_shared = self.first_shared();
         let is_own = |run: &Run| run.place < first_shared;
         let is_turned = match (is_own(row), is_own(column)) {
@@ -159,16 +152,13 @@ impl<'s> Adding<'s> {
             _ => row.place < column.place,
         };
         let (down, across) = if is_turned { (column, row) } else { (row, column) };
-        let (into, place) = match &mut self.own {
-            Some(own) if is_own(across) => (&mut own.information, (down.place, across.place)),
-            Some(own) if is_own(down) => {
-                let place = (down.place, across.place - first_shared);
-                (&mut own.across, place)
-            }
-            _ => {
-                let [down, across] = [down, across].map(|run| run.place - first_shared);
-                (&mut self.common.information, (down, across))
-            }
+        let (into, place) = if is_own(across) {
+            (&mut self.own.information, (down.place, across.place))
+        } else if is_own(down) {
+            (&mut self.own.across, (down.place, across.place - first_shared))
+        } else {
+            let [down, across] = [down, across].map(|run| run.place - first_shared);
+            (&mut self.common.information, (down, across))
         };
         let mut add = |products: &DMatrixView<'_, f64>| {
             let mut into = into.view_mut(place, products.shape());
@@ -183,25 +173,26 @@ impl<'s> Adding<'s> {
 
     /// Place of the first column that all sessions share.
     fn first_shared(&self) -> usize {
-        self.own.as_ref().map_or(0, |own| own.moment.len())
+        self.own.moment.len()
     }
 
     pub fn values(&mut self, columns: &[Run], moments: &DVector<f64>) {
         let first_shared = self.first_shared();
         for run in columns {
-            let (into, place) = match &mut self.own {
-                Some(own) if run.place < first_shared => (&mut own.moment, run.place),
-                _ => (&mut self.common.moment, run.place - first_shared),
+            let (into, place) = if run.place < first_shared {
+                (&mut self.own.moment, run.place)
+            } else {
+                (&mut self.common.moment, run.place - first_shared)
             };
             let moments = moments.rows(run.shape, run.count);
-            into.rows_mut(place, run.count).axpy(self.share * run.share, &moments, 1.0);
+            into.rows_mut(place, run.count).axpy(run.share, &moments, 1.0);
         }
     }
 
     /// Adds what is of no column.
     pub fn squares(&mut self, square: f64, ln_noise: f64) {
-        self.common.square += self.share * square;
-        self.common.ln_noise += self.share * ln_noise;
+        self.common.square += square;
+        self.common.ln_noise += ln_noise;
     }
 }
 
