@@ -13,12 +13,11 @@
 //! that does the same work; readers join `runs`.
 
 mod asked;
+mod cache;
 mod compact;
 mod corrections;
 mod error;
 mod files;
-mod history;
-mod index;
 mod lock;
 mod name;
 mod parts;
@@ -41,6 +40,7 @@ use run::into_io;
 use temporary::Temporary;
 
 pub use asked::{ASKED, Asked, AskedRow, request_key, request_of};
+pub use cache::{INDEX, alone_key, figures_key, summary_key};
 pub use compact::{COMPACT, CompactFile, CompactState, KEYS, runs_among};
 #[cfg(test)]
 pub(crate) use corrections::CorrectionRow;
@@ -245,11 +245,8 @@ impl Lake {
             .map(|schema| schema.table.as_str())
             .chain([PAGES])
             .map(|folder| root.join(folder))
-            .chain([root.join(history::FOLDER).join(history::FIGURES)])
+            .chain([root.join(cache::FIGURES)])
             .collect();
-        let index = root.join(index::FOLDER);
-        let compact = root.join(COMPACT);
-        let history = root.join(history::FOLDER);
         for _robot_then_session in 0..2 {
             folders = folders
                 .iter()
@@ -260,9 +257,9 @@ impl Lake {
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
         };
-        let beside = [index, history, root.join(index::ALONE)];
-        folders.extend(beside.into_iter().filter(|own| own.is_dir()));
-        for table in subfolders(&compact)? {
+        let beside = cache::FOLDERS.into_iter().chain([cache::ALONE]);
+        folders.extend(beside.map(|own| root.join(own)).filter(|own| own.is_dir()));
+        for table in subfolders(&root.join(COMPACT))? {
             folders.extend(subfolders(&table)?);
             folders.push(table);
         }

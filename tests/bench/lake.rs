@@ -7,7 +7,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use posegrid::io::lake::Lake;
+use posegrid::io::lake::{Lake, figures_key};
 use posegrid::io::table::{Row as _, Table, write};
 use posegrid::io::tables::accuracy::AccuracyRow;
 use posegrid::io::tables::runs::{Ending, RunRow, row_digest};
@@ -46,7 +46,6 @@ fn main() {
 struct Template {
     row: RunRow,
     accuracy: Vec<AccuracyRow>,
-    head: Value,
     kept: Value,
 }
 
@@ -57,14 +56,12 @@ impl Template {
         let row = row.expect("a row").table;
         let key = row.key().expect("of one run").clone();
         let accuracy = lake.read("accuracy", &key).expect("its accuracy");
-        let kept = lake.history_figures(&key).expect("posegrid history FROM keeps it");
-        let kept = String::from_utf8(kept).expect("a text");
-        let (head, kept) = kept.split_once('\n').expect("a line before it");
+        let kept = figures_key(&key).ok().and_then(|key| lake.kept(&key));
+        let kept = kept.expect("posegrid history FROM keeps it");
         Self {
             row: RunRow::read(&row).swap_remove(0),
             accuracy: AccuracyRow::read(&accuracy),
-            head: serde_json::from_str(head).expect("JSON"),
-            kept: serde_json::from_str(kept).expect("JSON"),
+            kept: serde_json::from_str(&kept).expect("JSON"),
         }
     }
 
@@ -173,13 +170,8 @@ impl Template {
         let step = if robot % 17 == 4 && night >= 20 { 0.5 } else { 0.0 };
         let x = x + 0.01 * phase(robot * 13 + night, 9) + step;
         *base = json!(x.to_bits());
-        let rest = kept.to_string();
-        let mut head = self.head.clone();
-        head["digest"] = json!(blake3::hash(rest.as_bytes()).to_hex().to_string());
-        let text = format!("{head}\n{rest}");
-        let packed = zstd::encode_all(text.as_bytes(), 1).expect("packed");
-        let place = to.join(".history/figures").join(&key.robot).join(&key.session);
-        put(&place.join(format!("{}.json.zst", key.run)), &packed);
+        let lake = Lake::new(to);
+        lake.keep(&figures_key(key).expect("a key"), &kept.to_string()).expect("writable");
     }
 }
 

@@ -277,7 +277,7 @@ impl From<Output> for Ended {
 pub fn published(lake: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(lake);
     files.remove(".lock");
-    files.remove(".index/runs.jsonl");
+    files.remove(".index/runs.jsonl.zst");
     files.retain(|path, _| !path.starts_with("asked/"));
     files
 }

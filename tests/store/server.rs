@@ -270,7 +270,7 @@ impl Remote {
     /// Every object of the lake but the index, which has the tags of logs, and `asked`, which has a clock.
     pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
         let mut objects = self.server.objects(&self.key("lake"));
-        objects.remove(".index/runs.jsonl");
+        objects.remove(".index/runs.jsonl.zst");
         objects.retain(|key, _| !key.starts_with("asked/"));
         objects
     }

@@ -6,7 +6,7 @@ use std::fs::File;
 
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, history, index, is_correction, name, request_of};
+use super::{Lake, LakeError, PAGES, file_key, is_correction, name, request_of};
 use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
@@ -72,14 +72,9 @@ impl Stands {
         let parts: Vec<&str> = key.split('/').collect();
         match parts[..] {
             [".lock"] => Self::Own,
-            [history::FOLDER, name] => Self::in_history(name, &[history::SUMMARY, ".jsonl"]),
-            [history::FOLDER, history::FIGURES, _, _, name] => {
-                Self::in_history(name, &[history::RUN])
-            }
-            [index::FOLDER, name] => Self::in_index(name, name == "runs.jsonl"),
-            [index::FOLDER, "alone", name] => {
-                Self::in_index(name, name.strip_suffix(".json").is_some())
-            }
+            [".history" | ".index", name]
+            | [".index", "alone", name]
+            | [".history", "figures", _, _, name] => Self::kept(name),
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
                 None => Self::Temporary,
                 Some(true) => Self::Own,
@@ -93,22 +88,13 @@ impl Stands {
         }
     }
 
-    /// Of what histories keep. Earlier versions wrote `.jsonl`, and temporaries without an owner.
-    fn in_history(name: &str, endings: &[&str]) -> Self {
+    /// What is kept beside the tables. Earlier versions did not pack it, and wrote temporaries without an owner.
+    fn kept(name: &str) -> Self {
         let is_hidden = name.starts_with('.');
+        let endings = [".json", ".jsonl", ".zst"];
         if Owner::of_temporary(name).is_some() || (is_hidden && name.contains(".jsonl.tmp-")) {
             Self::Temporary
         } else if !is_hidden && endings.iter().any(|ending| name.ends_with(ending)) {
-            Self::Own
-        } else {
-            Self::Foreign
-        }
-    }
-
-    fn in_index(name: &str, is_own: bool) -> Self {
-        if Owner::of_temporary(name).is_some() {
-            Self::Temporary
-        } else if is_own && !name.starts_with('.') {
             Self::Own
         } else {
             Self::Foreign
@@ -153,7 +139,7 @@ mod tests {
             (".history/r.jsonl", Stands::Own),
             (".history/r.jsonl.zst", Stands::Own),
             (".history/figures/r/mon/0a.json.zst", Stands::Own),
-            (".history/figures/r/mon/0a.json", Stands::Foreign),
+            (".history/figures/r/mon/0a.csv", Stands::Foreign),
             (".history/figures/r/mon/.0a.json.zst.tmp-host-12-345-0", Stands::Temporary),
             ("corrections/r/mon/0123456789abcdef0123456789abcdef.parquet", Stands::Own),
             ("corrections/r/mon/.0123.parquet.tmp-host-12-345-0", Stands::Temporary),
@@ -161,9 +147,10 @@ mod tests {
             ("asked/r%20x/mon/0a.parquet", of_run("asked")),
             (".history/.r.jsonl.tmp-12", Stands::Temporary),
             (".index/runs.jsonl", Stands::Own),
-            (".index/.runs.jsonl.tmp-host-12-345-0", Stands::Temporary),
-            (".index/more.jsonl", Stands::Foreign),
-            (".index/alone/5e.json", Stands::Own),
+            (".index/runs.jsonl.zst", Stands::Own),
+            (".index/.runs.jsonl.zst.tmp-host-12-345-0", Stands::Temporary),
+            (".index/more.csv", Stands::Foreign),
+            (".index/alone/5e.json.zst", Stands::Own),
             (".index/alone/5e.txt", Stands::Foreign),
             ("compact/states/00000001.jsonl", Stands::Own),
             ("compact/runs/2026-11/0a.parquet", Stands::Own),

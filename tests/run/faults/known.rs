@@ -57,7 +57,7 @@ fn a_second_run_opens_no_log_until_one_changes() {
         |bytes| bytes,
     );
     sleep(SETTLED);
-    let index = cell.path("lake/.index/runs.jsonl");
+    let index = cell.path("lake/.index/runs.jsonl.zst");
     let (first, opened) = run(&cell);
     assert!(first.contains("1 done, 0 done before") && opened > 0, "{first}");
     assert!(index.exists());

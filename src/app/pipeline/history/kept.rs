@@ -1,9 +1,6 @@
-//! What the history keeps beside the tables, each sealed: a first line with format, version and the digest of the rest. What is damaged,
-//! or of another version, is computed again.
-//!
-//! The figures of a run are kept when it is published ([`Kept::of_run`]): some ten kilobytes, where the tables `calibrations` and `accuracy` that they follow
-//! from have megabytes. They name the digests of both files, so they count only where the row of `runs` has these. [`super::Asked::fresh`]
-//! reads the tables themselves.
+//! The figures of a run that the history compares, kept when it is published ([`Kept::of_run`]): some ten kilobytes, where the tables
+//! `calibrations` and `accuracy` that they follow from have megabytes. They name the digests of both files, so they count only where the
+//! row of `runs` has these. [`super::Asked::fresh`] reads the tables themselves.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,46 +9,13 @@ use super::session::{estimate, figures, noticed};
 use crate::history::AccuracyFigure;
 use crate::history::estimate::Estimate;
 use crate::history::notice::Noticed;
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::{Lake, LakeError, figures_key};
 use crate::io::table::{Row as _, Table, Word as _};
 use crate::io::tables::clocks::ClockRow;
-use crate::manifest::{RunKey, VERSION, Work, Written};
+use crate::manifest::{RunKey, Work, Written};
 
-/// Version of what is kept and of its meaning; raised by any change.
-const FORMAT: u32 = 5;
 /// The tables that figures are of.
 pub(super) const OF: [&str; 2] = ["calibrations", "accuracy"];
-
-/// The first line.
-#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Head {
-    format: u32,
-    version: String,
-    digest: String,
-}
-
-impl Head {
-    fn of(rest: &str) -> Self {
-        Self {
-            format: FORMAT,
-            version: VERSION.to_owned(),
-            digest: blake3::hash(rest.as_bytes()).to_hex().to_string(),
-        }
-    }
-}
-
-/// The text with its first line before it.
-pub(super) fn sealed(rest: &str) -> String {
-    let head = serde_json::to_string(&Head::of(rest)).expect("texts and a number");
-    format!("{head}\n{rest}")
-}
-
-/// The text after its first line, where it is the one that was sealed by this version.
-pub(super) fn unsealed(bytes: &[u8]) -> Option<&str> {
-    let (head, rest) = str::from_utf8(bytes).ok()?.split_once('\n')?;
-    let head: Head = serde_json::from_str(head).ok()?;
-    (head == Head::of(rest)).then_some(rest)
-}
 
 /// The figures of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -114,15 +78,14 @@ impl Kept {
 
     /// Reads the kept figures of a run whose row states these digests of its files; `None` where there are none or they are of others.
     pub(super) fn read(lake: &Lake, key: &RunKey, of: &[String; 2]) -> Option<Self> {
-        let bytes = lake.history_figures(key)?;
-        let kept: Self = serde_json::from_str(unsealed(&bytes)?).ok()?;
+        let kept: Self = serde_json::from_str(&lake.kept(&figures_key(key).ok()?)?).ok()?;
         (kept.of == *of).then_some(kept)
     }
 
     /// Keeps them.
     pub(in crate::pipeline) fn write(&self, lake: &Lake, key: &RunKey) -> Result<(), LakeError> {
         let text = serde_json::to_string(self).expect("texts and numbers");
-        lake.put_history_figures(key, sealed(&text).as_bytes())
+        lake.keep(&figures_key(key)?, &text)
     }
 
     /// Those of a session whose row states these facts.

@@ -1,6 +1,6 @@
 //! The summary of a robot's history: earlier judgements, so that ten thousand sessions need not be read again.
 //!
-//! A file `.history/ROBOT.jsonl.zst` in the lake, next to the tables and no part of them: a first line that seals the others (`kept`), a line
+//! A file `.history/ROBOT.jsonl.zst` in the lake, next to the tables and no part of them: a line
 //! for each row of `runs`, one for each judged session, and the state from which the next session is judged. It is used only as far as
 //! the digests of the rows of `runs` in it are those of today, and those rows hold the digests of every table that was read. On object
 //! storage a row whose tag is the same is not read again to digest it. Numbers are kept to the last bit.
@@ -10,11 +10,10 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::kept::{sealed, unsealed};
 use super::order::CurrentRow;
 use super::rows::Fact;
 use crate::history::{Judged, SessionHistory};
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::{Lake, LakeError, summary_key};
 use crate::io::store::Listed;
 
 /// Earlier judgements.
@@ -52,9 +51,8 @@ enum Line {
 impl Summary {
     /// The summary of the robot whose rows are in `folder`; an empty one where none can be used.
     pub(super) fn read(lake: &Lake, folder: &str) -> Self {
-        let bytes = lake.history_summary(folder);
-        let parsed = bytes.and_then(|bytes| Self::parse(unsealed(&bytes)?));
-        parsed.unwrap_or_default()
+        let kept = lake.kept(&summary_key(folder));
+        kept.and_then(|text| Self::parse(&text)).unwrap_or_default()
     }
 
     /// The digest and the facts of a row that has the tag it had.
@@ -115,6 +113,6 @@ impl Summary {
             rest += &serde_json::to_string(&line).expect("texts and numbers");
             rest.push('\n');
         }
-        lake.put_history_summary(folder, sealed(&rest).as_bytes())
+        lake.keep(&summary_key(folder), &rest)
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The state of a piece of work is a digest of what its run follows from, with the size and the tag of each file, or its times where
 //! the storage has no tags, in the place of its contents. A batch keeps in the lake's index what it told of the run that a state led to
-//! ([`crate::io::lake::Lake::index`]); a later one with the same state tells it again. A file that changed within the last moments has
+//! ([`INDEX`]); a later one with the same state tells it again. A file that changed within the last moments has
 //! no state yet, so that a second change in the same instant is not overlooked: it is digested. Runs that are gone from `runs` are
 //! not told, nor are those of sessions whose current run was changed by a request since.
 
@@ -16,15 +16,13 @@ use serde::{Deserialize, Serialize};
 
 use super::Done;
 use crate::io::input::{self, Bound};
-use crate::io::lake::{Lake, LakeError, request_key};
+use crate::io::lake::{INDEX, Lake, LakeError, alone_key, request_key};
 use crate::io::store::Listed;
 use crate::io::table::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};
 
-/// Version of the lines and of their meaning; raised by any change.
-const FORMAT: u32 = 2;
 /// A file that changed later than this may change again at a time that is stated alike.
 const SETTLED: Duration = Duration::from_secs(2);
 
@@ -68,18 +66,11 @@ struct Told {
     has_page: bool,
 }
 
-/// A line of the index, the first of which states its format.
-#[derive(Serialize, Deserialize)]
-enum Line {
-    Head { format: u32, version: String },
-    Told(String, Told),
-}
-
 impl Known {
     /// Reads the index of a lake, and lists its runs where it has one.
     pub fn read(lake: Lake) -> Result<Self, LakeError> {
-        let before = parsed(&lake.index()).unwrap_or_default();
-        let alone = lake.index_alone()?;
+        let before = index(&lake);
+        let alone = lake.kept_alone()?;
         let rows = if before.is_empty() && alone.is_empty() {
             BTreeSet::new()
         } else {
@@ -166,7 +157,7 @@ impl Known {
             .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
             .map(|(listed, state)| (state, listed))
             .unzip();
-        let texts = self.lake.told_alone_all(&files);
+        let texts = self.lake.all_kept(&files);
         let told = states.into_iter().zip(texts).filter_map(|(state, text)| {
             let told = serde_json::from_str(&text?).ok()?;
             Some((state, told))
@@ -182,9 +173,9 @@ impl Known {
         if gathered.is_empty() {
             return Ok(());
         }
-        let mut all = parsed(&self.lake.index()).unwrap_or_default();
+        let mut all = index(&self.lake);
         all.extend(gathered.clone());
-        self.lake.put_index(&text(all))
+        keep(&self.lake, INDEX, &all)
     }
 
     fn told_alone(&self, state: &str) -> Option<Told> {
@@ -195,7 +186,7 @@ impl Known {
         drop(gathered);
         let listed = self.listed.as_ref();
         let may_be_there = listed.is_none_or(|held| held.alone.contains_key(state));
-        let text = may_be_there.then(|| self.lake.told_alone(state))??;
+        let text = may_be_there.then(|| self.lake.kept(&alone_key(state)))??;
         serde_json::from_str(&text).ok()
     }
 
@@ -222,10 +213,7 @@ impl Known {
         if self.state_now(configuration, piece).as_deref() != Some(state) {
             return Ok(());
         }
-        match serde_json::to_string(&Told::of(done)) {
-            Ok(text) => self.lake.put_alone(state, &text),
-            Err(_) => Ok(()),
-        }
+        keep(&self.lake, &alone_key(state), &Told::of(done))
     }
 
     /// Keeps what is told of a run, if its files have the state after it that they had before it.
@@ -260,7 +248,7 @@ impl Known {
         if all == self.before {
             return Ok(());
         }
-        self.lake.put_index(&text(all))
+        keep(&self.lake, INDEX, &all)
     }
 
     /// The digest of a robot file, which is read once.
@@ -299,6 +287,15 @@ impl Told {
             ..Done::before(lake, key, self.met, self.reason.clone())
         })
     }
+}
+
+/// What the index of a lake says; nothing where it cannot be used.
+fn index(lake: &Lake) -> BTreeMap<String, Told> {
+    lake.kept(INDEX).and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
+}
+
+fn keep(lake: &Lake, key: &str, told: &impl Serialize) -> Result<(), LakeError> {
+    lake.keep(key, &serde_json::to_string(told).expect("texts and numbers"))
 }
 
 /// Texts that a session's state follows from.
@@ -389,59 +386,9 @@ fn inode_and_change(_: &Metadata) -> (u64, Option<SystemTime>) {
     (0, None)
 }
 
-/// What an index says; `None` of one of another format or version, and of a damaged one.
-fn parsed(text: &str) -> Option<BTreeMap<String, Told>> {
-    let mut lines = text.lines().map(serde_json::from_str::<Line>);
-    let head = lines.next()?.ok()?;
-    let Line::Head { format, version } = head else {
-        return None;
-    };
-    if (format, version.as_str()) != (FORMAT, VERSION) {
-        return None;
-    }
-    lines
-        .map(|line| match line {
-            Ok(Line::Told(state, told)) => Some((state, told)),
-            _ => None,
-        })
-        .collect()
-}
-
-fn text(all: BTreeMap<String, Told>) -> String {
-    let head = Line::Head { format: FORMAT, version: VERSION.to_owned() };
-    let told = all.into_iter().map(|(state, told)| Line::Told(state, told));
-    let lines = std::iter::once(head).chain(told);
-    let lines = lines.filter_map(|line| serde_json::to_string(&line).ok());
-    lines.map(|line| line + "\n").collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn told() -> Told {
-        Told {
-            robot: "r".to_owned(),
-            session: "mon".to_owned(),
-            run: "0a".to_owned(),
-            asked: 1,
-            met: None,
-            of: Some("compensation".to_owned()),
-            reason: Some("too few".to_owned()),
-            rejected: vec!["a".to_owned()],
-            has_page: true,
-        }
-    }
-
-    #[test]
-    fn an_index_is_read_as_it_was_written_and_not_at_all_where_it_is_damaged() {
-        let all = BTreeMap::from([("5e".to_owned(), told())]);
-        let whole = text(all.clone());
-        assert_eq!(parsed(&whole), Some(all));
-        assert_eq!(parsed(&whole[..whole.len() - 5]), None);
-        assert_eq!(parsed(&whole.replace("\"format\":2", "\"format\":0")), None);
-        assert_eq!(parsed(""), None);
-    }
 
     #[test]
     #[cfg(unix)]
