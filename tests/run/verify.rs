@@ -82,18 +82,11 @@ fn a_thousandth_more(array: &ArrayRef) -> ArrayRef {
 /// Makes a session's run one of another version, which did not know `[similarity]` yet: named as that version named it.
 fn of_version(cell: &Cell, session: &str, version: &str) {
     let claim = Claim::of(&cell.table("runs", session)).expect("a row");
-    let mut settings: serde_json::Value = serde_json::from_str(&claim.settings).expect("JSON");
+    let own = &claim.run.made.settings;
+    let mut settings: serde_json::Value = serde_json::from_str(own).expect("JSON");
     let section = settings.as_object_mut().expect("sections").remove("similarity");
-    assert!(section.is_some(), "{}", claim.settings);
-    let work = Work {
-        robot: claim.key.robot,
-        session: claim.key.session,
-        pipeline: claim.pipeline,
-        sessions: claim.sessions,
-        test_sessions: claim.test_sessions,
-        inputs: claim.inputs,
-        settings: settings.to_string(),
-    };
+    assert!(section.is_some(), "{own}");
+    let work = Work { settings: settings.to_string(), ..claim.work() };
     let run = work.key_by_version(version).run;
     let mut digests = BTreeMap::new();
     for file in &claim.files {

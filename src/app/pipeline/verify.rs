@@ -44,7 +44,7 @@ use crate::progress::Progress;
 use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
-pub use claim::{Claim, RowDigests};
+pub use claim::Claim;
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
 pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
@@ -144,7 +144,7 @@ impl Verified {
 
     /// The estimate and the grids that it shows: what the run was recomputed with was made anew, and compared with them.
     pub fn shows(&self) -> impl Iterator<Item = &String> {
-        let of_stages = self.claim.estimate.iter().chain(&self.claim.grids);
+        let of_stages = self.claim.run.ending.estimate.iter().chain(&self.claim.run.ending.grids);
         of_stages.filter(|_| matches!(self.recomputed, Recomputed::Yes { .. }))
     }
 }
@@ -178,7 +178,7 @@ pub fn verify(
         }
         None => Recomputed::No(format!(
             "it was made by the pipeline file {:?}: give that file with --pipeline",
-            claim.pipeline
+            claim.run.pipeline
         )),
     };
     verified
@@ -214,7 +214,7 @@ fn recomputed(
         return Recomputed::No(reason);
     }
     verified.inputs = altered::inputs(&claim.inputs, &work.inputs);
-    verified.settings = settings::changed(&claim.settings, &work.settings);
+    verified.settings = settings::changed(&claim.run.made.settings, &work.settings);
     let other_version = claim.is_other_version();
     let keeps = |setting: &ChangedSetting| other_version && setting.is_one_sided();
     if !verified.inputs.is_empty() || !verified.settings.iter().all(keeps) {

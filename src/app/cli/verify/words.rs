@@ -116,10 +116,10 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
 /// All findings about a run, one per line.
 pub(super) fn details(verified: &Verified) -> Vec<String> {
     let mut lines = verified.claim.elsewhere();
-    if !verified.claim.row.are_due() {
+    if !verified.claim.is_digest_due() {
         lines.push(format!(
             "runs: written before rows carried a digest (version {} of the table), so not every change of it can be detected",
-            verified.claim.row.version
+            verified.claim.table_version
         ));
     }
     let contradictions = verified.contradictions.iter();

@@ -45,7 +45,6 @@ pub(super) struct Row {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Fact {
     pub(super) key: RunKey,
-    pub(super) replaces: Option<String>,
     /// First stamp of its controller log; `None` where its table `clocks` is gone.
     pub(super) measured_at_ns: Option<i64>,
     pub(super) kind: Kind,
@@ -173,27 +172,26 @@ fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String>
         let reason = format!("its content is that of {}", expected.display());
         return Err(told(reason));
     }
-    let result = result(RunRow::read(&row).swap_remove(0), &claim.settings);
-    fact(lake, claim, result)
+    fact(lake, claim)
 }
 
-fn result(row: RunRow, settings: &str) -> RunResult {
-    let row = row.ending;
-    let settings: Option<serde_json::Value> = serde_json::from_str(settings).ok();
+fn result(row: &RunRow) -> RunResult {
+    let settings: Option<serde_json::Value> = serde_json::from_str(&row.made.settings).ok();
+    let row = &row.ending;
     let tolerance = settings.as_ref().and_then(|own| own.pointer("/tolerance/mm"));
     RunResult {
         started_us: row.session_started.map(crate::units::WallTime::us),
         verdict: row.verdict.word().to_owned(),
-        statement: row.statement,
+        statement: row.statement.clone(),
         mean_before_mm: row.mean_before_mm,
         mean_after_mm: row.mean_after_mm,
-        means_of: row.means_of,
+        means_of: row.means_of.clone(),
         bound_mm: row.bound_mm,
         tolerance_mm: tolerance.and_then(serde_json::Value::as_f64),
     }
 }
 
-fn fact(lake: &Lake, claim: Claim, result: RunResult) -> Result<Fact, String> {
+fn fact(lake: &Lake, claim: Claim) -> Result<Fact, String> {
     let kind = kind(&claim);
     let digest = |table: &str| {
         let is_own = |file: &&Written| file.table == table && file.session == claim.key.session;
@@ -207,20 +205,19 @@ fn fact(lake: &Lake, claim: Claim, result: RunResult) -> Result<Fact, String> {
             Kind::Session => first_stamp(lake, &claim.key, &tables)?,
             Kind::Pooled | Kind::Plan => Some(0),
         },
-        replaces: claim.replaces,
         kind,
         tables,
-        result,
+        result: result(&claim.run),
         robot_file: robot_file.map_or_else(String::new, |input| input.digest.clone()),
-        pipeline: claim.pipeline,
-        version: claim.version,
-        settings: claim.settings_digest,
+        pipeline: claim.run.pipeline,
+        version: claim.run.made.version,
+        settings: claim.run.made.settings_digest,
         key: claim.key,
     })
 }
 
 fn kind(claim: &Claim) -> Kind {
-    match claim.sessions.as_slice() {
+    match claim.run.sessions.as_slice() {
         [] => Kind::Plan,
         [own] if *own == claim.key.session => Kind::Session,
         _ => Kind::Pooled,

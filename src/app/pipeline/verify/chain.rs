@@ -10,11 +10,11 @@ use crate::pipeline::run::is_of_session;
 
 /// Contradictions between a run and the results that it names; which settings stages of other versions read is not known.
 pub(super) fn contradictions(claim: &Claim) -> Vec<String> {
-    let Some(made_of) = claim.made_of.as_ref().filter(|_| claim.version == VERSION) else {
+    let Some(made_of) = claim.run.ending.made_of.as_ref().filter(|_| claim.run.made.version == VERSION) else {
         return Vec::new();
     };
     let RunKey { robot, session, .. } = &claim.key;
-    let all: Value = serde_json::from_str(&claim.settings).unwrap_or_default();
+    let all: Value = serde_json::from_str(&claim.run.made.settings).unwrap_or_default();
     let settings = |read: fn(&Value) -> Value| canonical(&read(&all)).unwrap_or_default();
     let joined = |session: &String| {
         let is_own = |input: &&Input| input.name == ROBOT || is_of_session(&input.name, session);
@@ -22,8 +22,8 @@ pub(super) fn contradictions(claim: &Claim) -> Vec<String> {
         joined_sessions::work(robot, session, inputs, settings(join_settings)).key()
     };
     let joined: Vec<RunKey> =
-        claim.sessions.iter().chain(&claim.test_sessions).map(joined).collect();
-    let training = joined.iter().take(claim.sessions.len()).map(|key| (&key.session, &key.run));
+        claim.run.sessions.iter().chain(&claim.run.test_sessions).map(joined).collect();
+    let training = joined.iter().take(claim.run.sessions.len()).map(|key| (&key.session, &key.run));
     let file = claim.inputs.iter().find(|input| input.name == ROBOT);
     let inputs = estimates::inputs(file.map_or("", |file| &file.digest), training);
     let estimate = estimates::work(robot, session, inputs, settings(estimate_settings)).key();
@@ -31,7 +31,7 @@ pub(super) fn contradictions(claim: &Claim) -> Vec<String> {
     let of_session = |key: &RunKey| format!("{}/{}", key.session, key.run);
     let follow = joined.iter().map(of_session).chain([estimate.run, grids.run]);
     let sessions = made_of.iter().map(Some).chain(vec![None; joined.len()]).take(joined.len());
-    let stated = sessions.chain([claim.estimate.as_ref(), claim.grids.as_ref()]);
+    let stated = sessions.chain([claim.run.ending.estimate.as_ref(), claim.run.ending.grids.as_ref()]);
     let differ = stated.zip(follow).filter_map(|(stated, follows)| {
         let stated = stated.filter(|stated| **stated != follows)?;
         Some(format!(

@@ -96,7 +96,7 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
 /// The runs that a run cites, as far as the lake alone shows.
 pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<Citation> {
     let mut cited: Vec<(Role, String)> = Vec::new();
-    cited.extend(claim.replaces.iter().map(|run| (Role::Replaced, run.clone())));
+    cited.extend(claim.run.ending.replaces.iter().map(|run| (Role::Replaced, run.clone())));
     cited.extend(drove(claim, lake).into_iter().map(|run| (Role::Drove, run)));
     cited.extend(planned(claim).map(|run| (Role::Planned, run)));
     let known = known_arm(claim, register);
@@ -115,8 +115,8 @@ pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<
 
 /// Whether the row of the replaced run differs from the one whose digest it has.
 fn is_other_row(claim: &Claim, run: &str, register: &Register) -> bool {
-    let then = claim.row.replaced.as_ref();
-    let now = register.run(run).map(|replaced| &replaced.row.found);
+    let then = claim.run.ending.replaced_row_digest.as_ref();
+    let now = register.run(run).map(|replaced| &replaced.found);
     then.zip(now).is_some_and(|(then, now)| then != now)
 }
 
@@ -132,7 +132,7 @@ fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
 
 /// The plan that the settings name; `None` without one.
 fn planned(claim: &Claim) -> Option<String> {
-    let settings: serde_json::Value = serde_json::from_str(&claim.settings).ok()?;
+    let settings: serde_json::Value = serde_json::from_str(&claim.run.made.settings).ok()?;
     let plan = settings.pointer("/report/plan")?.as_str()?;
     Some(plan.to_owned())
 }

@@ -231,8 +231,8 @@ impl Sides<'_> {
             return Ok(Vec::new());
         };
         let of_both = [
-            (ESTIMATES, &claim.estimate, computed.ending.estimate),
-            (GRIDS, &claim.grids, computed.ending.grids),
+            (ESTIMATES, &claim.run.ending.estimate, computed.ending.estimate),
+            (GRIDS, &claim.run.ending.grids, computed.ending.grids),
         ];
         let mut differences = Vec::new();
         for (stage, published, computed) in of_both {

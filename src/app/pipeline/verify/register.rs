@@ -1,6 +1,6 @@
 //! The rows of `runs` → every run of a lake, by the names and digests that others cite.
 
-use super::claim::{Claim, RowDigests};
+use super::claim::Claim;
 use crate::manifest::{RunKey, Written};
 
 /// Every run that the lake has a readable row of.
@@ -16,7 +16,10 @@ pub(super) struct Registered {
     pub(super) key: RunKey,
     pub(super) files: Vec<Written>,
     replaces: Option<String>,
-    pub(super) row: RowDigests,
+    /// The digest of the row of that run, as its own row states it.
+    pub(super) replaced: Option<String>,
+    /// The digest of its row.
+    pub(super) found: String,
 }
 
 impl Register {
@@ -25,8 +28,9 @@ impl Register {
         let registered = |claim: &Claim| Registered {
             key: claim.key.clone(),
             files: claim.files.clone(),
-            replaces: claim.replaces.clone(),
-            row: claim.row.clone(),
+            replaces: claim.run.ending.replaces.clone(),
+            replaced: claim.run.ending.replaced_row_digest.clone(),
+            found: claim.found.clone(),
         };
         Self { runs: claims.map(registered).collect() }
     }
@@ -81,7 +85,8 @@ mod tests {
                 digest: format!("digest of {name}"),
             }],
             replaces: replaces.map(str::to_owned),
-            row: RowDigests { version: 2, found: String::new(), stated: None, replaced: None },
+            replaced: None,
+            found: String::new(),
         }
     }
 

@@ -10,7 +10,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::store::Place;
 use crate::io::table::{self, Seal};
-use crate::manifest::{RunKey, VERSION, Work};
+use crate::manifest::{RunKey, VERSION};
 
 /// Contradictions of a row with itself, its place, its file or a later row, as text.
 pub fn contradictions(
@@ -44,25 +44,24 @@ pub fn contradictions(
 /// Compares the digests that the row and its file state with its content.
 fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
     let mut told = Vec::new();
-    let row = &claim.row;
-    match &row.stated {
-        Some(stated) if *stated != row.found => told.push(format!(
-            "its content has the digest {}, and it states {stated}: it was changed",
-            row.found
+    let (found, is_due) = (&claim.found, claim.is_digest_due());
+    match &claim.run.row_digest {
+        Some(stated) if stated != found => told.push(format!(
+            "its content has the digest {found}, and it states {stated}: it was changed"
         )),
-        None if row.are_due() => told.push("it has no digest of itself: it was changed".to_owned()),
+        None if is_due => told.push("it has no digest of itself: it was changed".to_owned()),
         Some(_) | None => {}
     }
     match &run.seal {
         Some(Seal::Broken { stated, found }) => told.push(format!(
             "the content of its file has the digest {found}, and its metadata states {stated}: it was damaged or changed"
         )),
-        Some(Seal::Absent) if row.are_due() => {
+        Some(Seal::Absent) if is_due => {
             told.push("the metadata of its file has no digest of its content".to_owned());
         }
         Some(Seal::Absent | Seal::Holds) | None => {}
     }
-    if row.are_due() && claim.replaces.is_some() != row.replaced.is_some() {
+    if is_due && claim.run.ending.replaces.is_some() != claim.run.ending.replaced_row_digest.is_some() {
         told.push(
             "it has one of `replaces` and `replaced_row_digest`, which belong together".to_owned(),
         );
@@ -74,11 +73,11 @@ fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
 fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
     let later = register.later(&claim.key);
     let other = later.filter_map(|later| {
-        let then = later.row.replaced.as_ref()?;
-        (*then != claim.row.found).then(|| {
+        let then = later.replaced.as_ref()?;
+        (*then != claim.found).then(|| {
             format!(
                 "run {}, which took its place, states that it had the digest {then}, and it has {}: one of the two was changed",
-                later.key.run, claim.row.found
+                later.key.run, claim.found
             )
         })
     });
@@ -88,27 +87,18 @@ fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
 /// Compares its name with the one that follows from its inputs, and its settings with their digest.
 fn of_names(claim: &Claim) -> Vec<String> {
     let mut told = Vec::new();
-    let work = Work {
-        robot: claim.key.robot.clone(),
-        session: claim.key.session.clone(),
-        pipeline: claim.pipeline.clone(),
-        sessions: claim.sessions.clone(),
-        test_sessions: claim.test_sessions.clone(),
-        inputs: claim.inputs.clone(),
-        settings: claim.settings.clone(),
-    };
-    let RunKey { run, .. } = work.key_by_version(&claim.version);
+    let RunKey { run, .. } = claim.work().key_by_version(&claim.run.made.version);
     if run != claim.key.run {
         told.push(format!(
             "its name is {}, and from its inputs, settings and version follows {run}",
             claim.key.run
         ));
     }
-    let digest = blake3::hash(claim.settings.as_bytes()).to_hex().to_string();
-    if digest != claim.settings_digest {
+    let digest = blake3::hash(claim.run.made.settings.as_bytes()).to_hex().to_string();
+    if digest != claim.run.made.settings_digest {
         told.push(format!(
             "its settings have the digest {digest}, and it states {}",
-            claim.settings_digest
+            claim.run.made.settings_digest
         ));
     }
     told
@@ -121,9 +111,9 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
     let read = || -> Result<Option<String>, LakeError> {
         let opened = lake.read_as_it_is("runs", &claim.key)?;
         let named = place.named();
-        if claim.version != VERSION || claim.row.version != schema::find("runs")?.version {
+        if claim.run.made.version != VERSION || claim.table_version != schema::find("runs")?.version {
             let head = table::head_of(&lake.open("runs", &claim.key)?, &named)?;
-            let expected = format!("posegrid version {}", claim.version);
+            let expected = format!("posegrid version {}", claim.run.made.version);
             let is_other = head.created_by.as_ref() != Some(&expected);
             return Ok(is_other.then(|| {
                 let by = head.created_by.unwrap_or_else(|| "nobody".to_owned());

@@ -86,7 +86,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         if named || run.pipeline.is_some() || pipelines.is_empty() {
             selected.runs.push(run);
         } else {
-            *selected.by_others.entry(claim.pipeline.clone()).or_default() += 1;
+            *selected.by_others.entry(claim.run.pipeline.clone()).or_default() += 1;
         }
     }
     if selected.runs.is_empty() && !selected.by_others.is_empty() {
@@ -155,7 +155,7 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
                 is_damage: true,
             })
         });
-        let pipeline = claim.as_ref().ok().map(|claim| &claim.pipeline);
+        let pipeline = claim.as_ref().ok().map(|claim| &claim.run.pipeline);
         PastRun {
             pipeline: pipeline.and_then(|name| pipelines.get(name).cloned()),
             place,

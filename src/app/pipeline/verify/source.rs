@@ -47,7 +47,7 @@ impl Source {
         known_arm: Option<&Path>,
         lake: &Path,
     ) -> Result<Self, NoSource> {
-        if claim.key.session == planning::SESSION && claim.sessions.is_empty() {
+        if claim.key.session == planning::SESSION && claim.run.sessions.is_empty() {
             let planning =
                 Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
             let planning = planning.map_err(|error| match error {
@@ -58,8 +58,8 @@ impl Source {
         }
         let overrides = Overrides {
             robot: Some(claim.key.robot.clone()),
-            sessions: claim.sessions.clone(),
-            test: claim.test_sessions.clone(),
+            sessions: claim.run.sessions.clone(),
+            test: claim.run.test_sessions.clone(),
             lake: Some(lake.to_owned()),
             from_joined: false,
             from_estimates: false,
@@ -90,8 +90,8 @@ impl Source {
         };
         let piece = WorkPiece {
             session: claim.key.session.clone(),
-            training: named(&claim.sessions)?,
-            test: named(&claim.test_sessions)?,
+            training: named(&claim.run.sessions)?,
+            test: named(&claim.run.test_sessions)?,
         };
         let fetched = Fetched::of(&configuration.tree, &piece).map_err(other)?;
         // Tables that were elsewhere are in this lake now.
