@@ -2,9 +2,8 @@
 //! accuracy.
 
 mod between_sessions;
-mod cameras;
-mod copies;
-mod driven;
+mod checks;
+mod commands;
 mod estimate;
 mod figures;
 mod flanges;
@@ -16,13 +15,10 @@ mod limits;
 mod mountings;
 mod observed;
 mod outcome;
-mod repairs;
-pub mod scales;
+pub mod sizes;
 mod stated;
-mod stated_sizes;
-mod turns;
+mod suspects;
 mod unseen;
-mod wrong_targets;
 
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
@@ -41,24 +37,22 @@ use crate::report::locate::Locate;
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
+use commands::raw_command;
+use estimate::Trained;
 pub use estimate::{Estimate, StoredTrainings, estimate};
 use figures::FigureMaker;
-use gridded::{grid_stations, grids};
-use judged::{TestSession, raw_command, unseen_sessions};
+use gridded::grid_stations;
+use judged::{Judges, TestSession, unseen_sessions};
 pub use outcome::{
     Driven, DrivenBy, DrivingFile, JoinedSession, LengthResidual, Outcome, SeveralTargets,
     ShownFlange, Source,
 };
-use unseen::Judges;
 
 /// The settings of the stages.
 #[derive(Debug, Clone)]
 pub struct StageSettings {
-    /// The measurement's uncertainty.
     pub noise: Noise,
-    /// The geometric fit.
     pub fit: FitSettings,
-    /// The full error model.
     pub full: FullSettings,
     /// Direction against gravity in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
@@ -70,9 +64,7 @@ pub struct StageSettings {
     pub base: Option<ErrorBase>,
     /// Whether the commanded point is the measured target; `None` without commands.
     pub target_is_tool: Option<bool>,
-    /// Semivariograms.
     pub similarity: SimilaritySettings,
-    /// Steps and nodes.
     pub grid: GridSettings,
     /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
@@ -108,93 +100,47 @@ impl StageSettings {
 /// The reason why a stage has no result.
 #[derive(Debug, Error)]
 pub enum StageError {
-    /// The fit failed.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
-    /// A session with several sources.
     #[error("session {session}: {source}")]
-    SeveralIn {
-        /// The session's name.
-        session: String,
-        /// Their number.
-        source: SeveralSources,
-    },
-    /// A session that only judges, without positions.
+    SeveralIn { session: String, source: SeveralSources },
     #[error(
         "session {session} judges, but its stations have readings of one length alone: positions are judged by an instrument that reads \
          them; let it train, or judge by a session with positions"
     )]
-    NoPlaces {
-        /// The session's name.
-        session: String,
-    },
-    /// A session that judges with stations that train.
+    NoPlaces { session: String },
     #[error(
         "session {session} judges, but {copies} of its {stations} measured stations train under another name: joint angles and readings \
          equal those of {of} to the last bit, and what was learnt from cannot show what was learnt; take {session} out of [input] test, or \
          {of} out of the sessions that are learnt from"
     )]
-    Copied {
-        /// The session's name.
-        session: String,
-        /// The sessions that train with these stations, by name.
-        of: String,
-        /// Number of these stations.
-        copies: usize,
-        /// Number of the session's measured stations.
-        stations: usize,
-    },
-    /// A model with several sources.
+    Copied { session: String, of: String, copies: usize, stations: usize },
     #[error("fit: {0}")]
     Several(#[from] SeveralSources),
-    /// Targets under each other's names in a whole session.
     #[error(
         "session {session}: targets are swapped throughout, by {against}: {swap}; correct the names in the input, or what is stated of them"
     )]
-    SwappedTargets {
-        /// The session's name.
-        session: String,
-        /// Which, with the misfit as named and swapped.
-        swap: String,
-        /// What the places were held against.
-        against: String,
-    },
-    /// Several targets of a session's own.
+    SwappedTargets { session: String, swap: String, against: String },
     #[error(
         "[report] locate = {{ target = \"own\" }} finds one target of a session's own, but there are {targets} at the flange: leave it out \
          where they stayed in their places"
     )]
-    OwnTargets {
-        /// Number of targets.
-        targets: usize,
-    },
-    /// The sessions cannot be pooled.
+    OwnTargets { targets: usize },
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
-    /// A session without a date, where a joint was repaired.
     #[error(
         "session {session} has no date, so it is not known whether it came before a repair that [[fit.full.repaired]] states: its stations \
          have no time, or its clock no epoch; leave the session out, or the repair"
     )]
-    Undated {
-        /// The session's name.
-        session: String,
-    },
-    /// A session that judges an arm of which a joint was repaired since.
+    Undated { session: String },
     #[error(
         "session {session} judges the arm, but it is from before the repair of joint {} on {} ([[fit.full.repaired]]): let the last session of \
          [input] sessions, and those of [input] test, be after it",
         repair.joint, repair.from.0
     )]
-    BeforeRepair {
-        /// The session's name.
-        session: String,
-        repair: Repair,
-    },
-    /// Trainings of the lake that do not fit the sessions.
+    BeforeRepair { session: String, repair: Repair },
     #[error("fit: what the lake has of it cannot be used: {0}")]
     Stored(#[from] SavedError),
-    /// The grids cannot be made.
     #[error("grid: {0}")]
     Grid(#[from] GridError),
 }
@@ -218,75 +164,50 @@ pub fn results<'a>(
     known: Option<Vec<StepAnswers>>,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    let (trained, flanges, settings) = (estimate.trained, estimate.flanges, &estimate.settings);
-    let (observed, models, folds) = (estimate.observed, trained.models, trained.folds);
-    let (training, test) = (flanges.training, flanges.test);
+    let Estimate { trained, flanges, observed, settings, mut residuals, .. } = estimate;
+    let Trained { models, folds, .. } = trained;
+    let (training, test, settings) = (flanges.training, flanges.test, &settings);
     let locator = judged::locator(&test, &models, arm, settings);
     let tested = TestSession::all(&test, flanges.seen, &models, &locator);
-    let unseen = mountings::of_one_mounting(unseen_sessions(&models, &tested, &locator)?);
-    let mut residuals = estimate.residuals;
-    residuals.extend(lengths::of_positions(unseen, &observed));
-    let (last, best) = (training.len() - 1, models.best().0);
+    let unseen = unseen_sessions(&models, &tested, &locator)?;
+    residuals.extend(mountings::of_one_mounting(unseen, &observed));
+    let last = training.len() - 1;
+    let own = &training[last];
     let frames = main_frames(&models)?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
-    residuals.extend(raw_command(&training[last], &error_frame, settings));
-    let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
+    residuals.extend(raw_command(own, &error_frame, settings));
+    let semivariograms = semivariograms(own, &residuals, &settings.similarity);
     let folds_of = observed.folds_of(last);
-    let fold = |own| folds_of.get(&own).copied();
-    let mut stations = grid_stations(&training[last], &error_frame, fold);
-    add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
-    let mut grids = grids(
-        &stations,
-        &error_frame,
-        &models,
-        &folds,
-        (last, &tested),
-        (settings, known),
-        progress,
-    )?;
+    let fold = |station| folds_of.get(&station).copied();
+    let mut stations = grid_stations(own, &error_frame, fold);
+    add_between_session_variation(&mut stations, own, last, &models, &error_frame);
     let judges = Judges {
         arm,
         models: &models,
         frames: &frames,
+        training: &training,
+        observed: &observed,
+        test: &tested,
         locator: &locator,
-        test: &tested,
-        own: (&training[last], last),
-        error_frame: &error_frame,
-        settings,
-    };
-    judges.judge_table(&mut grids);
-    let driven = driven::judged(&training[last], &error_frame, settings);
-    let iso_9283 = iso_9283::Sources {
-        arm,
-        frames: &frames,
-        training: &training,
-        test: &tested,
-        residuals: &residuals,
-        driven: driven.as_ref(),
-        settings,
-        guard_mm: grids.guard_mm,
-    }
-    .figures();
-    let maker = FigureMaker {
-        settings,
-        training: &training,
-        test: &tested,
-        frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
-        grids: &grids,
+        settings,
     };
-    let mut accuracy = maker.figures(&residuals, driven.as_ref());
+    let mut grids = judges.grids(&folds, known, progress)?;
+    judges.judge_table(&mut grids);
+    let driven = commands::driven_by(own, &error_frame, settings);
+    let by_table = driven.as_ref();
+    let iso_9283 = iso_9283::figures(judges, &residuals, by_table, grids.guard_mm);
+    let maker = FigureMaker { judges, grids: &grids };
+    let mut accuracy = maker.figures(&residuals, by_table);
     accuracy.extend(unseen::table_figures(&grids, &tested, &settings.locate));
-    let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
-    let scales = scales::scales(&observed, &models, &training, settings);
-    scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
-    let verdict = judges.verdict(&grids, &accuracy, &residuals, (&observed, &semivariograms))?;
-    if let Some(driven) = &driven {
-        residuals.extend(driven.sets().cloned());
-    }
+    let mut at_tip = maker.at_tip(&residuals, by_table);
+    let scales = sizes::scales(&observed, &models, &training, settings);
+    sizes::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
+    let verdict = judges.verdict(&grids, &accuracy, &residuals, &semivariograms)?;
+    residuals.extend(driven.iter().flat_map(Driven::sets).cloned());
     Ok(Outcome {
-        best,
+        best: models.best().0,
         targets: flanges.targets,
         frame: stated::frame(&error_frame, &models.base_target, last, settings),
         training,

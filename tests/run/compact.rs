@@ -273,7 +273,7 @@ fn what_cannot_be_read_is_left_out_and_a_damaged_generation_is_made_again() {
     let told = posegrid().arg("compact").arg(folder.path()).output().expect("started");
     let messages = String::from_utf8_lossy(&told.stderr).into_owned();
     assert_eq!(told.status.code(), Some(3), "{messages}");
-    assert!(messages.contains("is not what the run wrote"), "{messages}");
+    assert!(messages.contains("is not what its run wrote"), "{messages}");
     fs::write(&accuracy, sound).expect("writable");
     let done = compacted(&lake);
     assert_eq!((done.state, done.added, done.runs), (2, 1, 6));

@@ -103,8 +103,8 @@ fn every_run_is_used_or_left_out_with_its_reason() {
         &[
             "kr210-demo: 1 sessions, mon to mon",
             "runs: 4, 1 used; left out: 2 not readable, 1 replaced by another run",
-            "is not what the run wrote",
-            "see posegrid verify",
+            "is not what its run wrote",
+            "restore it from a copy",
         ],
     );
 }

@@ -67,18 +67,14 @@ pub struct LeftOut {
 /// Why a lake cannot be compacted.
 #[derive(Debug, Error)]
 pub enum CompactError {
-    /// No lake.
     #[error(
         "there is no lake in {0}: it has no row in runs; name the folder that `posegrid run` printed as its tables"
     )]
     NoLake(Place),
-    /// The lake cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// Rows do not fit together.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// Others changed the compact form in each attempt.
     #[error(
         "the compact form of {0} changed during each of {ATTEMPTS} attempts, as other processes write it; what they wrote holds: run again"
     )]

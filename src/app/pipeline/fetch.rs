@@ -31,18 +31,10 @@ pub struct Fetched {
 /// Why logs cannot be fetched.
 #[derive(Debug, Error)]
 pub enum FetchError {
-    /// The storage did not return a log.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The copy cannot be written.
     #[error("cannot write a copy of {} in {}: {source}; TMPDIR names the folder that copies are made in", of.display(), folder.display())]
-    Copy {
-        /// Address of the original.
-        of: PathBuf,
-        /// The folder of temporaries.
-        folder: PathBuf,
-        source: io::Error,
-    },
+    Copy { of: PathBuf, folder: PathBuf, source: io::Error },
 }
 
 impl Fetched {

@@ -5,11 +5,10 @@
 //! 2. The file of each robot is the common one with the robot's settings put into it; it makes a [`Configuration`] as a file of its own
 //!    does, with the same names of runs.
 //! 3. Sessions belong to robots by folder, by file name, by the logs' metadata or by a column of tables; those of no robot wait, with the
-//!    reason (`strangers`).
+//!    reason (`recorded`).
 //! 4. What is wrong with one robot stays with it.
 
 mod recorded;
-mod strangers;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,8 +21,7 @@ use super::configuration::{
 use super::file::RobotsBy;
 use crate::io::store::Place;
 
-use recorded::ByRobot;
-use strangers::Within;
+use recorded::{ByRobot, Within};
 
 /// The robots of a pipeline file, and the sessions of all of them.
 #[derive(Debug, Clone)]
@@ -45,7 +43,6 @@ pub struct Fleet {
 /// A piece of work of a fleet.
 #[derive(Debug, Clone, Copy)]
 pub struct FleetPiece<'a> {
-    /// Its robot's configuration.
     pub configuration: &'a Configuration,
     pub piece: &'a WorkPiece,
     /// Whether its session is named with its robot.
@@ -253,7 +250,6 @@ impl Loader<'_> {
     }
 }
 
-/// What was loaded, robot by robot.
 #[derive(Default)]
 struct Gathered {
     robots: Vec<Configuration>,

@@ -6,7 +6,7 @@
 //! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name.
 //!    Stamps are the controller's own: where its clock was set back, the order follows it;
 //! 3. earlier judgements are taken from the summary next to the lake's tables as far as its digests are those of the rows
-//!    today (`summary`); the other sessions are read (`session`), from what is kept of each (`kept`) where it is there, and judged
+//!    today (`summary`); the other sessions are read (`session`), from what is kept of each where it is there, and judged
 //!    ([`crate::history`]);
 //! 4. the summary is written again where there was a new session.
 //!
@@ -15,7 +15,6 @@
 
 mod figures;
 mod fleet;
-pub(in crate::pipeline) mod kept;
 mod order;
 mod rows;
 pub(in crate::pipeline) mod session;
@@ -62,7 +61,6 @@ pub struct RobotHistory {
     pub robot: String,
     /// The sessions in order.
     pub sessions: Vec<PastSession>,
-    /// Result of the current run of each session.
     pub results: Vec<RunResult>,
     /// Runs left out, with place and reason.
     pub left_out: Vec<LeftOut>,
@@ -117,31 +115,17 @@ impl Reason {
 pub enum HistoryError {
     #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` printed as its tables", .0)]
     NoLake(Place),
-    /// No such robot.
     #[error("{} has no robot {robot:?}; its robots: {}", lake, robots.join(", "))]
-    NoRobot {
-        lake: Place,
-        /// The robot asked for.
-        robot: String,
-        /// Those there are.
-        robots: Vec<String>,
-    },
-    /// No such session.
+    NoRobot { lake: Place, robot: String, robots: Vec<String> },
     #[error(
         "robot {robot:?} has no session {session:?} in its history; `posegrid history` without --since and --until lists its sessions"
     )]
-    NoSession {
-        robot: String,
-        /// The session asked for.
-        session: String,
-    },
-    /// No session by itself.
+    NoSession { robot: String, session: String },
     #[error(
         "{lake} has no run of a single session of robot {robot:?} that can be read; name the session: pooled for an estimate over \
          several"
     )]
     NoNewest { lake: Place, robot: String },
-    /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
 }

@@ -16,9 +16,8 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::configuration::files::Source;
+use super::configuration::files::{Files, Source};
 use super::configuration::{ConfigurationError, ConfigurationErrorKind, files, placed, usable};
-use super::file::PipelineFile;
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::store::Place;
@@ -31,6 +30,7 @@ use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
 use crate::page::plan::{self as page, About, Content};
+use crate::plan::section::PlanSection;
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 
@@ -45,7 +45,6 @@ pub const SESSION: &str = "plan";
 /// A checked pipeline file with its `[plan]`.
 #[derive(Debug)]
 pub struct Planning {
-    /// The nominal arm.
     pub arm: Arm,
     /// The settings that the plan follows from.
     pub settings: PlanSettings,
@@ -58,7 +57,6 @@ pub struct Planning {
 /// A plan that was made, or was there already.
 #[derive(Debug)]
 pub struct Planned {
-    /// Key of the plan's run.
     pub key: RunKey,
     /// The plan; `None` where the lake had it already, and nothing was done.
     pub plan: Option<SamplingPlan>,
@@ -71,28 +69,20 @@ pub struct Planned {
 /// Why there is no plan.
 #[derive(Debug, Error)]
 pub enum PlanningError {
-    /// The pipeline file is bad.
     #[error(transparent)]
     File(#[from] ConfigurationError),
-    /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
-    /// An input cannot be read.
     #[error(transparent)]
     Input(#[from] Box<RunError>),
-    /// The plan cannot be made.
     #[error("plan: {0}")]
     Plan(#[from] plan::PlanError),
-    /// A past session cannot replace the prior.
     #[error(transparent)]
     Known(#[from] Box<KnownError>),
-    /// A session cannot be compared with its plan.
     #[error(transparent)]
     SoFar(#[from] Box<SoFarError>),
-    /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
-    /// The lake cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
 }
@@ -144,18 +134,8 @@ impl Planning {
         lake: Option<&Path>,
         known_arm: Option<&Path>,
     ) -> Result<Self, PlanningError> {
-        let read = files::read(path, robot)?;
-        let file = &read.file;
-        let missing = ConfigurationErrorKind::Missing {
-            key: "[plan]",
-            reason: "it states what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
-        };
-        let section = file.plan.as_ref().ok_or_else(|| missing.at(path))?;
-        checks::check(path, section, read.arm.joints().len())?;
-        let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let lake = usable(lake, read.lake.clone())?;
-        let robot = file.robot.name.clone().unwrap_or_else(|| stem.clone().into_owned());
+        let Stated { read, section, mut settings, lake, robot, command_from_base } =
+            Stated::read(path, robot, lake)?;
         let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
         if let Some(known) = &section.known {
             // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
@@ -164,10 +144,11 @@ impl Planning {
                 Some(table) => table.to_owned(),
                 None => known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?,
             };
-            let found = known::read(&table, &read.arm, &robot, section, &settings);
+            let found = known::read(&table, &read.arm, &robot, &section, &settings);
             settings.known = Some(found.map_err(Box::new)?);
             inputs.push(input(&table, "calibrations").map_err(Box::new)?);
         }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let work = Work {
             robot,
             session: SESSION.to_owned(),
@@ -175,16 +156,9 @@ impl Planning {
             sessions: Vec::new(),
             test_sessions: Vec::new(),
             inputs,
-            settings: manifest::canonical(&(file, section))?,
+            settings: manifest::canonical(&(&read.file, &section))?,
         };
-        let base_from_command = base_from_command(path, file)?;
-        Ok(Self {
-            arm: read.arm,
-            settings,
-            lake,
-            command_from_base: base_from_command.inverse(),
-            work,
-        })
+        Ok(Self { arm: read.arm, settings, lake, command_from_base, work })
     }
 
     /// Makes the plan and publishes it, unless the lake has it.
@@ -235,14 +209,39 @@ impl Planning {
     }
 }
 
-/// The frame of commands in the base frame, mm.
-fn base_from_command(
-    path: &Path,
-    file: &PipelineFile,
-) -> Result<Isometry3<f64>, ConfigurationError> {
-    match &file.commanded {
-        Some(section) => placed(path, "[commanded] base_from_command", &section.base_from_command),
-        None => Ok(Isometry3::identity()),
+/// What a pipeline file states of a plan, checked.
+struct Stated {
+    read: Files,
+    section: PlanSection,
+    settings: PlanSettings,
+    lake: Place,
+    robot: String,
+    command_from_base: Isometry3<f64>,
+}
+
+impl Stated {
+    fn read(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self, PlanningError> {
+        let read = files::read(path, robot)?;
+        let file = &read.file;
+        let missing = ConfigurationErrorKind::Missing {
+            key: "[plan]",
+            reason: "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base",
+        };
+        let section = file.plan.clone().ok_or_else(|| missing.at(path))?;
+        checks::check(path, &section, read.arm.joints().len())?;
+        let settings = Placed::new(path, file, &section)?.settings(&read.arm, file, &section)?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let base_from_command = file.commanded.as_ref().map(|commanded| {
+            placed(path, "[commanded] base_from_command", &commanded.base_from_command)
+        });
+        Ok(Self {
+            lake: usable(lake, read.lake.clone())?,
+            robot: file.robot.name.clone().unwrap_or_else(|| stem.into_owned()),
+            command_from_base: base_from_command.transpose()?.unwrap_or_default().inverse(),
+            section,
+            settings,
+            read,
+        })
     }
 }
 

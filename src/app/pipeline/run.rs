@@ -51,7 +51,6 @@ pub struct Done {
     pub robot: String,
     /// The session of its tables, or `pooled`.
     pub session: String,
-    /// The run's name.
     pub run: String,
     /// Whether the lake had it already.
     pub already_there: bool,
@@ -123,11 +122,9 @@ impl Done {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageDone {
     pub stage: Stage,
-    /// The name of the result.
     pub run: String,
     /// Whether the lake had it already.
     pub already_there: bool,
-    /// Its figures.
     pub words: String,
 }
 
@@ -333,7 +330,6 @@ fn context<'a>(
     }
 }
 
-/// A tracker's limits in words.
 fn tracker_in_words(configuration: &Configuration, of: &TrackerUncertainty) -> String {
     let orientation =
         of.orientation_rad.filter(|_| configuration.stages.noise.takes_orientations());
@@ -350,7 +346,6 @@ fn tracker_in_words(configuration: &Configuration, of: &TrackerUncertainty) -> S
     )
 }
 
-/// A camera's numbers in words.
 fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> String {
     let place = match of.mounted {
         Mounted::Fixed => "a camera in the cell, the target at the flange",

@@ -49,7 +49,6 @@ pub struct Task {
 /// How a task ended, as a row.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Ended {
-    /// The task.
     pub id: String,
     /// The robot; `None` where it is not known.
     pub robot: Option<String>,

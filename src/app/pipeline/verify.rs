@@ -18,17 +18,13 @@
 //! elsewhere. Every file under the lake is also counted ([`FilesOfLake`]).
 
 mod altered;
-mod asked;
-mod chain;
 mod cited;
 mod claim;
 mod files;
 mod recompute;
-mod register;
 mod row;
 mod selection;
 mod settings;
-mod sought;
 mod source;
 mod stage;
 mod verdict;
@@ -44,15 +40,14 @@ use crate::progress::Progress;
 use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
-pub use claim::Claim;
+pub use claim::{Claim, Register};
 pub use files::{FilesOfLake, Foreign, WithoutRow, account};
 pub use recompute::{ComparedFile, FileOutcome, clean};
-pub use register::Register;
 pub use row::contradictions as row_contradictions;
 pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
 pub(super) use settings::changed as changed_settings;
-pub use sought::Sought;
+pub use source::Sought;
 use source::{NoSource, Source};
 pub use stage::{Anew, StageVerified, StageVerifier};
 pub use verdict::Verdict;
@@ -61,40 +56,15 @@ pub use verdict::Verdict;
 #[derive(Debug, Error)]
 pub enum VerifyError {
     #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` printed as its tables", lake.display())]
-    NoLake {
-        /// The folder.
-        lake: Place,
-        /// The missing part.
-        reason: &'static str,
-    },
-    /// A name that is neither a run nor a session.
+    NoLake { lake: Place, reason: &'static str },
     #[error("{name:?} is neither a run nor a session in {}; its sessions: {}", lake.display(), sessions.join(", "))]
-    NoSuchRun {
-        /// The name asked for.
-        name: String,
-        lake: Place,
-        sessions: Vec<String>,
-    },
-    /// No run was made by the given pipeline files.
+    NoSuchRun { name: String, lake: Place, sessions: Vec<String> },
     #[error("{} has no run by {}; its runs are by {}", lake.display(), asked.join(", "), found.join(", "))]
-    NoneByPipeline {
-        lake: Place,
-        /// Names of the pipeline files given.
-        asked: Vec<String>,
-        /// Names of the pipeline files that made the lake's runs.
-        found: Vec<String>,
-    },
-    /// Two pipeline files have one name.
+    NoneByPipeline { lake: Place, asked: Vec<String>, found: Vec<String> },
     #[error("{} and {} have one name, and a row of `runs` has only the name: verify their runs one after the other", first.display(), second.display())]
-    TwoOfOneName {
-        first: PathBuf,
-        /// The other.
-        second: PathBuf,
-    },
-    /// A pipeline file is bad.
+    TwoOfOneName { first: PathBuf, second: PathBuf },
     #[error(transparent)]
     Pipeline(#[from] ConfigurationError),
-    /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
 }
@@ -102,7 +72,6 @@ pub enum VerifyError {
 /// The findings about a run.
 #[derive(Debug, Clone)]
 pub struct Verified {
-    /// Contents of the row.
     pub claim: Claim,
     /// Contradictions of the row, as text.
     pub contradictions: Vec<String>,
@@ -116,7 +85,6 @@ pub struct Verified {
     pub inputs: Vec<ChangedInput>,
     /// Settings that differ from the row.
     pub settings: Vec<ChangedSetting>,
-    /// The result of recomputing it.
     pub recomputed: Recomputed,
 }
 
@@ -131,13 +99,11 @@ pub enum Recomputed {
     Yes {
         /// Number of files with the same bytes.
         same: usize,
-        /// The other files.
         others: Vec<ComparedFile>,
     },
 }
 
 impl Verified {
-    /// The verdict on the run.
     pub fn verdict(&self) -> Verdict {
         verdict::verdict(self)
     }

@@ -8,7 +8,7 @@ use crate::fit::full::FullModel;
 use crate::fit::model::PartEvidence;
 use crate::fit::stated_size::FoundSize;
 use crate::join::{Pairing, Station, TargetId};
-use crate::judgement::scales;
+use crate::judgement::sizes;
 use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
@@ -16,7 +16,7 @@ use crate::units::NS_PER_S;
 
 /// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
-    let named = scales::named(&outcome.scales).into_iter();
+    let named = sizes::named(&outcome.scales).into_iter();
     let named = several_sources(outcome).chain(named);
     let named =
         references::followed(outcome).into_iter().chain(several_targets(outcome)).chain(named);
@@ -38,7 +38,7 @@ pub(super) fn words(outcome: &Outcome<'_>) -> Vec<String> {
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(camera_words(outcome));
     words.extend(stated_words(outcome));
-    words.extend(scales::named(&outcome.scales));
+    words.extend(sizes::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.extend(judged_by(outcome));

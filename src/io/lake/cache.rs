@@ -89,7 +89,6 @@ impl Lake {
         Ok(listed.concat().into_iter().map(|own| own.key).collect())
     }
 
-    /// Whether there is a file with this key.
     pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
         Ok(self.store.exists(key)?)
     }

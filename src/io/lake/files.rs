@@ -55,7 +55,6 @@ impl Lake {
         Ok(self.store.open(file_key)?)
     }
 
-    /// The name of the robot or session whose folder has this name.
     pub fn name_of(folder: &str) -> String {
         name::decode(folder)
     }

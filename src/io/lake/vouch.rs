@@ -7,7 +7,7 @@ use std::path::Path;
 use arrow::array::AsArray as _;
 
 use super::error::folder_error;
-use super::{Lake, LakeError, encoded, file_key, rows_of};
+use super::{Lake, LakeError, encoded, rows_of};
 use crate::input::{self, Bound};
 use crate::manifest::{RunKey, digest};
 use crate::schema::{self, TableSchema};
@@ -76,29 +76,36 @@ impl Lake {
         table: &str,
         key: &RunKey,
     ) -> Result<(Table, VouchedBy), LakeError> {
-        let own = file_key(table, key)?;
-        let place = self.store.place(&own);
-        let mut file = self.store.open(&own)?;
-        let named = place.named();
-        let wrong = folder_error("read", &named);
-        let mut by_row = false;
         if table != rows_of(table)
             && let Some(written) = self.written_digest(table, key)?
         {
-            let (found, _) = digest(&file).map_err(&wrong)?;
-            file.rewind().map_err(&wrong)?;
-            if found != written {
-                return Err(LakeError::NotAsWritten { place, found, written });
-            }
-            by_row = true;
+            return Ok((self.read_written(table, key, &written)?, VouchedBy::Row));
         }
-        let opened = table::open(file, &named, schema::find(table)?)?;
+        let opened = self.read_as_it_is(table, key)?;
         let vouched = match &opened.seal {
-            _ if by_row => VouchedBy::Row,
             Seal::Absent => VouchedBy::Nothing,
             Seal::Holds | Seal::Broken { .. } => VouchedBy::Itself,
         };
-        Ok((opened.believed(&named)?, vouched))
+        Ok((opened.believed(&self.place(table, key)?.named())?, vouched))
+    }
+
+    /// Reads a table of a run whose file has to have this digest.
+    pub fn read_written(
+        &self,
+        table: &str,
+        key: &RunKey,
+        written: &str,
+    ) -> Result<Table, LakeError> {
+        let place = self.place(table, key)?;
+        let named = place.named();
+        let wrong = folder_error("read", &named);
+        let mut file = self.open(table, key)?;
+        let (found, _) = digest(&file).map_err(&wrong)?;
+        if found != written {
+            return Err(LakeError::NotAsWritten { place, found, written: written.to_owned() });
+        }
+        file.rewind().map_err(&wrong)?;
+        Ok(table::open(file, &named, schema::find(table)?)?.believed(&named)?)
     }
 
     /// Whether any run has a row.

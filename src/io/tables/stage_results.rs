@@ -12,18 +12,14 @@ use crate::table::{Row, Table, TableError, columns, row};
 pub enum NotRestored {
     #[error(transparent)]
     Lake(#[from] LakeError),
-    /// Its row is of a build with other fields.
     #[error("its row cannot be read: {0}; was it written by another build of this version?")]
     Json(#[from] serde_json::Error),
     #[error("its table {table} has {rows} rows; a result has one")]
     Rows { table: &'static str, rows: usize },
-    /// The readings of a session are no dwells.
     #[error("its table readings is damaged: {0}")]
     Stations(#[from] NoStations),
-    /// Lists of different lengths.
     #[error("its lists of files read differ in length")]
     Inputs,
-    /// An answer is of none of the steps: the step, mm.
     #[error("its table grid_errors has answers of a step of {0} mm that its row does not have")]
     OtherStep(f64),
 }

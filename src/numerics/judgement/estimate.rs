@@ -3,22 +3,17 @@
 //! It follows from the sessions that train, how readings are weighed and what is fitted. Steps, tolerances, figures and sessions that only
 //! judge come behind it, so another of them trains nothing: [`Estimate::stored`] is what the lake keeps of it.
 
-use super::cameras;
 use super::flanges::Flanges;
-use super::judged::{self, Judged, leaves_sessions_out, sessions_left_out};
+use super::judged::{self, Judged, sessions_left_out, training_settings};
 use super::observed::Observed;
 use super::{JoinedSession, LengthResidual, Source};
-use super::{
-    StageError, StageSettings, copies, lengths, mountings, repairs, stated_sizes, wrong_targets,
-};
+use super::{StageError, StageSettings, checks, lengths, mountings, sizes, suspects};
 use crate::fit::camera_size::CameraSize;
-use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
 use crate::fit::stored::StoredModels;
-use crate::fit::{Model, Models, Purpose, TrainingSettings};
+use crate::fit::{Model, Models};
 use crate::geometry::{symmetric, upper};
-use crate::join::one_source;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::{Residual, ResidualSet};
@@ -47,7 +42,6 @@ pub struct Estimate {
 /// What was trained, for later runs to start from.
 #[derive(Debug, Clone)]
 pub struct StoredTrainings {
-    /// The models trained on all readings.
     pub models: StoredModels,
     /// The models of each fold; `None` of a fold that holds no station out.
     pub folds: Vec<Option<StoredModels>>,
@@ -60,7 +54,6 @@ pub struct StoredTrainings {
 /// Models, and residuals of models that nothing else asks for.
 #[derive(Debug)]
 pub(super) struct Trained {
-    /// The models trained on all readings.
     pub(super) models: Models,
     /// The models of each fold that holds stations out.
     pub(super) folds: Vec<Option<Models>>,
@@ -76,43 +69,33 @@ pub fn estimate(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
-    copies::check(&training, &test)?;
+    checks::not_copied(&training, &test)?;
     let Prepared { settings, camera_size, stated_sizes } =
-        &prepared(arm, (&mut training, &mut test), settings)?;
-    let mut observed = Observed::new(arm, &training, settings);
-    let sessions = training.len();
-    let Known { models, folds, sessions_left_out: left_out, residuals: known } =
-        if let Some(stored) = stored {
-            restored(arm, stored, &observed, settings)?
-        } else {
-            let check = |models: &Models| check_pool(arm, &observed, models, &training, settings);
-            let train = &training_settings(settings);
-            let (models, folds) = judged::train(arm, &observed, sessions, train, check, progress)?;
-            Known { models, folds, sessions_left_out: None, residuals: None }
-        };
-    let flanges = Flanges::new(arm, training, test, &mut observed, &models, settings)?;
-    let length_residuals =
-        lengths::residuals(&observed, &flanges.training, &models, &folds, settings);
-    let sources = lengths::sources(&models, &length_residuals, settings);
-    let settings = lengths::settings_behind(&observed, flanges.noise.clone(), settings);
+        prepared(arm, (&mut training, &mut test), settings)?;
+    let mut observed = Observed::new(arm, &training, &settings);
+    let Known { models, folds, sessions_left_out: left_out, residuals: known } = match stored {
+        Some(stored) => restored(arm, stored, &observed, &settings)?,
+        None => trained(arm, &observed, &training, &settings, progress)?,
+    };
+    let flanges = Flanges::new(arm, training, test, &mut observed, &models, &settings)?;
+    let training = &flanges.training;
+    let length_residuals = lengths::residuals(&observed, training, &models, &folds, &settings);
+    let sources = lengths::sources(&models, &length_residuals, &settings);
+    let settings = lengths::settings_behind(&observed, flanges.noise.clone(), &settings);
     let sessions_left_out = match left_out {
         Some(sets) => sets,
-        None if leaves_sessions_out(&models, &settings) => {
-            let (train, sessions) = (training_settings(&settings), &flanges.training);
-            sessions_left_out(arm, (&observed, sessions), (&train, settings.locate), progress)?
-        }
-        None => Vec::new(),
+        None => sessions_left_out(arm, &models, (&observed, training), &settings, progress)?,
     };
     let trained = Trained { models, folds, sessions_left_out };
-    let found = known.unwrap_or_else(|| residuals(&observed, &trained, &flanges.training));
+    let found = known.unwrap_or_else(|| residuals(&observed, &trained, training));
     Ok(Estimate {
-        residuals: in_order(found, &flanges.training),
+        residuals: in_order(found, training),
         observed,
         trained,
         flanges,
         settings,
-        camera_size: *camera_size,
-        stated_sizes: stated_sizes.clone(),
+        camera_size,
+        stated_sizes,
         sources,
         length_residuals,
     })
@@ -131,14 +114,12 @@ fn prepared(
     (training, test): (&mut [JoinedSession], &mut [JoinedSession]),
     settings: &StageSettings,
 ) -> Result<Prepared, StageError> {
-    one_source_each(training.iter().chain(&*test))?;
-    let settings = &repairs::told(training, test, settings)?;
-    test.iter().try_for_each(lengths::check_judge)?;
-    wrong_targets::leave_out(arm, training, test, settings)?;
-    cameras::leave_out_flips(arm, training, test, settings);
-    lengths::leave_out_wrong(arm, training, settings);
-    let (settings, camera_size) = cameras::sized(arm, training, settings)?;
-    let stated_sizes = stated_sizes::sized(arm, training, test, &settings)?;
+    checks::one_source_each(training.iter().chain(&*test))?;
+    let settings = &checks::repairs(training, test, settings)?;
+    test.iter().try_for_each(checks::check_judge)?;
+    suspects::leave_out(arm, training, test, settings)?;
+    let (settings, camera_size) = sizes::camera(arm, training, settings)?;
+    let stated_sizes = sizes::stated(arm, training, test, &settings)?;
     Ok(Prepared { settings, camera_size, stated_sizes })
 }
 
@@ -180,7 +161,7 @@ fn residuals(
     let judged = Judged { observed, models: &trained.models, folds: &trained.folds, training };
     let mut residuals = judged.residuals();
     residuals.extend(trained.sessions_left_out.iter().cloned());
-    lengths::of_positions(mountings::of_one_mounting(residuals), observed)
+    mountings::of_one_mounting(residuals, observed)
 }
 
 /// Residual sets by way of judging, session, model and angles, each by station and target, with covariances that are symmetric to the last
@@ -207,12 +188,25 @@ fn in_order(mut sets: Vec<ResidualSet>, training: &[JoinedSession]) -> Vec<Resid
 
 /// The models of an estimate, trained now or read back, and the residuals that the lake has.
 struct Known {
-    /// Models on all readings.
     models: Models,
     folds: Vec<Option<Models>>,
     sessions_left_out: Option<Vec<ResidualSet>>,
     /// Residuals of all stations.
     residuals: Option<Vec<ResidualSet>>,
+}
+
+/// Models trained now, which have to be of one arm.
+fn trained(
+    arm: &Arm,
+    observed: &Observed,
+    training: &[JoinedSession],
+    settings: &StageSettings,
+    progress: &dyn Progress,
+) -> Result<Known, StageError> {
+    let check = |models: &Models| checks::check_pool(arm, observed, models, training, settings);
+    let (sessions, train) = (training.len(), &training_settings(settings));
+    let (models, folds) = judged::train(arm, observed, sessions, train, check, progress)?;
+    Ok(Known { models, folds, sessions_left_out: None, residuals: None })
 }
 
 /// The models that were stored; an error where they are not of these observations. Where the residuals are stored too, the models of the
@@ -238,41 +232,5 @@ fn restored(
         folds: folds.collect::<Result<Vec<_>, _>>()?,
         sessions_left_out: Some(stored.sessions_left_out),
         residuals,
-    })
-}
-
-pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
-    TrainingSettings {
-        fit: &settings.fit,
-        full: &settings.full,
-        up: settings.up,
-        purpose: Purpose::Published,
-    }
-}
-
-/// Errors, grids and figures are of one tool point in one instrument's frame: sessions with several sources of positions are refused
-/// here. Instruments that read one length train beside it ([`lengths`]). Of several targets the one reading of each station is derived ([`flanges`]).
-fn one_source_each<'s>(
-    sessions: impl Iterator<Item = &'s JoinedSession>,
-) -> Result<(), StageError> {
-    for session in sessions {
-        one_source(&session.joined.stations)
-            .map_err(|source| StageError::SeveralIn { session: session.name.clone(), source })?;
-    }
-    Ok(())
-}
-
-/// Checks that pooled sessions are of one arm.
-fn check_pool(
-    arm: &Arm,
-    observed: &Observed,
-    models: &Models,
-    training: &[JoinedSession],
-    settings: &StageSettings,
-) -> Result<(), NotOneArm> {
-    let names: Vec<&str> = training.iter().map(|s| s.name.as_str()).collect();
-    let change_rad = settings.full.session_curve_sd_rad;
-    models.full.as_ref().map_or(Ok(()), |full| {
-        same_arm::check(arm, full, &models.base_target, &observed.all, &names, change_rad)
     })
 }

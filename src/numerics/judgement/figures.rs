@@ -5,30 +5,20 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::StageSettings;
-use super::judged::TestSession;
-use super::turns::{commanded_turns, why_no_turns};
+use super::commands::{commanded_turns, why_no_turns};
+use super::judged::Judges;
 use super::{Driven, JoinedSession};
 use crate::figures::{self, PoseErrors};
-use crate::fit::{ErrorFrame, FramePair};
-use crate::grid::{GridStation, Grids};
+use crate::grid::Grids;
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,
     accuracy,
 };
 
-/// The inputs of figures other than residuals.
+/// What makes figures of residuals.
 pub(super) struct FigureMaker<'f> {
-    pub(super) settings: &'f StageSettings,
-    pub(super) training: &'f [JoinedSession],
-    /// Sessions that only judge.
-    pub(super) test: &'f [TestSession<'f>],
-    /// Base and target of each session that trained.
-    pub(super) frames: &'f [FramePair],
-    /// The error reference frame of the last session.
-    pub(super) error_frame: &'f ErrorFrame<'f>,
-    pub(super) stations: &'f [GridStation],
+    pub(super) judges: Judges<'f>,
     pub(super) grids: &'f Grids,
 }
 
@@ -58,12 +48,12 @@ impl FigureMaker<'_> {
         residuals: &[ResidualSet],
         driven: Option<&Driven>,
     ) -> Vec<Accuracy> {
-        let Some(tip) = self.settings.tool_tip else {
+        let Some(tip) = self.judges.settings.tool_tip else {
             return Vec::new();
         };
         let of_target = |set| self.carried(set, tip - self.target(set));
         let mut figures: Vec<Accuracy> = residuals.iter().map(of_target).collect();
-        let lever = tip - self.error_frame.flange_from_tool().translation.vector;
+        let lever = tip - self.judges.error_frame.flange_from_tool().translation.vector;
         figures.push(self.of_table_at_tip(lever));
         for (driven, set) in sets(driven) {
             figures.push(Accuracy {
@@ -78,18 +68,18 @@ impl FigureMaker<'_> {
     fn target(&self, set: &ResidualSet) -> Vector3<f64> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
         // An unseen session is predicted with the frames of the first session.
-        let place = self.training.iter().position(of_session).unwrap_or(0);
-        self.frames[place].flange_from_target.isometry().translation.vector
+        let place = self.judges.training.iter().position(of_session).unwrap_or(0);
+        self.judges.frames[place].flange_from_target.isometry().translation.vector
     }
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
-        let tolerance = &self.settings.tolerance;
+        let tolerance = &self.judges.settings.tolerance;
         let own =
             Accuracy { finders: self.finders(set), ..accuracy::accuracy(set, tolerance, guard_mm) };
         let subject = &set.subject;
         let foretells = (subject.model, subject.angles, subject.split)
             == (Model::Full, Angles::Commanded, Split::Blocks);
-        if foretells && subject.of_session == self.session().name {
+        if foretells && subject.of_session == self.judges.own().name {
             let moved = self.moved();
             let moved = |station| moved.get(&station).copied().unwrap_or_default();
             accuracy::with_between_session_variation(own, set, moved, tolerance)
@@ -105,10 +95,10 @@ impl FigureMaker<'_> {
         let is_found = subject.split == Split::Session && subject.base_refit.judges() && !is_driven;
         let own = &subject.of_session;
         // A session of a pool is left out with a mounting of its own.
-        let is_left_out = self.training.iter().any(|session| session.name == *own);
-        let mut tested = self.test.iter().filter(|test| test.session.name == *own);
+        let is_left_out = self.judges.training.iter().any(|session| session.name == *own);
+        let mut tested = self.judges.test.iter().filter(|test| test.session.name == *own);
         let with_target = is_left_out || tested.any(|test| test.located.with_target());
-        let locate = &self.settings.locate;
+        let locate = &self.judges.settings.locate;
         is_found.then(|| locate.finders(set.finders(), with_target))
     }
 
@@ -118,7 +108,7 @@ impl FigureMaker<'_> {
         let figures = Accuracy { point: Point::Tip, ..self.of(&tip, self.guard_mm(&lever)) };
         if tip.residuals.is_empty() {
             Accuracy {
-                verdict: why_no_turns(self.settings, self.session(), set.subject.model),
+                verdict: why_no_turns(self.judges.settings, self.judges.own(), set.subject.model),
                 ..figures
             }
         } else {
@@ -128,13 +118,13 @@ impl FigureMaker<'_> {
 
     /// The middle of the stations in the instrument's frame, mm.
     fn middle(&self) -> Point3<f64> {
-        let positions = self.stations.iter().map(|station| station.position.coords);
-        let middle = positions.sum::<Vector3<f64>>() / self.stations.len().max(1) as f64;
-        self.error_frame.frames().tracker_from_base.isometry() * Point3::from(middle)
+        let positions = self.judges.stations.iter().map(|station| station.position.coords);
+        let middle = positions.sum::<Vector3<f64>>() / self.judges.stations.len().max(1) as f64;
+        self.judges.error_frame.frames().tracker_from_base.isometry() * Point3::from(middle)
     }
 
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let source = self.settings.noise.source(self.error_frame.frames().source);
+        let source = self.judges.settings.noise.source(self.judges.error_frame.frames().source);
         let orientation_rad = source.uncertainty.orientation_rad(&self.middle());
         expanded_uncertainty_mm(self.grids.guard_mm, orientation_rad.unwrap_or_default(), lever)
     }
@@ -146,7 +136,7 @@ impl FigureMaker<'_> {
         Accuracy {
             subject: Subject {
                 split: Split::Blocks,
-                of_session: self.session().name.clone(),
+                of_session: self.judges.own().name.clone(),
                 model: Model::Table,
                 angles: Angles::Commanded,
                 base_refit: BaseRefit::None,
@@ -168,7 +158,7 @@ impl FigureMaker<'_> {
     /// A table corrects the tool point and leaves orientations as commanded: the tip has all of their error.
     fn of_table_at_tip(&self, lever: Vector3<f64>) -> Accuracy {
         let turns = self.turns_by_station();
-        let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
+        let (moved, tolerance) = (self.moved(), &self.judges.settings.tolerance);
         let mut norms = Vec::new();
         let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
         let left = self.grids.deciding().map(|chosen| &chosen.held_out.left);
@@ -198,7 +188,7 @@ impl FigureMaker<'_> {
             counted,
             expanded_uncertainty_mm: guard_mm,
             verdict: if turns.is_empty() {
-                why_no_turns(self.settings, self.session(), Model::Table)
+                why_no_turns(self.judges.settings, self.judges.own(), Model::Table)
             } else {
                 tolerance.verdict(bound, counted, guard_mm)
             },
@@ -208,20 +198,16 @@ impl FigureMaker<'_> {
 
     /// The attained and the commanded orientation of the flange at each station of the last session, by station number.
     fn turns_by_station(&self) -> BTreeMap<usize, Turn> {
-        let session = self.session();
-        let turns = without_constant(&commanded_turns(session, self.error_frame), |_| true);
+        let session = self.judges.own();
+        let turns = without_constant(&commanded_turns(session, self.judges.error_frame), |_| true);
         let stations = session.joined.stations.iter().zip(turns);
         stations.filter_map(|(station, turn)| Some((station.number, turn?))).collect()
     }
 
     /// Changes of each station's error that another session may bring.
     fn moved(&self) -> BTreeMap<usize, &[Vector3<f64>]> {
-        let stations = self.stations.iter();
+        let stations = self.judges.stations.iter();
         stations.map(|station| (station.number, &*station.between_sessions)).collect()
-    }
-
-    fn session(&self) -> &JoinedSession {
-        self.training.last().expect("work has a session")
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, Vector3};
 
 use super::JoinedSession;
-use super::judged::TestSession;
+use super::judged::Judges;
 use super::{StageSettings, lengths, stated};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorFrame, Models, ToolErrors};
@@ -37,29 +37,29 @@ pub(super) fn grid_stations(
 /// A station with its command and the index of the station that names its pose.
 type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
-/// Judged steps and table, with node values of the best model; what steps answer is taken from `known` where that is of these stations.
-pub(super) fn grids<'m>(
-    stations: &[GridStation],
-    error_frame: &'m ErrorFrame<'_>,
-    models: &'m Models,
-    folds: &'m [Option<Models>],
-    (session, tests): (usize, &[TestSession<'_>]),
-    (settings, known): (&StageSettings, Option<Vec<StepAnswers>>),
-    progress: &dyn Progress,
-) -> Result<grid::Grids, GridError> {
-    let sources = &models.base_target.sources;
-    if sources.iter().all(|own| own.kind.is_length()) {
-        return Ok(lengths::no_grids(tests, settings));
+impl Judges<'_> {
+    /// Judged steps and table, with node values of the best model; what steps answer is taken from `known` where that is of these stations.
+    pub(super) fn grids(
+        &self,
+        folds: &[Option<Models>],
+        known: Option<Vec<StepAnswers>>,
+        progress: &dyn Progress,
+    ) -> Result<grid::Grids, GridError> {
+        let Self { models, stations, error_frame, settings, .. } = *self;
+        if models.base_target.sources.iter().all(|own| own.kind.is_length()) {
+            return Ok(lengths::no_grids(self.test, settings));
+        }
+        let best = models.best().0;
+        // A fold that holds no station out is never used.
+        let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models)).chain([models]);
+        let errors = folds.map(|own| ToolErrors::new(own.or_best(best), self.last(), error_frame));
+        let mut folds: Vec<ToolErrors<'_>> = errors.collect();
+        let model = folds.pop().expect("that of all stations");
+        let guard_mm = guard_mm(stations, error_frame, settings);
+        let input = GridInput { stations, folds: &folds, model, guard_mm };
+        let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
+        grid::grids(&input, &reach, &settings.grid, &settings.tolerance, known, progress)
     }
-    let best = models.best().0;
-    let errors = |models: &'m Models| ToolErrors::new(models.or_best(best), session, error_frame);
-    // A fold that holds no station out is never used.
-    let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
-    let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();
-    let guard_mm = guard_mm(stations, error_frame, settings);
-    let input = GridInput { stations, folds: &folds, model: errors(models), guard_mm };
-    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
-    grid::grids(&input, &reach, &settings.grid, &settings.tolerance, known, progress)
 }
 
 /// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the

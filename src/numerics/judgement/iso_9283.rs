@@ -11,45 +11,47 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Point3;
 
-use super::StageSettings;
-use super::judged::TestSession;
+use super::judged::{Judges, TestSession};
 use super::{Driven, JoinedSession};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{Corrects, ErrorFrame, FramePair};
 use crate::geometry::Transform;
 use crate::join::{Reading, Station};
-use crate::kinematics::Arm;
 use crate::report::iso_9283::{self, Iso9283, Orientation, Says, Visit, Visited};
 use crate::report::refit::{self, Placed};
 use crate::report::{
     Angles, BaseRefit, Model, Moment, Point, Residual, ResidualSet, Split, Subject,
 };
 
+/// The figures of all sessions; `driven` is the judgement of the last on the table that drove it.
+pub(super) fn figures(
+    judges: Judges<'_>,
+    residuals: &[ResidualSet],
+    driven: Option<&Driven>,
+    guard_mm: f64,
+) -> Vec<Iso9283> {
+    Sources { judges, residuals, driven, guard_mm }.figures()
+}
+
 /// The inputs of the figures.
-pub(super) struct Sources<'s> {
-    pub(super) arm: &'s Arm,
-    /// Base and target of each session that trained, as the nominal arm has them.
-    pub(super) frames: &'s [FramePair],
-    pub(super) training: &'s [JoinedSession],
-    pub(super) test: &'s [TestSession<'s>],
-    pub(super) residuals: &'s [ResidualSet],
-    pub(super) driven: Option<&'s Driven>,
-    pub(super) settings: &'s StageSettings,
-    pub(super) guard_mm: f64,
+struct Sources<'s> {
+    judges: Judges<'s>,
+    residuals: &'s [ResidualSet],
+    driven: Option<&'s Driven>,
+    guard_mm: f64,
 }
 
 impl Sources<'_> {
-    /// The figures of all sessions.
-    pub(super) fn figures(&self) -> Vec<Iso9283> {
-        let training: Vec<Visits<'_>> = self.training.iter().map(Visits::of).collect();
-        let test = self.test.iter();
+    fn figures(&self) -> Vec<Iso9283> {
+        let training: Vec<Visits<'_>> = self.judges.training.iter().map(Visits::of).collect();
+        let test = self.judges.test.iter();
         let test: Vec<Visits<'_>> = test.map(|test| Visits::of(test.session)).collect();
         let mut figures = Vec::new();
         for (place, visits) in training.iter().enumerate() {
-            let error_frame = self.error_frame(self.frames[place]);
+            let error_frame = self.error_frame(self.judges.frames[place]);
             figures.push(self.base_target(visits, &error_frame, None));
         }
-        let unseen = test.iter().zip(self.test);
+        let unseen = test.iter().zip(self.judges.test);
         figures.extend(unseen.filter_map(|(visits, test)| self.unseen(visits, test)));
         for visits in training.iter().chain(&test) {
             let sets = self.residuals.iter();
@@ -65,9 +67,9 @@ impl Sources<'_> {
     }
 
     fn error_frame(&self, frames: FramePair) -> ErrorFrame<'_> {
-        let settings = self.settings;
+        let settings = self.judges.settings;
         ErrorFrame::new(
-            self.arm,
+            self.judges.arm,
             frames,
             settings.flange_from_tool,
             settings.noise.takes_orientations(),
@@ -108,7 +110,7 @@ impl Sources<'_> {
                 model: Model::BaseTarget,
                 angles: Angles::Commanded,
                 base_refit: match finders {
-                    Some(_) => self.settings.locate.base_refit(),
+                    Some(_) => self.judges.settings.locate.base_refit(),
                     None => BaseRefit::None,
                 },
             },
@@ -124,7 +126,7 @@ impl Sources<'_> {
     /// are found from its stations `finders`. `None` where they do not span space.
     fn unseen(&self, visits: &Visits<'_>, test: &TestSession<'_>) -> Option<Iso9283> {
         let (finders, with_target) = (test.numbers(), test.located.with_target());
-        let trained = *self.frames.last()?;
+        let trained = *self.judges.frames.last()?;
         let error_frame = self.error_frame(trained);
         let first: Vec<(&Station, Point3<f64>)> = paired(visits.session)
             .filter(|(station, _, _)| finders.contains(&station.number))
@@ -133,7 +135,7 @@ impl Sources<'_> {
         let measured: Vec<Point3<f64>> = first.iter().map(|(_, position)| *position).collect();
         let placed = first.iter().map(|(station, _)| Placed {
             position: error_frame.nominal_target(&station.joints),
-            flange: self.arm.flange(&station.joints).isometry().rotation,
+            flange: self.judges.arm.flange(&station.joints).isometry().rotation,
         });
         let placed: Vec<Placed> = placed.collect();
         let found = refit::refit(&measured, &placed, with_target)?;
@@ -145,9 +147,13 @@ impl Sources<'_> {
             ..trained
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let oriented = self.settings.noise.takes_orientations() && !with_target;
-        let error_frame =
-            ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
+        let oriented = self.judges.settings.noise.takes_orientations() && !with_target;
+        let error_frame = ErrorFrame::new(
+            self.judges.arm,
+            frames,
+            self.judges.settings.flange_from_tool,
+            oriented,
+        );
         Some(self.base_target(visits, &error_frame, Some(&finders)))
     }
 

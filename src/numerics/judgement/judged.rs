@@ -6,23 +6,29 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::JoinedSession;
-use super::estimate::training_settings;
 use super::observed::Observed;
-use super::turns::commanded_turns;
 use super::{StageError, StageSettings};
-use crate::fit::commanded::CommandedPose;
 use crate::fit::same_arm::NotOneArm;
 use crate::fit::{
-    self, ErrorBase, ErrorFrame, FitError, Frames, Models, Observation, Purpose, TrainingSettings,
+    self, ErrorFrame, FitError, FramePair, Frames, Models, Observation, Purpose, TrainingSettings,
     holdout,
 };
-use crate::join::{SeveralSources, Station};
+use crate::grid::GridStation;
+use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, Stations};
 use crate::report::locate::{Locate, LocateTarget, Located, Locator};
-use crate::report::tip::without_constant;
-use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject, unseen};
+use crate::report::{ResidualSet, Split, unseen};
+
+pub(super) const fn training_settings(settings: &StageSettings) -> TrainingSettings<'_> {
+    TrainingSettings {
+        fit: &settings.fit,
+        full: &settings.full,
+        up: settings.up,
+        purpose: Purpose::Published,
+    }
+}
 
 /// Observations of the trainings that are under way at a time: each takes some 100 KB for six joints.
 const SIDE_BY_SIDE: usize = 12_000;
@@ -95,24 +101,23 @@ pub(super) fn train(
     Ok((models, trained.collect()))
 }
 
-/// Whether each session of a pool is judged by a training on the others. A session left out has a mounting of its own, of which one target
-/// alone can be found.
-pub(super) fn leaves_sessions_out(models: &Models, settings: &StageSettings) -> bool {
-    let frames = &models.base_target.frames;
-    let has_several_targets = frames.iter().any(Frames::has_several_targets);
-    frames.len() > 1 && settings.leave_sessions_out && !has_several_targets
-}
-
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
-/// that of now.
+/// that of now. None where the settings ask for none, and with several targets: a session left out has a mounting of its own, of which one
+/// target alone can be found.
 pub(super) fn sessions_left_out(
     arm: &Arm,
+    models: &Models,
     (observed, training): (&Observed, &[JoinedSession]),
-    (settings, locate): (&TrainingSettings<'_>, Locate),
+    settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {
+    let several_targets = models.base_target.frames.iter().any(Frames::has_several_targets);
+    if training.len() < 2 || !settings.leave_sessions_out || several_targets {
+        return Ok(Vec::new());
+    }
+    let locate = settings.locate;
     let others = training.len() - 1;
-    let settings = &TrainingSettings { purpose: Purpose::Judges, ..*settings };
+    let settings = &TrainingSettings { purpose: Purpose::Judges, ..training_settings(settings) };
     let of_now: Vec<usize> =
         (0..training.len()).filter(|&place| is_of_now(observed, place, settings)).collect();
     progress.begin("sessions left out", of_now.len() as u64);
@@ -214,6 +219,36 @@ impl Judged<'_> {
     }
 }
 
+/// The models of a run, and what judges them.
+#[derive(Clone, Copy)]
+pub(super) struct Judges<'j> {
+    pub(super) arm: &'j Arm,
+    pub(super) models: &'j Models,
+    /// The main frames of each training session by base + target.
+    pub(super) frames: &'j [FramePair],
+    pub(super) training: &'j [JoinedSession],
+    pub(super) observed: &'j Observed,
+    /// Sessions that only judge, and what finds their base and target.
+    pub(super) test: &'j [TestSession<'j>],
+    pub(super) locator: &'j Locator,
+    /// The error reference frame of the last training session, which the table is for, and its stations.
+    pub(super) error_frame: &'j ErrorFrame<'j>,
+    pub(super) stations: &'j [GridStation],
+    pub(super) settings: &'j StageSettings,
+}
+
+impl Judges<'_> {
+    /// The session that the table is for.
+    pub(super) fn own(&self) -> &JoinedSession {
+        &self.training[self.last()]
+    }
+
+    /// Its place among those that train.
+    pub(super) const fn last(&self) -> usize {
+        self.training.len() - 1
+    }
+}
+
 /// What finds base and target of the sessions that only judge.
 pub(super) fn locator(
     test: &[JoinedSession],
@@ -285,46 +320,4 @@ pub(super) fn merge(sets: &mut Vec<ResidualSet>, set: ResidualSet) {
             own.residuals.sort_by_key(|residual| residual.station);
         }
     }
-}
-
-/// Errors against the raw command in the error reference frame: where the base is surveyed, and where it is said to be fitted and
-/// command and target are one point.
-pub(super) fn raw_command(
-    session: &JoinedSession,
-    error_frame: &ErrorFrame<'_>,
-    settings: &StageSettings,
-) -> Option<ResidualSet> {
-    let is_tool = settings.target_is_tool?;
-    if settings.base? == ErrorBase::Fitted && !is_tool {
-        return None;
-    }
-    let turns = commanded_turns(session, error_frame);
-    let turns = without_constant(&turns, |_| true);
-    let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
-    let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
-        let commanded = pose.as_ref()?.position;
-        let attained = error_frame.attained_tool(&station.joints, station.one_reading()?)?;
-        Some(Residual {
-            station: station.number,
-            target: None,
-            pose: stations[visits[place]].number,
-            fold: None,
-            used_for_refit: false,
-            attained,
-            residual: attained - commanded,
-            covariance: None,
-            weight: None,
-            turn: turns[place],
-        })
-    };
-    let commanded = stations.iter().zip(&session.commanded.poses);
-    let residuals = commanded.enumerate().filter_map(residual).collect();
-    let subject = Subject {
-        split: Split::None,
-        of_session: session.name.clone(),
-        model: Model::RawCommand,
-        angles: Angles::Commanded,
-        base_refit: BaseRefit::None,
-    };
-    Some(ResidualSet { subject, residuals })
 }

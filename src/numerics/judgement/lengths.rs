@@ -1,5 +1,4 @@
-//! Instruments that read one length: wrong numbers among their readings, their readings at stations that took no part, and sessions
-//! without them for what comes after the fit.
+//! Instruments that read one length: their readings at stations that took no part, and sessions without them for what comes after the fit.
 //!
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
 //! their readings, along the direction that is read, is in the table `length_residuals`; its size where they are held out is in
@@ -7,43 +6,20 @@
 
 use nalgebra::Vector3;
 
+use super::StageSettings;
 use super::judged::TestSession;
-use super::observed::{Observed, observations_of};
-use super::wrong_targets::{Left, take_out};
+use super::observed::Observed;
 use super::{JoinedSession, LengthResidual, Source};
-use super::{StageError, StageSettings};
 use crate::fit::model::Query;
-use crate::fit::wrong_lengths::{self, WrongLength};
 use crate::fit::{
     At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
 };
 use crate::grid::{Choice, Grids, Verdict};
-use crate::join::{SourceId, Unmeasured};
-use crate::kinematics::Arm;
-use crate::report::{Model, ResidualSet};
+use crate::join::SourceId;
+use crate::report::Model;
 
 /// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
-
-/// Takes wrong numbers of instruments of one length out of the sessions that train, each with its reason.
-pub(super) fn leave_out_wrong(arm: &Arm, training: &mut [JoinedSession], settings: &StageSettings) {
-    let seen = observations_of(arm, &*training, settings);
-    if seen.iter().all(|own| own.measured.length().is_none()) {
-        return;
-    }
-    for own in wrong_lengths::check(arm, &seen, training.len(), &settings.fit) {
-        let reading = &seen[own.place];
-        let (source, target) = (reading.source, reading.target);
-        let left = Left {
-            station: reading.station,
-            reason: WrongLength::reason(&own, &name(source, settings), reading.station),
-            otherwise: Unmeasured::WrongTarget,
-        };
-        take_out(&mut training[reading.session], &left, |reading| {
-            (reading.source, reading.target) == (source, target)
-        });
-    }
-}
 
 /// An instrument's name.
 pub(super) fn name(source: SourceId, settings: &StageSettings) -> String {
@@ -62,16 +38,8 @@ pub(super) fn settings_behind(
     StageSettings { noise, base, ..settings.clone() }
 }
 
-/// The sets of residuals that have any; of a training without positions those of its own sessions have none.
-pub(super) fn of_positions(mut sets: Vec<ResidualSet>, observed: &Observed) -> Vec<ResidualSet> {
-    if !reads_places(observed) {
-        sets.retain(|set| !set.residuals.is_empty());
-    }
-    sets
-}
-
 /// Whether any session has positions to train on.
-fn reads_places(observed: &Observed) -> bool {
+pub(super) fn reads_places(observed: &Observed) -> bool {
     observed.all.iter().any(|own| own.point().is_some())
 }
 
@@ -111,17 +79,6 @@ fn guard_mm(observations: &[Observation], settings: &StageSettings) -> f64 {
     let worst =
         points.iter().map(of).fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| (a.max(c), b.max(d)));
     2.0 * worst.0.hypot(worst.1)
-}
-
-/// Refuses a session that only judges and has lengths alone.
-pub(super) fn check_judge(session: &JoinedSession) -> Result<(), StageError> {
-    let mut readings = session.joined.stations.iter().flat_map(|own| &own.readings);
-    let has_lengths = readings.clone().next().is_some();
-    let has_places = readings.any(|reading| !reading.value.kind().is_length());
-    if has_lengths && !has_places {
-        return Err(StageError::NoPlaces { session: session.name.clone() });
-    }
-    Ok(())
 }
 
 /// The sources of all models: base + target, geometry and the full error model; `left` are the residuals of their lengths.

@@ -2,8 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::observed::Observed;
-use super::unseen::Judges;
+use super::judged::Judges;
 use crate::figures::{Figures, clustered_mean};
 use crate::fit::model::{At, PoseModel as _, Query};
 use crate::fit::{self, Freedom, holdout};
@@ -20,7 +19,7 @@ impl Judges<'_> {
     /// What limits a result that does not meet the tolerance, and what would change it, in words; `None` of another result.
     pub(super) fn limit(
         &self,
-        (verdict, observed): (&RunVerdict, &Observed),
+        verdict: &RunVerdict,
         (grids, accuracy): (&Grids, &[Accuracy]),
         semivariograms: &[(Model, Vec<Semivariogram>)],
     ) -> Option<String> {
@@ -36,8 +35,8 @@ impl Judges<'_> {
         let mut near = semivariograms.iter().filter(|(of, _)| *of == best);
         let mut near = near.next()?.1.iter();
         let near = near.find(|of| (of.space, of.quantity) == (Space::Joint, Quantity::Norm))?;
-        let trained = figure_of(accuracy, best, Split::None, &self.own.0.name);
-        let points = observed.all.iter().filter_map(|own| own.point());
+        let trained = figure_of(accuracy, best, Split::None, &self.own().name);
+        let points = self.observed.all.iter().filter_map(|own| own.point());
         let noise: Vec<f64> = points.map(|own| own.factor.norm_squared()).collect();
         let own = figure.figures?;
         let beside = |without: Option<Figures>| Some([square(own), square(without?)]);
@@ -49,15 +48,15 @@ impl Judges<'_> {
             beside(trained.and_then(|own| own.figures)),
         ];
         let noise_mm2 = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-        Some(limit(noise_mm2, parts, || self.by_poses(observed)))
+        Some(limit(noise_mm2, parts, || self.by_poses()))
     }
 
     /// Errors of the geometry at held-out blocks by the share of the other poses that train it; `None` where these are too few.
-    fn by_poses(&self, observed: &Observed) -> Option<ByPoses> {
-        let own = || observed.of_session(self.own.1);
+    fn by_poses(&self) -> Option<ByPoses> {
+        let own = || self.observed.of_session(self.last());
         let left_by = |share: f64| {
             let of_fold = |fold: usize| {
-                let mut train = observed.without(fold);
+                let mut train = self.observed.without(fold);
                 train.retain(|own| (own.pose as f64 * GOLDEN).fract() < share);
                 let (sessions, fit) = (self.frames.len(), &self.settings.fit);
                 fit::identify(self.arm, &train, sessions, Freedom::Geometry, fit).ok()

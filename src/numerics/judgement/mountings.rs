@@ -1,13 +1,25 @@
 //! Errors of a session in the base of another mounting say nothing: they are how far the arm or the tracker was moved.
 
+use super::lengths::reads_places;
+use super::observed::Observed;
 use crate::figures::median;
 use crate::report::{BaseRefit, Model, ResidualSet, Split};
 
 /// A base that is further than this from where training had it was mounted anew, mm: drift and settling are tenths of a millimetre.
 const MOVED_MM: f64 = 10.0;
 
-/// The residuals without those of sessions in a base that is another mounting's.
-pub(super) fn of_one_mounting(residuals: Vec<ResidualSet>) -> Vec<ResidualSet> {
+/// The residuals without those of sessions in a base that is another mounting's. Of a training without positions its own sessions have none.
+pub(super) fn of_one_mounting(
+    mut residuals: Vec<ResidualSet>,
+    observed: &Observed,
+) -> Vec<ResidualSet> {
+    if !reads_places(observed) {
+        residuals.retain(|set| !set.residuals.is_empty());
+    }
+    without_moved(residuals)
+}
+
+fn without_moved(residuals: Vec<ResidualSet>) -> Vec<ResidualSet> {
     let moved: Vec<String> = residuals
         .iter()
         .filter(|set| set.subject.model == Model::BaseTarget && is_of_training(set))
@@ -83,7 +95,7 @@ mod tests {
         };
         // Tuesday drifted by two millimetres, Friday's tracker stands somewhere else.
         let all = [of("tue", 2.7), of("fri", 3350.0)];
-        let kept = of_one_mounting(all.concat().concat());
+        let kept = without_moved(all.concat().concat());
         let of_training = |set: &&ResidualSet| set.subject.base_refit == BaseRefit::None;
         let kept_none: Vec<&str> =
             kept.iter().filter(of_training).map(|set| &*set.subject.of_session).collect();

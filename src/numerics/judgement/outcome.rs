@@ -31,9 +31,7 @@ pub struct JoinedSession {
     pub log_rejects: Vec<LogReject>,
     /// Number of items read, by kind.
     pub counts: BTreeMap<String, u64>,
-    /// Its stations and clocks.
     pub joined: Joined,
-    /// Its commands.
     pub commanded: Commanded,
     /// The corrected targets that drove it; `None` where its folder has none.
     pub driven_by: Option<DrivenBy>,
@@ -56,9 +54,7 @@ impl JoinedSession {
 /// The corrected targets that drove a session, and the target of each station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DrivenBy {
-    /// The corrected targets.
     pub file: DrivingFile,
-    /// For each station its target.
     pub matched: Matched,
 }
 
@@ -97,7 +93,6 @@ pub struct SeveralTargets {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Source {
     pub model: Model,
-    /// The instrument's name.
     pub name: String,
     /// Its readings, and its part in the fit; of the full error model that of the identified geometry.
     pub size: SourceSize,
@@ -119,15 +114,12 @@ pub struct LengthResidual {
     pub model: Model,
     /// The fold that held the reading out; `None` where it trained.
     pub fold: Option<usize>,
-    /// The session's name.
     pub session: String,
     /// Number of the station in its session.
     pub station: usize,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
-    /// The instrument.
     pub source: SourceId,
-    /// The instrument's name.
     pub name: String,
     pub kind: ReadingKind,
     /// The target that was read; `None` where the session has one.
@@ -152,7 +144,6 @@ impl LengthResidual {
 /// Stations of a session with several targets, by what stands for their readings ([`crate::fit::flange`]).
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ShownFlange {
-    /// The session's name.
     pub session: String,
     /// Stations whose targets show position and orientation.
     pub poses: usize,
@@ -195,13 +186,11 @@ pub struct Outcome<'a> {
     pub residuals: Vec<ResidualSet>,
     /// Semivariograms of raw errors and residuals.
     pub semivariograms: Vec<(Model, Vec<Semivariogram>)>,
-    /// Steps and table.
     pub grids: Grids,
     /// The judgement of the last session on the table that drove it; `None` where none did.
     pub driven: Option<Driven>,
     /// Whether the tolerance is met: the worst of held-out blocks and of every test session.
     pub verdict: RunVerdict,
-    /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
     /// Figures of the tool tip, with verdicts; empty where the pipeline file does not state its position.
     pub at_tip: Vec<Accuracy>,

@@ -7,19 +7,15 @@
 
 use std::collections::BTreeSet;
 
-use super::JoinedSession;
-use super::StageSettings;
 use super::gridded::grid_stations;
-use super::judged::TestSession;
-use super::observed::Observed;
+use super::judged::{Judges, TestSession};
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::join::SeveralSources;
-use crate::kinematics::Arm;
-use crate::report::locate::{Locate, Located, Locator};
+use crate::report::locate::{Locate, Located};
 use crate::report::refit::Placed;
 use crate::report::verdict::{
     Judge, ProductVerdict, Remark, RunVerdict, figure_of, figure_of_model,
@@ -30,27 +26,11 @@ use crate::report::{
 };
 use crate::similarity::Semivariogram;
 
-/// The judges of a run.
-pub(super) struct Judges<'j> {
-    pub(super) arm: &'j Arm,
-    pub(super) models: &'j Models,
-    /// The frames of each training session by base + target.
-    pub(super) frames: &'j [FramePair],
-    /// Sessions that only judge.
-    pub(super) test: &'j [TestSession<'j>],
-    /// Finds their base and target.
-    pub(super) locator: &'j Locator,
-    /// The session that the table is for, its index among the training sessions, and its error reference frame.
-    pub(super) own: (&'j JoinedSession, usize),
-    pub(super) error_frame: &'j ErrorFrame<'j>,
-    pub(super) settings: &'j StageSettings,
-}
-
 impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
         let model = self.models.best().1;
-        let errors = ToolErrors::new(model, self.own.1, self.error_frame);
+        let errors = ToolErrors::new(model, self.last(), self.error_frame);
         for test in self.test {
             let stations = self.stations(test, &errors);
             let tolerance = &self.settings.tolerance;
@@ -120,7 +100,7 @@ impl Judges<'_> {
         grids: &Grids,
         accuracy: &[Accuracy],
         residuals: &[ResidualSet],
-        (observed, semivariograms): (&Observed, &[(Model, Vec<Semivariogram>)]),
+        semivariograms: &[(Model, Vec<Semivariogram>)],
     ) -> Result<RunVerdict, SeveralSources> {
         let remarks = self.test.iter().map(|test| self.remark(test, residuals));
         let remarks: Vec<Option<Remark>> = remarks.collect::<Result<_, _>>()?;
@@ -129,7 +109,7 @@ impl Judges<'_> {
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
         let of_table = self.of_table(grids, accuracy, &remarks);
         let mut verdict = RunVerdict::of(of_table, models.collect(), self.models.best().0);
-        verdict.limit = self.limit((&verdict, observed), (grids, accuracy), semivariograms);
+        verdict.limit = self.limit(&verdict, (grids, accuracy), semivariograms);
         Ok(verdict)
     }
 
@@ -141,7 +121,7 @@ impl Judges<'_> {
         remarks: &[Option<Remark>],
     ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
-        let own = &self.own.0.name;
+        let own = &self.own().name;
         let blocks = of_table(accuracy, Split::Blocks, own).map(|table| {
             let chosen = grids.chosen();
             let covered = chosen.and_then(|chosen| chosen.covered.as_ref());
@@ -171,7 +151,7 @@ impl Judges<'_> {
         remarks: &[Option<Remark>],
     ) -> ProductVerdict {
         let tolerance = &self.settings.tolerance;
-        let own = &self.own.0.name;
+        let own = &self.own().name;
         // Base and target alone, at the same stations with a base found in the same way.
         let harms = |figure: &Accuracy| {
             let (split, session) = (figure.subject.split, &figure.subject.of_session);
@@ -259,13 +239,13 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let name = &test.session.name;
         let left = left_by(own, best, name, Split::Session, BaseRefit::All)?;
-        let target = self.frames[self.own.1].flange_from_target.isometry().translation.vector;
+        let target = self.frames[self.last()].flange_from_target.isometry().translation.vector;
         let change_rad = self.settings.full.session_curve_sd_rad;
         let fit = same_arm::unseen(self.arm, &test.observations, &target, &left, change_rad)?;
         if fit.is_same_arm() || (!full && left.identified < left.nominal) {
             return None;
         }
-        let name = &self.own.0.name;
+        let name = &self.own().name;
         let blocks = left_by(residuals, best, name, Split::Blocks, BaseRefit::None);
         let improves = blocks.is_some_and(|blocks| blocks.improves());
         let question = if improves {

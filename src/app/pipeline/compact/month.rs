@@ -14,7 +14,6 @@ use crate::io::store::Listed;
 use crate::io::table::{self, Row as _, Table, together};
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
-use crate::pipeline::history::session::as_written;
 use crate::pipeline::verify::Claim;
 use crate::progress::Progress;
 
@@ -189,7 +188,8 @@ impl NewRun {
         let files = claim.files.iter().filter(|file| file.table == "accuracy");
         let read = files.map(|file| {
             let key = claim.key.of_session(&file.session);
-            as_written(lake, &key, &file.table, &file.digest)
+            let table = lake.read_written(&file.table, &key, &file.digest);
+            table.map_err(|error| error.to_string())
         });
         let accuracy: Result<Vec<Table>, String> = read.collect();
         match accuracy {

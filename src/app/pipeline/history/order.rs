@@ -10,13 +10,10 @@ use super::{Asked, HistoryError, LeftOut, Reason};
 use crate::io::lake::Lake;
 use crate::manifest::RunKey;
 
-/// The row of a current run.
 pub(super) struct CurrentRow {
-    /// Its file.
     pub(super) place: PathBuf,
     /// BLAKE3 of the file.
     pub(super) digest: String,
-    /// Contents of the row.
     pub(super) fact: Fact,
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::HistoryError;
-use super::kept::{self, Kept};
+use super::session::{self, Kept};
 use super::summary::Summary;
 use crate::io::input::Bound;
 use crate::io::lake::{Lake, LakeError};
@@ -29,9 +29,7 @@ pub(super) struct RobotRows {
     files: Vec<Listed>,
 }
 
-/// A row of `runs`.
 pub(super) struct Row {
-    /// Its file.
     pub(super) place: PathBuf,
     /// The file's path below the lake, and its tag where the store has tags.
     pub(super) tagged: Option<(String, String)>,
@@ -87,7 +85,6 @@ impl RunResult {
     }
 }
 
-/// The kind of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
     Session,
@@ -97,7 +94,6 @@ pub(super) enum Kind {
     Plan,
 }
 
-/// The robots of a lake, in the order of their folders.
 pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotRows>, HistoryError> {
     if lake.folder().is_some_and(|folder| !folder.is_dir()) {
         return Err(HistoryError::NoLake(lake.root()));
@@ -114,12 +110,10 @@ pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotRows>, HistoryError> {
 }
 
 impl RobotRows {
-    /// The name of the robot.
     pub(super) fn robot(&self) -> String {
         Lake::name_of(&self.folder)
     }
 
-    /// Number of rows.
     pub(super) const fn len(&self) -> usize {
         self.files.len()
     }
@@ -198,7 +192,7 @@ fn fact(lake: &Lake, claim: Claim) -> Result<Fact, String> {
         let own = claim.files.iter().find(is_own);
         own.map_or_else(String::new, |file| file.digest.clone())
     };
-    let tables = kept::OF.map(digest);
+    let tables = session::OF.map(digest);
     let robot_file = claim.inputs.iter().find(|input| input.name == "robot");
     Ok(Fact {
         measured_at_ns: match kind {

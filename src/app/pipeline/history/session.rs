@@ -3,11 +3,9 @@
 //! Each file is digested and compared with the row of `runs` before it is used. The model is the full error model where
 //! there is one, otherwise the geometry. Figures are those of held-out stations where the session has them.
 
-use std::io::Seek as _;
-
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
-use super::kept::{self, Kept};
 use super::rows::Fact;
 use crate::fit::TargetId;
 use crate::fit::full::FullModel;
@@ -17,13 +15,13 @@ use crate::grid::notices_mm;
 use crate::history::estimate::Estimate;
 use crate::history::notice::Noticed;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
-use crate::io::lake::Lake;
-use crate::io::schema;
-use crate::io::table::{self, Row as _, Table, Word as _};
+use crate::io::lake::{Lake, LakeError, figures_key};
+use crate::io::table::{Row as _, Table, Word as _};
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
+use crate::io::tables::clocks::ClockRow;
 use crate::io::tables::words::Role;
-use crate::manifest::{RunKey, digest};
+use crate::manifest::{RunKey, Work, Written};
 use crate::report::{Angles, BaseRefit, Model, Point, Split};
 
 /// The figures of one session: those that are kept, or of its tables where there are none or `is_fresh`; or, as text, why there are none.
@@ -48,8 +46,8 @@ pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFi
 /// The figures in a session's tables, which are kept from then on.
 fn of_tables(lake: &Lake, fact: &Fact) -> Result<Kept, String> {
     let [calibrations, accuracy] = [0, 1].map(|place| {
-        let expected = &fact.tables[place];
-        as_written(lake, &fact.key, kept::OF[place], expected)
+        let table = lake.read_written(OF[place], &fact.key, &fact.tables[place]);
+        table.map_err(|error| error.to_string())
     });
     let stamp = fact.measured_at_ns.unwrap_or_default();
     let of = fact.tables.clone();
@@ -57,29 +55,6 @@ fn of_tables(lake: &Lake, fact: &Fact) -> Result<Kept, String> {
     // Of a lake that cannot be written the tables are read the next time too.
     let _ = kept.write(lake, &fact.key);
     Ok(kept)
-}
-
-/// A table whose file is the one that the run wrote; an error otherwise.
-pub(in crate::pipeline) fn as_written(
-    lake: &Lake,
-    key: &RunKey,
-    name: &str,
-    expected: &str,
-) -> Result<Table, String> {
-    let schema = schema::find(name).map_err(|error| error.to_string())?;
-    let path = lake.path(schema, key).map_err(|error| error.to_string())?;
-    let path = path.named();
-    let unreadable = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
-    let mut file = lake.open(name, key).map_err(|error| error.to_string())?;
-    let (found, _) = digest(&file).map_err(unreadable)?;
-    if found != expected {
-        return Err(format!(
-            "{} is not what the run wrote: its digest is {found}, the row of runs states {expected}; see posegrid verify",
-            path.display()
-        ));
-    }
-    file.rewind().map_err(unreadable)?;
-    table::read_open(file, &path, schema).map_err(|error| error.to_string())
 }
 
 /// The best model's estimate, and the name of the model.
@@ -161,4 +136,79 @@ fn is_charted(row: &AccuracyRow, session: &str) -> bool {
         && row.subject.model != Model::Geometric
         && matches!(row.name, FigureName::Mean | FigureName::P95)
         && (row.subject.model, row.subject.angles) != (Model::Full, Angles::Commanded)
+}
+
+/// The tables that figures are of.
+pub(super) const OF: [&str; 2] = ["calibrations", "accuracy"];
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(in crate::pipeline) struct Kept {
+    /// Digests of the files that they are of, in the order of [`OF`].
+    of: [String; 2],
+    /// First stamp of the controller's log.
+    pub(super) measured_at_ns: i64,
+    pub(super) model: String,
+    pub(super) estimate: Estimate,
+    pub(super) accuracy: Vec<AccuracyFigure>,
+    /// The size from which a change counts.
+    pub(super) noticed: Option<Noticed>,
+}
+
+impl Kept {
+    /// The figures in a session's tables; or, as text, why there are none.
+    pub(super) fn of(
+        [calibrations, accuracy]: [&Table; 2],
+        of: [String; 2],
+        measured_at_ns: i64,
+        session: &str,
+    ) -> Result<Self, String> {
+        let (model, estimate) = estimate(calibrations)
+            .map_err(|reason| format!("table calibrations of {session}: {reason}"))?;
+        Ok(Self {
+            of,
+            measured_at_ns,
+            model: model.word().to_owned(),
+            noticed: noticed(calibrations, accuracy, session, &estimate),
+            accuracy: figures(accuracy, session),
+            estimate,
+        })
+    }
+
+    /// The figures of a run that writes these tables; `None` of one that learnt from several sessions, or has none.
+    pub(in crate::pipeline) fn of_run<'t>(
+        work: &Work,
+        tables: impl Iterator<Item = &'t Table>,
+        written: &[Written],
+    ) -> Option<Self> {
+        let key = work.key();
+        if work.sessions != [key.session.as_str()] {
+            return None;
+        }
+        let own: Vec<&Table> = tables.filter(|table| table.key() == Some(&key)).collect();
+        let named = |name: &str| own.iter().copied().find(|table| table.schema().table == name);
+        let digest = |name: &str| {
+            let is_own = |file: &&Written| file.table == name && file.session == key.session;
+            Some(written.iter().find(is_own)?.digest.clone())
+        };
+        let clock = ClockRow::read(named("clocks")?).into_iter().next()?;
+        let tables = [named(OF[0])?, named(OF[1])?];
+        let of = [digest(OF[0])?, digest(OF[1])?];
+        Self::of(tables, of, clock.origin_ns, &key.session).ok()
+    }
+
+    /// Reads the kept figures of a run whose row states these digests of its files; `None` where there are none or they are of others.
+    pub(super) fn read(lake: &Lake, key: &RunKey, of: &[String; 2]) -> Option<Self> {
+        let kept: Self = serde_json::from_str(&lake.kept(&figures_key(key).ok()?)?).ok()?;
+        (kept.of == *of).then_some(kept)
+    }
+
+    pub(in crate::pipeline) fn write(&self, lake: &Lake, key: &RunKey) -> Result<(), LakeError> {
+        let text = serde_json::to_string(self).expect("texts and numbers");
+        lake.keep(&figures_key(key)?, &text)
+    }
+
+    /// Those of a session whose row states these facts.
+    pub(super) fn of_fact(lake: &Lake, fact: &Fact) -> Option<Self> {
+        Self::read(lake, &fact.key, &fact.tables)
+    }
 }

@@ -31,7 +31,6 @@ pub(super) struct Summary {
     pub(super) is_cut: bool,
 }
 
-/// A judged session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Entry {
     /// Digest of its row in `runs`.

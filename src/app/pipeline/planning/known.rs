@@ -27,63 +27,37 @@ const SAME_PLACE_MM: f64 = 10.0;
 /// The reason why a past session cannot replace the prior.
 #[derive(Debug, Error)]
 pub enum KnownError {
-    /// Both or none of the two ways to name it are given.
     #[error(
         "{}: [plan.known] names {found}: give either calibrations (the file of a past run) or session (whose current run in the \
          lake is taken)", path.display()
     )]
-    Named {
-        /// The pipeline file.
-        path: PathBuf,
-        /// The keys that are given.
-        found: &'static str,
-    },
-    /// The lake has no run of that session.
+    Named { path: PathBuf, found: &'static str },
     #[error(
         "[plan.known] session = {session:?}: the lake {lake} has no run of it for robot {robot:?}; run it first, or give \
          calibrations"
     )]
     NoRun { lake: Place, robot: String, session: String },
-    /// The lake has no run of the robot.
     #[error("no arm is known of robot {robot:?}: {source}; name its run under [plan.known]")]
     NoNewest { robot: String, source: Box<HistoryError> },
-    /// The table is not on this machine.
     #[error(
         "[plan.known]: {table} is on object storage; copy it here and name it under calibrations"
     )]
-    Remote {
-        /// Where it is.
-        table: Place,
-    },
-    /// The table cannot be read.
+    Remote { table: Place },
     #[error("[plan.known]: {0}")]
     Table(#[from] CalibrationsTableError),
-    /// The lake cannot be read.
     #[error("[plan.known]: {0}")]
     Lake(#[from] LakeError),
-    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// The past session does not fit this plan.
     #[error("[plan.known]: {}", kind.message(path))]
-    Misfit {
-        /// The table.
-        path: PathBuf,
-        /// The mismatch.
-        kind: KnownMisfit,
-    },
+    Misfit { path: PathBuf, kind: KnownMisfit },
 }
 
 /// The reason why the arm of a past session is not the one to plan for.
 #[derive(Debug)]
 pub enum KnownMisfit {
     /// The table is of another robot.
-    OtherRobot {
-        /// Robot of the table.
-        found: String,
-        /// Robot of the plan.
-        wanted: String,
-    },
+    OtherRobot { found: String, wanted: String },
     /// The arm has another number of joints.
     Joints {
         /// Number of joints of the table's arm.

@@ -7,15 +7,13 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::cell::Placed;
 use super::known::{self, KnownError};
-use super::{PlanningError, base_from_command, checks};
+use super::{PlanningError, Stated};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::files::Files;
-use crate::pipeline::configuration::{ConfigurationErrorKind, files, usable};
 use crate::pipeline::history;
 use crate::plan::PlanSettings;
 use crate::plan::locate::{Identified, LocatePlan, locate};
@@ -29,7 +27,6 @@ pub struct Located {
     /// The poses, and what follows.
     pub plan: LocatePlan,
     pub settings: PlanSettings,
-    /// The nominal arm.
     pub arm: Arm,
     /// The base in the frame of commands, mm.
     pub command_from_base: Isometry3<f64>,
@@ -49,22 +46,11 @@ impl Located {
         lake: Option<&Path>,
         count: usize,
     ) -> Result<Self, PlanningError> {
-        let read = files::read(path, robot)?;
-        let file = &read.file;
-        let missing = ConfigurationErrorKind::Missing {
-            key: "[plan]",
-            reason: "it states where the arm and the tracker stand; at least home_deg and tracker_from_base",
-        };
-        let section = file.plan.as_ref().ok_or_else(|| missing.at(path))?;
-        checks::check(path, section, read.arm.joints().len())?;
-        let settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
-        let lake = usable(lake, read.lake.clone())?;
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let robot = file.robot.name.clone();
-        let robot = robot.unwrap_or_else(|| stem.into_owned());
-        let table = table(path, &read, section, &lake, &robot)?;
+        let Stated { read, section, settings, lake, robot, command_from_base } =
+            Stated::read(path, robot, lake)?;
+        let table = table(path, &read, &section, &lake, &robot)?;
         let past = known::identified(&table, &read.arm, &robot).map_err(Box::new)?;
-        let target_sd_mm = target_sd_mm(section, &settings);
+        let target_sd_mm = target_sd_mm(&section, &settings);
         let identified = Identified {
             model: known::full(&table, &past.arm).map_err(Box::new)?,
             session: past.arm.model.session,
@@ -74,7 +60,7 @@ impl Located {
         Ok(Self {
             plan: plan.ok_or_else(|| Box::new(known::not_positive(&table)))?,
             identified_by: past.key,
-            command_from_base: base_from_command(path, file)?.inverse(),
+            command_from_base,
             with_target: target_sd_mm.is_some(),
             settings,
             arm: read.arm,

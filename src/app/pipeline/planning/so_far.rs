@@ -53,19 +53,12 @@ pub struct SoFar {
 /// The reason why a session cannot be compared with its plan.
 #[derive(Debug, Error)]
 pub enum SoFarError {
-    /// There is no plan yet.
     #[error(
         "the lake {lake} has no plan {run} of this pipeline file: make it first with `posegrid plan`, without --measured"
     )]
-    NotPlanned {
-        lake: String,
-        /// The plan.
-        run: String,
-    },
-    /// The stations so far determine nothing.
+    NotPlanned { lake: String, run: String },
     #[error("session {session}: {source}; measure more poses")]
     Fit { session: String, source: FitError },
-    /// The full error model is switched off, or could not be factored.
     #[error(
         "session {session}: there is no full error model of it, the only model that states its own uncertainty: set [fit.full] enabled = true"
     )]

@@ -11,7 +11,6 @@ use crate::kinematics::Arm;
 /// The other mounting explains the readings where it leaves at most this share of their distance from the nominal arm.
 const EXPLAINS: f64 = 1.0 / 3.0;
 
-/// The mounting that is not stated.
 pub(super) const fn other(mounted: Mounted) -> Mounted {
     match mounted {
         Mounted::Fixed => Mounted::Flange,
@@ -41,7 +40,6 @@ pub(super) fn check(
     })
 }
 
-/// The word of the pipeline file.
 pub(super) const fn key(mounted: Mounted) -> &'static str {
     match mounted {
         Mounted::Fixed => "fixed",

@@ -7,7 +7,7 @@ use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, endi
 use crate::judgement::Outcome;
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
-use crate::pipeline::history::kept::Kept;
+use crate::pipeline::history::session::Kept;
 use crate::report::next::Stated;
 
 /// Writes every table of a run, its page, what the history keeps of it, and then its row of `runs`. Its table `logs`, if any, was written and kept

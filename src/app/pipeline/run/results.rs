@@ -185,7 +185,6 @@ impl<'a> Results<'a> {
         Ok(Found { value, key, already_there })
     }
 
-    /// Publishes a result, unless the lake has it.
     fn publish(
         &self,
         stage: Stage,

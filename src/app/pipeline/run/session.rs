@@ -48,7 +48,6 @@ pub(in crate::pipeline) fn session(
     }
 }
 
-/// The logs of a session, and how they are read.
 struct OwnLogs<'a> {
     configuration: &'a Configuration,
     files: &'a SessionFiles,
@@ -111,7 +110,6 @@ impl OwnLogs<'_> {
         })
     }
 
-    /// Joins the logs that were read.
     fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
         let (configuration, files) = (self.configuration, self.files);
         let (arm, settings) = (&configuration.arm, &configuration.join);
@@ -174,7 +172,6 @@ fn mounted(configuration: &Configuration) -> Option<Mounted> {
     Some(source.uncertainty.camera()?.mounted)
 }
 
-/// The session of a table of stations.
 fn of_table(
     configuration: &Configuration,
     files: &SessionFiles,

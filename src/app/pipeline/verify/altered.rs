@@ -14,7 +14,6 @@ pub struct Output {
     pub name: String,
     /// BLAKE3 in the row of `runs`.
     pub claimed: String,
-    /// Present state of the file.
     pub found: Found,
 }
 
@@ -23,9 +22,7 @@ pub struct Output {
 pub enum Found {
     /// A file with this BLAKE3.
     Digest(String),
-    /// There is no file.
     Missing,
-    /// It cannot be read: the reason.
     Unreadable(String),
 }
 
@@ -46,7 +43,6 @@ impl Output {
         self.digest() == Some(&self.claimed)
     }
 
-    /// Whether there is no such file.
     pub fn is_missing(&self) -> bool {
         self.found == Found::Missing
     }
@@ -60,7 +56,6 @@ impl Output {
     }
 }
 
-/// A file of a run, open for reading.
 pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, LakeError> {
     lake.open(&file.table, &key.of_session(&file.session))
 }
@@ -129,9 +124,7 @@ pub(super) fn missing(claim: &Claim, lost: &Lost) -> Vec<ChangedInput> {
 /// The inputs that are missing as a whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Lost {
-    /// Those of a session.
     Session(String),
-    /// Those of every session.
     Sessions,
     /// The past run that a plan starts from.
     KnownArm,

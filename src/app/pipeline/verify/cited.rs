@@ -9,8 +9,7 @@
 use std::collections::BTreeSet;
 
 use super::altered::{KNOWN_ARM, is_gone};
-use super::claim::Claim;
-use super::register::Register;
+use super::claim::{Claim, Register};
 use crate::io::lake::Lake;
 use crate::io::table::Row as _;
 use crate::io::tables::stations::StationRow;
@@ -19,11 +18,8 @@ use crate::manifest::{RunKey, Written};
 /// Another run that a run depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Citation {
-    /// The reason why it is cited.
     pub role: Role,
-    /// Its name.
     pub run: String,
-    /// The part of it that is left.
     pub left: Left,
 }
 

@@ -3,19 +3,22 @@
 //! A query over the folder of a table reads every file there, so files that do not belong are named. A file belongs if the
 //! row of its run, at its own place in `runs`, names it, or the row of its session as joined. Files at a run's place that name that run, without a row of it,
 //! are reported by run: the row was deleted, or the run was never committed. A record of corrections belongs if it is
-//! unchanged; requests have to follow one another (`asked`). All other files are foreign.
+//! unchanged; requests have to follow one another. All other files are foreign.
 
 mod known;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use known::{Judged, Known, Scope, rows_now};
+use rayon::prelude::*;
+
+use super::VerifyError;
 use super::selection::Selected;
-use super::{VerifyError, asked};
-use crate::io::lake::{Lake, LakeFile, PAGES, Stands, is_correction};
+use crate::io::lake::{
+    ASKED, Lake, LakeError, LakeFile, PAGES, Stands, is_correction, request_key,
+};
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
-pub(super) use known::Scope;
-use known::{Judged, Known, rows_now};
 
 /// The files under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -81,8 +84,7 @@ pub fn account(
 ) -> Result<FilesOfLake, VerifyError> {
     let known = Known::of(lake, selected)?;
     let scope = Scope::of(lake, selected, names)?;
-    let mut account =
-        FilesOfLake { asked: asked::problems(lake, &scope)?, ..FilesOfLake::default() };
+    let mut account = FilesOfLake { asked: problems(lake, &scope)?, ..FilesOfLake::default() };
     let mut doubtful = Vec::new();
     let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
     let mut add_foreign = |file: &LakeFile, why: Option<String>| {
@@ -188,6 +190,34 @@ fn says_otherwise(lake: &Lake, file: &LakeFile, table: &str, run: &str) -> Optio
         return None;
     }
     Some(said(lake, file).unwrap_or_else(|| "it does not state its run".to_owned()))
+}
+
+/// Faults of the requests in scope, a sentence each.
+fn problems(lake: &Lake, scope: &Scope) -> Result<Vec<String>, LakeError> {
+    let mut files = lake.requests(ASKED)?;
+    files.retain(|file| scope.has_session(&file.key));
+    let problem = |key: &String| match problem(lake, key) {
+        Ok(words) => words.map(|words| format!("{}: {words}", lake.place_of(key))),
+        Err(error) => Some(error.to_string()),
+    };
+    let keys = files.par_iter().map(|file| &file.key);
+    Ok(lake.read_with(|| keys.filter_map(problem).collect()))
+}
+
+fn problem(lake: &Lake, key: &str) -> Result<Option<String>, LakeError> {
+    let (key, row) = lake.request(key)?;
+    let number = row.number.saturating_sub(1);
+    let before = request_key(&key, number)?;
+    let follows = |before| lake.request(before).is_ok_and(|(own, _)| Some(own.run) == row.replaced);
+    Ok(if !lake.exists(&key)? {
+        Some(format!("its run {} has no row in runs", key.run))
+    } else if number == 0 {
+        None
+    } else if !lake.has_key(&before)? {
+        Some(format!("the request before it, number {number}, was removed"))
+    } else {
+        (!follows(&before)).then(|| format!("it does not replace the run of request {number}"))
+    })
 }
 
 #[cfg(test)]

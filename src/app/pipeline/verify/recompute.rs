@@ -48,7 +48,6 @@ pub struct ComparedFile {
     pub name: String,
     /// BLAKE3 of the computed file; `None` where computing gave none.
     pub computed: Option<String>,
-    /// The difference.
     pub outcome: FileOutcome,
 }
 

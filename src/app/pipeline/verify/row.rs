@@ -2,15 +2,19 @@
 
 use std::io::Read as _;
 
-use super::chain;
+use serde_json::Value;
+
 use super::claim::Claim;
-use super::register::Register;
+use super::claim::Register;
 use super::selection::PastRun;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::store::Place;
 use crate::io::table::{self, Seal};
-use crate::manifest::{RunKey, VERSION};
+use crate::io::tables::{estimates, grids, joined_sessions};
+use crate::manifest::{Input, ROBOT, RunKey, VERSION, canonical};
+use crate::pipeline::keys::{estimate_settings, grids_settings, join_settings};
+use crate::pipeline::run::is_of_session;
 
 /// Contradictions of a row with itself, its place, its file or a later row, as text.
 pub fn contradictions(
@@ -22,7 +26,7 @@ pub fn contradictions(
     let mut found = of_digests(run, claim);
     found.extend(of_later(claim, register));
     found.extend(of_names(claim));
-    found.extend(chain::contradictions(claim));
+    found.extend(of_stages(claim));
     let own = lake.place("runs", &claim.key);
     if own.as_ref().ok() == Some(&run.place) {
         // A row that already differs needs no other proof that its file was rewritten.
@@ -61,7 +65,9 @@ fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
         }
         Some(Seal::Absent | Seal::Holds) | None => {}
     }
-    if is_due && claim.run.ending.replaces.is_some() != claim.run.ending.replaced_row_digest.is_some() {
+    if is_due
+        && claim.run.ending.replaces.is_some() != claim.run.ending.replaced_row_digest.is_some()
+    {
         told.push(
             "it has one of `replaces` and `replaced_row_digest`, which belong together".to_owned(),
         );
@@ -111,7 +117,8 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
     let read = || -> Result<Option<String>, LakeError> {
         let opened = lake.read_as_it_is("runs", &claim.key)?;
         let named = place.named();
-        if claim.run.made.version != VERSION || claim.table_version != schema::find("runs")?.version {
+        if claim.run.made.version != VERSION || claim.table_version != schema::find("runs")?.version
+        {
             let head = table::head_of(&lake.open("runs", &claim.key)?, &named)?;
             let expected = format!("posegrid version {}", claim.run.made.version);
             let is_other = head.created_by.as_ref() != Some(&expected);
@@ -141,4 +148,43 @@ fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
         }))
     };
     read().unwrap_or_else(|error| Some(error.to_string()))
+}
+
+/// Contradictions between a run and the results that it names; which settings stages of other versions read is not known.
+fn of_stages(claim: &Claim) -> Vec<String> {
+    let Some(made_of) =
+        claim.run.ending.made_of.as_ref().filter(|_| claim.run.made.version == VERSION)
+    else {
+        return Vec::new();
+    };
+    let RunKey { robot, session, .. } = &claim.key;
+    let all: Value = serde_json::from_str(&claim.run.made.settings).unwrap_or_default();
+    let settings = |read: fn(&Value) -> Value| canonical(&read(&all)).unwrap_or_default();
+    let joined = |session: &String| {
+        let is_own = |input: &&Input| input.name == ROBOT || is_of_session(&input.name, session);
+        let inputs = claim.inputs.iter().filter(is_own).cloned().collect();
+        joined_sessions::work(robot, session, inputs, settings(join_settings)).key()
+    };
+    let joined: Vec<RunKey> =
+        claim.run.sessions.iter().chain(&claim.run.test_sessions).map(joined).collect();
+    let training = joined.iter().take(claim.run.sessions.len()).map(|key| (&key.session, &key.run));
+    let file = claim.inputs.iter().find(|input| input.name == ROBOT);
+    let inputs = estimates::inputs(file.map_or("", |file| &file.digest), training);
+    let estimate = estimates::work(robot, session, inputs, settings(estimate_settings)).key();
+    let grids = grids::work(robot, session, &estimate.run, settings(grids_settings)).key();
+    let of_session = |key: &RunKey| format!("{}/{}", key.session, key.run);
+    let follow = joined.iter().map(of_session).chain([estimate.run, grids.run]);
+    let sessions = made_of.iter().map(Some).chain(vec![None; joined.len()]).take(joined.len());
+    let stated =
+        sessions.chain([claim.run.ending.estimate.as_ref(), claim.run.ending.grids.as_ref()]);
+    let differ = stated.zip(follow).filter_map(|(stated, follows)| {
+        let stated = stated.filter(|stated| **stated != follows)?;
+        Some(format!(
+            "it states that it started from {stated}, and from its inputs and settings follows {follows}"
+        ))
+    });
+    let others = made_of.len() != joined.len();
+    let others = others
+        .then(|| "the sessions as joined that it names are not those that it reads".to_owned());
+    others.into_iter().chain(differ).collect()
 }

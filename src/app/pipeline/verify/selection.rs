@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use super::VerifyError;
-use super::claim::Claim;
-use super::register::Register;
+use super::claim::{Claim, Register};
 use crate::io::lake::{Lake, LakeError, RunRow, Stands};
 use crate::io::store::Place;
 use crate::io::table::Seal;
@@ -24,12 +23,10 @@ pub struct Selection {
     pub seed: u64,
 }
 
-/// A run of the lake.
 #[derive(Debug, Clone)]
 pub struct PastRun {
     /// Place of its row in `runs`.
     pub place: Place,
-    /// Contents of the row, or why it cannot be read.
     pub claim: Result<Claim, NoClaim>,
     /// The digest in its file compared with its content; `None` where it cannot be read.
     pub seal: Option<Seal>,
@@ -40,7 +37,6 @@ pub struct PastRun {
 /// The reason why a row of `runs` cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NoClaim {
-    /// The reason as text.
     pub reason: String,
     /// Whether its file is damaged or changed, as far as is known.
     pub is_damage: bool,
@@ -49,7 +45,6 @@ pub struct NoClaim {
 /// The runs that are asked for, in the order of robot, session and run.
 #[derive(Debug, Clone)]
 pub struct Selected {
-    /// The selected runs.
     pub runs: Vec<PastRun>,
     /// Number of runs left out because other pipeline files made them, by the names of those.
     pub by_others: BTreeMap<String, usize>,

@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use super::recompute;
-use super::sought::Sought;
+use super::source::Sought;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RunRow, STAGES, Stage};
 use crate::io::store::Place;
 use crate::io::table::compare::compare;
