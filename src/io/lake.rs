@@ -65,7 +65,6 @@ pub struct Stage {
     pub names: [&'static str; 2],
     /// What was done to make one.
     pub done: &'static str,
-    /// The table of its rows.
     pub rows: &'static str,
     pub table: &'static str,
 }
@@ -90,7 +89,6 @@ pub const ESTIMATES: Stage = Stage {
 pub const GRIDS: Stage =
     Stage { names: ["grids", "grids"], done: "gridded", rows: "grids", table: "grid_errors" };
 
-/// All stages, in the order of the data.
 pub const STAGES: [Stage; 3] = [JOINED, ESTIMATES, GRIDS];
 
 /// The table whose row makes the files of another table part of the lake.
@@ -100,7 +98,6 @@ pub fn rows_of(table: &str) -> &'static str {
 }
 
 impl Stage {
-    /// Both tables.
     pub const fn tables(&self) -> [&'static str; 2] {
         [self.table, self.rows]
     }

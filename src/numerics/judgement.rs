@@ -48,7 +48,6 @@ pub use outcome::{
     ShownFlange, Source,
 };
 
-/// The settings of the stages.
 #[derive(Debug, Clone)]
 pub struct StageSettings {
     pub noise: Noise,
@@ -97,7 +96,6 @@ impl StageSettings {
     }
 }
 
-/// The reason why a stage has no result.
 #[derive(Debug, Error)]
 pub enum StageError {
     #[error("fit: {0}")]

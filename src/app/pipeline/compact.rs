@@ -24,25 +24,19 @@ use crate::io::table::TableError;
 use crate::progress::Progress;
 use month::{Month, NewRun, row};
 
-/// The month of runs without a date.
 pub const UNDATED: &str = "undated";
-/// The tables that are kept by month.
 pub const TABLES: [&str; 3] = ["runs", "accuracy", ASKED];
 /// Number of new runs up to which their rows are held between finding their month and writing it; more are read a second time.
 const HELD: usize = 10_000;
 /// Number of attempts, where other processes make states or files turn out to be damaged.
 const ATTEMPTS: usize = 5;
 
-/// The result of compacting a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Compacted {
     /// Number of the state that holds now.
     pub state: u64,
-    /// Whether it is new.
     pub is_new: bool,
-    /// The files of that state.
     pub files: Vec<CompactFile>,
-    /// Months that were written.
     pub months: Vec<String>,
     /// Number of runs in it.
     pub runs: usize,
@@ -50,7 +44,6 @@ pub struct Compacted {
     pub added: usize,
     /// Number of runs that are gone from the lake, and from it.
     pub gone: usize,
-    /// Runs left out.
     pub left_out: Vec<LeftOut>,
     /// Number of replaced files that were removed.
     pub removed: usize,
@@ -59,12 +52,10 @@ pub struct Compacted {
 /// A run that is not in the compact form.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The place of its row.
     pub place: Place,
     pub reason: String,
 }
 
-/// Why a lake cannot be compacted.
 #[derive(Debug, Error)]
 pub enum CompactError {
     #[error(
@@ -81,9 +72,7 @@ pub enum CompactError {
     Overtaken(Place),
 }
 
-/// What an attempt came to.
 enum Attempt {
-    /// The state is up to date.
     Done(Compacted),
     /// Another process made a state meanwhile.
     Overtaken,

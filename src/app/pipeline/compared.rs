@@ -20,7 +20,6 @@ use crate::report::{Accuracy, Angles, Model, Residual, ResidualSet, Split, Subje
 /// Place and error of stations, by their number.
 type ErrorsAt = BTreeMap<usize, (Point3<f64>, Vector3<f64>)>;
 
-/// The errors before and after of a run.
 pub(super) fn pairs(outcome: &Outcome<'_>) -> Pairs {
     let some = |pair: &Compared| !pair.errors.is_empty();
     let sessions: Vec<&JoinedSession> = outcome.training.iter().chain(&outcome.test).collect();
@@ -126,7 +125,6 @@ fn measured(outcome: &Outcome<'_>) -> Option<Compared> {
 /// The frame of a session whose base is not that of the run.
 const OF_ITS_OWN: &str = "in a base found from other stations of the session";
 
-/// The frame of the errors, in words.
 const fn frame(outcome: &Outcome<'_>, subject: &Subject) -> &'static str {
     match (subject.split, outcome.frame.is_surveyed) {
         (Split::Session, _) => OF_ITS_OWN,
@@ -135,7 +133,6 @@ const fn frame(outcome: &Outcome<'_>, subject: &Subject) -> &'static str {
     }
 }
 
-/// The session that a figure is of.
 fn named<'o>(outcome: &'o Outcome<'_>, subject: &Subject) -> Option<&'o JoinedSession> {
     let mut sessions = outcome.training.iter().chain(&outcome.test);
     sessions.find(|own| own.name == subject.of_session)

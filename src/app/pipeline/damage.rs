@@ -32,7 +32,6 @@ pub struct DamageError {
     allowed: f64,
 }
 
-/// The lost part of a log or topic.
 #[derive(Debug, Clone, PartialEq)]
 struct Loss {
     of: &'static str,

@@ -15,7 +15,6 @@ use super::configuration::{SessionFiles, Tree, WorkPiece};
 use crate::io::lake::temporary;
 use crate::io::store::StoreError;
 
-/// Prefix of the names of folders with copies.
 const COPIES: &str = "posegrid-logs";
 
 /// A piece of work whose logs can be read.
@@ -28,7 +27,6 @@ pub struct Fetched {
     _folder: Option<TempDir>,
 }
 
-/// Why logs cannot be fetched.
 #[derive(Debug, Error)]
 pub enum FetchError {
     #[error(transparent)]
@@ -71,7 +69,6 @@ impl Fetched {
         self.copies.iter().fold(message.to_owned(), told)
     }
 
-    /// Whether any log was copied.
     pub(super) fn is_copied(&self) -> bool {
         !self.copies.is_empty()
     }
@@ -90,13 +87,11 @@ fn files_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
 const TABLES: [&str; 10] =
     ["csv", "txt", "tsv", "dat", "parquet", "json", "jsonl", "yaml", "yml", "xlsx"];
 
-/// The extension of a copy.
 fn ending(path: &Path) -> &'static str {
     let own = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     TABLES.into_iter().find(|known| *known == own).unwrap_or("mcap")
 }
 
-/// Copies the object at an address.
 fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError> {
     let Tree::Listed { store, files } = tree else {
         return Ok(address.to_owned());

@@ -36,11 +36,9 @@ pub struct Fleet {
     pub left_out: Vec<LeftOut>,
     /// Remarks on allowed settings that a person should know.
     pub remarks: Vec<String>,
-    /// Place of the published tables.
     pub lake: Place,
 }
 
-/// A piece of work of a fleet.
 #[derive(Debug, Clone, Copy)]
 pub struct FleetPiece<'a> {
     pub configuration: &'a Configuration,
@@ -55,7 +53,6 @@ impl FleetPiece<'_> {
         label(self.configuration, &self.piece.session, self.is_of_several)
     }
 
-    /// The label of another session of its robot.
     pub fn label_of(&self, session: &str) -> String {
         label(self.configuration, session, self.is_of_several)
     }
@@ -105,7 +102,6 @@ impl Fleet {
         }
     }
 
-    /// All pieces of work, robot by robot.
     pub fn pieces(&self) -> Vec<FleetPiece<'_>> {
         let of_one = |configuration| {
             let piece =
@@ -115,7 +111,6 @@ impl Fleet {
         self.robots.iter().flat_map(of_one).collect()
     }
 
-    /// Each session of the pieces by itself.
     #[must_use]
     pub fn each_session(mut self) -> Self {
         let before: Vec<usize> = starts(&self.robots);
@@ -147,16 +142,13 @@ fn starts(robots: &[Configuration]) -> Vec<usize> {
     starts
 }
 
-/// The way from robots to their configurations.
 struct Loader<'a> {
     source: &'a Source,
     robots: &'a Robots,
     overrides: &'a Overrides,
 }
 
-/// Where each robot's sessions are.
 enum Searched {
-    /// In the lake, as joined.
     Joined,
     /// In a tree of each robot's own.
     Own,

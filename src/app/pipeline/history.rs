@@ -43,10 +43,8 @@ pub use trend::trend;
 /// Number of sessions of a robot read at the same time: each takes some tens of megabytes where its tables are read.
 const AT_ONCE: usize = 4;
 
-/// The sessions that a history is asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
-    /// Only this robot.
     pub robot: Option<String>,
     /// From this session on.
     pub since: Option<String>,
@@ -59,39 +57,29 @@ pub struct Asked {
 #[derive(Debug, Clone)]
 pub struct RobotHistory {
     pub robot: String,
-    /// The sessions in order.
     pub sessions: Vec<PastSession>,
     pub results: Vec<RunResult>,
     /// Runs left out, with place and reason.
     pub left_out: Vec<LeftOut>,
     /// Rows of `runs` in all: those of `sessions` and `left_out`.
     pub runs: usize,
-    /// Sessions taken from the summary.
     pub from_summary: usize,
-    /// Why the summary could not be written.
     pub summary_error: Option<String>,
 }
 
-/// A run that takes no part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The file of its row.
     pub place: PathBuf,
     /// Session and run, where the row could be read.
     pub key: Option<RunKey>,
     pub reason: Reason,
 }
 
-/// Why a run takes no part.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reason {
-    /// Another run of the session replaced it.
     Replaced,
-    /// It is an estimate over several sessions.
     Pooled,
-    /// It is a plan, which measured nothing.
     Plan,
-    /// It is before or after the requested sessions.
     NotAsked,
     /// A file of it is damaged, missing or not in this lake.
     Unreadable(String),
@@ -110,7 +98,6 @@ impl Reason {
     }
 }
 
-/// Why there is no history.
 #[derive(Debug, Error)]
 pub enum HistoryError {
     #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` printed as its tables", .0)]
@@ -153,7 +140,6 @@ pub fn history(
     histories
 }
 
-/// The robot of this name.
 fn named(lake: &Lake, robots: Vec<RobotRows>, robot: &str) -> Result<RobotRows, HistoryError> {
     let names: Vec<String> = robots.iter().map(RobotRows::robot).collect();
     let place = names.iter().position(|name| name == robot);

@@ -46,9 +46,7 @@ pub const SESSION: &str = "plan";
 #[derive(Debug)]
 pub struct Planning {
     pub arm: Arm,
-    /// The settings that the plan follows from.
     pub settings: PlanSettings,
-    /// Place of the published tables.
     pub lake: Place,
     command_from_base: Isometry3<f64>,
     pub(super) work: Work,
@@ -66,7 +64,6 @@ pub struct Planned {
     pub page: Option<Place>,
 }
 
-/// Why there is no plan.
 #[derive(Debug, Error)]
 pub enum PlanningError {
     #[error(transparent)]

@@ -45,20 +45,17 @@ use publish::publish;
 use results::{Found, Results};
 pub(super) use session::session;
 
-/// The result of a finished piece of work.
 #[derive(Debug, Clone)]
 pub struct Done {
     pub robot: String,
     /// The session of its tables, or `pooled`.
     pub session: String,
     pub run: String,
-    /// Whether the lake had it already.
     pub already_there: bool,
     /// Number of the last request that changed the current run of its session.
     pub asked: u64,
     /// Which run it took the place of, and how the two differ, in words; `None` where it was current, or the first.
     pub took_place: Option<String>,
-    /// Whether the tolerance is met.
     pub verdict: Verdict,
     /// The reason why it is not met or not shown to be, with the judges that decide; `None` where it is met.
     pub reason: Option<String>,
@@ -123,7 +120,6 @@ impl Done {
 pub struct StageDone {
     pub stage: Stage,
     pub run: String,
-    /// Whether the lake had it already.
     pub already_there: bool,
     pub words: String,
 }

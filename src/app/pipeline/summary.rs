@@ -19,7 +19,6 @@ pub use crate::report::next::Next;
 use crate::report::next::Stated;
 use crate::report::symbols::symbol;
 
-/// A run in a few lines.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Summary {
     /// The sessions that were read: when, and how many of their stations were measured.
@@ -28,7 +27,6 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// Frame, verdict, errors before and after, and what is identified, a line each.
     pub findings: Vec<String>,
-    /// What to do with the result.
     pub next: Next,
 }
 

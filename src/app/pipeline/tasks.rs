@@ -28,15 +28,12 @@ const MEGABYTES: [f64; 2] = [400.0, 200.0];
 pub struct Task {
     /// The state of its inputs, or the run of a plan: another content, setting or version is another task.
     pub id: String,
-    /// The version that listed it.
     pub version: String,
     /// The robot; `None` where the logs' metadata name it.
     pub robot: Option<String>,
     /// The session of its tables, `pooled`, or `plan`.
     pub session: String,
-    /// Sessions that it learns from.
     pub learns_from: Vec<String>,
-    /// Sessions that judge.
     pub judged_on: Vec<String>,
     /// Size of its files, bytes.
     pub bytes: u64,
@@ -66,13 +63,10 @@ pub struct Ended {
     pub reason: Option<String>,
 }
 
-/// How a task ended, in a word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum How {
-    /// With a result.
     Done,
-    /// The lake had its result.
     DoneBefore,
     /// Its inputs have no result: doing it again gives the same.
     Failed,

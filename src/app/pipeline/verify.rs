@@ -52,7 +52,6 @@ use source::{NoSource, Source};
 pub use stage::{Anew, StageVerified, StageVerifier};
 pub use verdict::Verdict;
 
-/// The reason why nothing can be verified.
 #[derive(Debug, Error)]
 pub enum VerifyError {
     #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` printed as its tables", lake.display())]
@@ -69,11 +68,9 @@ pub enum VerifyError {
     Lake(#[from] LakeError),
 }
 
-/// The findings about a run.
 #[derive(Debug, Clone)]
 pub struct Verified {
     pub claim: Claim,
-    /// Contradictions of the row, as text.
     pub contradictions: Vec<String>,
     /// Every file that the row names.
     pub outputs: Vec<Output>,
@@ -93,7 +90,6 @@ pub struct Verified {
 pub enum Recomputed {
     /// It was not recomputed, since inputs or settings differ.
     OtherWork,
-    /// It could not be recomputed: the reason.
     No(String),
     /// All its files, in the row's order; those that are the same byte for byte are only counted.
     Yes {

@@ -41,7 +41,6 @@ pub fn summary_key(robot: &str) -> String {
     format!(".history/{robot}.jsonl.zst")
 }
 
-/// The key of the figures of a run.
 pub fn figures_key(key: &RunKey) -> Result<String, LakeError> {
     Ok(format!("{}/{}.json.zst", session_key(FIGURES, key)?, encoded("run", &key.run)?))
 }

@@ -46,7 +46,6 @@ pub struct CompactFile {
     pub table: String,
     /// The month of its runs, `2026-11`, or `undated`.
     pub month: String,
-    /// Its path below the lake.
     pub file: String,
     /// Number of runs with rows in it; of paths those of runs.
     pub runs: u64,
@@ -224,7 +223,6 @@ pub fn runs_among(keys: &BTreeSet<String>) -> usize {
     keys.iter().filter(|key| request_of(key).is_none()).count()
 }
 
-/// The number of a state, from its path.
 fn numbered(listed: &Listed) -> Option<(u64, &Listed)> {
     let name = listed.key.strip_prefix(STATES)?.strip_prefix('/')?;
     let number = name.strip_suffix(".jsonl")?.parse().ok()?;

@@ -68,7 +68,6 @@ pub struct Correction {
 pub type Recorded = (Place, Option<SystemTime>, Result<Correction, String>);
 
 impl Correction {
-    /// The record as a table of one row.
     pub fn table(&self) -> Result<Table, TableError> {
         Ok(CorrectionRow::table(vec![self.row()], &self.key)?.table)
     }

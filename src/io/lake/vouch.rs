@@ -108,7 +108,6 @@ impl Lake {
         Ok(table::open(file, &named, schema::find(table)?)?.believed(&named)?)
     }
 
-    /// Whether any run has a row.
     fn has_rows(&self) -> Result<bool, LakeError> {
         Ok(!self.store.list("runs", 2..=2)?.is_empty())
     }

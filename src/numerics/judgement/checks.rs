@@ -120,7 +120,6 @@ pub(super) fn repairs(
     Ok(settings)
 }
 
-/// Checks that pooled sessions are of one arm.
 pub(super) fn check_pool(
     arm: &Arm,
     observed: &Observed,

@@ -29,13 +29,10 @@ pub struct Estimate {
     pub(super) flanges: Flanges,
     /// The settings of all later stages: those given, with sizes that the sessions show.
     pub(super) settings: StageSettings,
-    /// The size of a camera's noise.
     pub(super) camera_size: Option<CameraSize>,
     /// The size of the covariances that readings state.
     pub(super) stated_sizes: Vec<FoundSize>,
-    /// The instruments of each model.
     pub(super) sources: Vec<Source>,
-    /// Their lengths by each model.
     pub(super) length_residuals: Vec<LengthResidual>,
 }
 
@@ -124,7 +121,6 @@ fn prepared(
 }
 
 impl Estimate {
-    /// Number of readings that trained.
     pub fn observations(&self) -> usize {
         self.observed.all.len()
     }
@@ -191,7 +187,6 @@ struct Known {
     models: Models,
     folds: Vec<Option<Models>>,
     sessions_left_out: Option<Vec<ResidualSet>>,
-    /// Residuals of all stations.
     residuals: Option<Vec<ResidualSet>>,
 }
 

@@ -16,7 +16,6 @@ use crate::report::{
     accuracy,
 };
 
-/// What makes figures of residuals.
 pub(super) struct FigureMaker<'f> {
     pub(super) judges: Judges<'f>,
     pub(super) grids: &'f Grids,

@@ -94,7 +94,6 @@ fn of_targets(mut session: JoinedSession, known: &BTreeSet<TargetId>) -> JoinedS
     session
 }
 
-/// What was derived so far.
 #[derive(Default)]
 struct Derived {
     shown: Vec<ShownFlange>,

@@ -33,7 +33,6 @@ pub(super) fn figures(
     Sources { judges, residuals, driven, guard_mm }.figures()
 }
 
-/// The inputs of the figures.
 struct Sources<'s> {
     judges: Judges<'s>,
     residuals: &'s [ResidualSet],

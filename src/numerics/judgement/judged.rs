@@ -157,7 +157,6 @@ fn is_of_now(observed: &Observed, session: usize, settings: &TrainingSettings<'_
     !repairs.any(|repair| day.is_some_and(|day| repair.is_to_come(day)))
 }
 
-/// Models and the stations that judge them.
 pub(super) struct Judged<'j> {
     pub(super) observed: &'j Observed,
     pub(super) models: &'j Models,
@@ -238,7 +237,6 @@ pub(super) struct Judges<'j> {
 }
 
 impl Judges<'_> {
-    /// The session that the table is for.
     pub(super) fn own(&self) -> &JoinedSession {
         &self.training[self.last()]
     }
@@ -275,11 +273,9 @@ pub(super) fn unseen_sessions(
     Ok(judged?.into_iter().flatten().collect())
 }
 
-/// A session that only judges.
 pub(super) struct TestSession<'s> {
     pub(super) session: &'s JoinedSession,
     pub(super) observations: Vec<Observation>,
-    /// How its base and target are found.
     pub(super) located: Located,
 }
 
@@ -299,7 +295,6 @@ impl<'s> TestSession<'s> {
         sessions.iter().zip(observed).map(of).collect()
     }
 
-    /// Its observations under its name.
     pub(super) fn stations(&self) -> Stations<'_> {
         Stations { session: &self.session.name, observations: &self.observations }
     }

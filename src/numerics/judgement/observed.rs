@@ -33,7 +33,6 @@ impl Observed {
         self.all.iter().zip(self.folds.iter().copied()).filter(move |(o, _)| o.session == session)
     }
 
-    /// The observations of one session alone.
     pub(super) fn own(&self, session: usize) -> Vec<Observation> {
         self.of_session(session).map(|(o, _)| o.clone()).collect()
     }

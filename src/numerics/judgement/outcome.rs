@@ -61,7 +61,6 @@ pub struct DrivenBy {
 /// The judgement of a session on the table that drove it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Driven {
-    /// The run of the table.
     pub key: RunKey,
     pub table: String,
     /// Stations that went to a target, in the base frame.
@@ -158,7 +157,6 @@ pub struct ShownFlange {
 pub struct Outcome<'a> {
     /// Sessions that trained, in the fit's order.
     pub training: Vec<JoinedSession>,
-    /// Sessions that only judge.
     pub test: Vec<JoinedSession>,
     /// The base + target and the geometric calibration.
     pub calibrations: Vec<(Model, Calibration)>,
@@ -172,13 +170,11 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
-    /// The sources of each model.
     pub sources: Vec<Source>,
     /// Every reading of one length by each model: in training, and held out.
     pub length_residuals: Vec<LengthResidual>,
     /// The sessions' targets, where there are several.
     pub targets: SeveralTargets,
-    /// The base that errors are stated in.
     pub frame: StatedFrame,
     /// The error reference frame of the last training session, which table and grids are for.
     pub error_frame: ErrorFrame<'a>,
@@ -194,7 +190,6 @@ pub struct Outcome<'a> {
     pub accuracy: Vec<Accuracy>,
     /// Figures of the tool tip, with verdicts; empty where the pipeline file does not state its position.
     pub at_tip: Vec<Accuracy>,
-    /// Figures of repeated visits.
     pub iso_9283: Vec<Iso9283>,
 }
 
@@ -222,6 +217,5 @@ pub struct DrivingFile {
     pub table: String,
     /// Targets with their commands, in the file's order.
     pub targets: Vec<CorrectedTarget>,
-    /// Targets without a command.
     pub refused: usize,
 }

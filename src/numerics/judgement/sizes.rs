@@ -104,7 +104,6 @@ fn stated_by(
     training.iter().enumerate().flat_map(of_session).collect()
 }
 
-/// Gives each session the sizes of its sources.
 fn give(
     training: &mut [JoinedSession],
     test: &mut [JoinedSession],

@@ -22,20 +22,17 @@ const AT_ONCE: usize = 256;
 
 /// A run or request that the compact form does not have yet.
 pub(super) struct NewRun {
-    /// The file of its row.
     pub(super) file: Listed,
     /// Its row, where it is held.
     pub(super) row: Option<Table>,
 }
 
-/// The runs and requests of a month.
 #[derive(Default)]
 pub(super) struct Month {
     /// Paths of the rows that the earlier state has.
     pub(super) keys: BTreeSet<String>,
     /// Those of them that are no longer there.
     gone: BTreeSet<String>,
-    /// New ones.
     pub(super) new: Vec<NewRun>,
 }
 
@@ -48,7 +45,6 @@ impl Month {
         Self { keys, ..Self::default() }
     }
 
-    /// Finds the rows that are no longer there.
     pub(super) fn find_gone(&mut self, there: &BTreeSet<&str>) {
         let is_gone = |key: &&String| !there.contains(key.as_str());
         self.gone = self.keys.iter().filter(is_gone).cloned().collect();

@@ -48,7 +48,6 @@ impl ByRobot {
         self.found.only(own.cloned().unwrap_or_default())
     }
 
-    /// Folders and files that are no session.
     pub fn left_out(&self) -> Vec<LeftOut> {
         self.found.left_out.clone()
     }
@@ -125,7 +124,6 @@ fn check(within: &Within<'_>) -> Result<(), ConfigurationError> {
     Err(kind.at(within.path))
 }
 
-/// The place of the sessions of all robots.
 #[derive(Clone, Copy)]
 pub struct Within<'a> {
     pub path: &'a Path,
@@ -137,7 +135,6 @@ pub struct Within<'a> {
 }
 
 impl Within<'_> {
-    /// Folders that are no robot's.
     pub fn folders_of_no_robot(&self) -> Result<Vec<(String, Why)>, ConfigurationError> {
         let entries = self.tree.entries(self.folder);
         let entries = entries.map_err(|source| self.unread(source))?;
@@ -177,7 +174,6 @@ impl Within<'_> {
         Ok(strange.into_iter().map(of_files).collect())
     }
 
-    /// The folders in which files are looked for.
     fn folders(&self) -> io::Result<Vec<PathBuf>> {
         if self.file.input.sessions_by != SessionsBy::Folder {
             return Ok(vec![self.folder.to_owned()]);

@@ -52,13 +52,11 @@ fn figures_of(
     (figures, wrong)
 }
 
-/// What one session's tables have.
 #[derive(Default)]
 struct OfSession {
     figures: Vec<Figure>,
     /// Its references in their first places.
     references: Vec<ReferenceRow>,
-    /// Why a table could not be read.
     wrong: Vec<String>,
 }
 
@@ -190,7 +188,6 @@ fn joint_curves(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, Strin
     Ok(rows.into_iter().filter(is_given).map(figure).collect())
 }
 
-/// The rows of a session's table.
 fn read<R: Row>(lake: &Lake, session: &PastSession) -> Result<Vec<R>, String> {
     let table = lake.read(R::TABLE, &session.key);
     Ok(R::read(&table.map_err(|error| error.to_string())?))

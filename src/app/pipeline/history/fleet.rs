@@ -11,7 +11,6 @@ use crate::page::fleet::content::{Content, Newest, Robot};
 use crate::page::fleet::html;
 use crate::units::WallTime;
 
-/// Microseconds of a day.
 const DAY_US: f64 = 86_400e6;
 
 /// The page, as of the start of the newest session, or of a stated time; `pages` are the file names of the robots' pages.

@@ -22,9 +22,7 @@ use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;
 
-/// The files of a robot's rows.
 pub(super) struct RobotRows {
-    /// Name of its folder.
     pub(super) folder: String,
     files: Vec<Listed>,
 }
@@ -60,7 +58,6 @@ pub(super) struct Fact {
 pub struct RunResult {
     /// Start of its session, microseconds since 1970, UTC; `None` where no clock has an epoch.
     pub started_us: Option<i64>,
-    /// Word of the verdict.
     pub verdict: String,
     /// The verdict as text; `None` in rows of early versions, as are the numbers.
     pub statement: Option<String>,
@@ -68,7 +65,6 @@ pub struct RunResult {
     pub mean_before_mm: Option<f64>,
     /// Mean error after correction, mm.
     pub mean_after_mm: Option<f64>,
-    /// What both means are of.
     pub means_of: Option<String>,
     /// The bound that the verdict rests on, mm.
     pub bound_mm: Option<f64>,
@@ -88,9 +84,7 @@ impl RunResult {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Kind {
     Session,
-    /// Several sessions together.
     Pooled,
-    /// No session at all.
     Plan,
 }
 

@@ -16,14 +16,12 @@ use crate::history::{Judged, SessionHistory};
 use crate::io::lake::{Lake, LakeError, summary_key};
 use crate::io::store::Listed;
 
-/// Earlier judgements.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Summary {
     /// The facts of each row of `runs`, by the digest of its file.
     pub(super) facts: BTreeMap<String, Fact>,
     /// The digest of each row of `runs`, by its path below the lake and the tag that the store gave it.
     pub(super) tags: BTreeMap<(String, String), String>,
-    /// The sessions judged, in order.
     pub(super) entries: Vec<Entry>,
     /// The state after the last of them.
     pub(super) session_history: SessionHistory,
@@ -99,7 +97,6 @@ impl Summary {
         self
     }
 
-    /// Writes the summary, completely or not at all.
     pub(super) fn write(&self, lake: &Lake, folder: &str) -> Result<(), LakeError> {
         let facts = self.facts.iter();
         let facts = facts.map(|(digest, fact)| Line::Fact(digest.clone(), fact.clone()));

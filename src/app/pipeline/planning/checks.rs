@@ -7,7 +7,6 @@ use crate::pipeline::configuration::checks::{told, wrong_unless};
 use crate::plan::section::PlanSection;
 use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 
-/// Most poses of a session.
 const MOST_POSES: usize = 2000;
 
 /// Finds the first invalid value of the section, for an arm of `joints` joints.

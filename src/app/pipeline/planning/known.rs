@@ -56,27 +56,20 @@ pub enum KnownError {
 /// The reason why the arm of a past session is not the one to plan for.
 #[derive(Debug)]
 pub enum KnownMisfit {
-    /// The table is of another robot.
-    OtherRobot { found: String, wanted: String },
-    /// The arm has another number of joints.
+    OtherRobot {
+        found: String,
+        wanted: String,
+    },
     Joints {
-        /// Number of joints of the table's arm.
         found: usize,
-        /// Number of joints of the plan's arm.
         wanted: usize,
     },
-    /// The nominal arms differ.
     OtherNominal {
-        /// Model name of the table's arm.
         found: String,
-        /// Model name of the plan's arm.
         wanted: String,
-        /// The part that differs.
         what: &'static str,
     },
-    /// The run has no full error model.
     GeometryAlone,
-    /// The target is in another place.
     OtherTarget {
         /// Where it sat, mm on the flange.
         found: [f64; 3],
@@ -178,7 +171,6 @@ pub(super) fn identified(path: &Path, arm: &Arm, robot: &str) -> Result<Publishe
     Ok(published)
 }
 
-/// The full error model of a past run.
 pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullModel, KnownError> {
     let model = past.model.is::<FullModel>();
     model.ok_or_else(|| KnownMisfit::GeometryAlone.at(path))

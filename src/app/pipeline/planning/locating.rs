@@ -22,7 +22,6 @@ use crate::plan::section::{PlanSection, TargetMounted};
 /// The poses that find base and target of an arm, and where the arm is from.
 #[derive(Debug)]
 pub struct Located {
-    /// The run that identified the arm.
     pub identified_by: RunKey,
     /// The poses, and what follows.
     pub plan: LocatePlan,

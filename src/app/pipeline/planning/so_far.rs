@@ -40,7 +40,6 @@ pub struct SoFar {
     pub verify: usize,
     /// Dwells without a measurement.
     pub unmeasured: usize,
-    /// Number of planned identification poses.
     pub planned: usize,
     /// The promise if no more poses were measured.
     pub promise: Outcomes,

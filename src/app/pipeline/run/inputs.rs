@@ -109,7 +109,6 @@ pub(in crate::pipeline) fn is_of_session(input: &str, session: &str) -> bool {
     SIDES.contains(&side) && part.parse::<usize>().is_ok()
 }
 
-/// A file as an input of a run.
 pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
     let wrong = |source| RunError::Input { path: path.to_owned(), source };
     let (digest, bytes) =

@@ -41,7 +41,6 @@ pub struct Known {
     now: Mutex<BTreeMap<String, Told>>,
 }
 
-/// What a lake holds, as it was listed.
 #[derive(Debug, Default)]
 struct Held {
     /// The files of tasks that were done alone, by their states.
@@ -50,7 +49,6 @@ struct Held {
     rows: BTreeSet<String>,
 }
 
-/// What a batch told of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Told {
     robot: String,
@@ -85,7 +83,6 @@ impl Known {
         Self { listed: None, ..Self::nothing(lake) }
     }
 
-    /// Nothing is known of what a lake has.
     pub fn nothing(lake: Lake) -> Self {
         Self {
             lake,
@@ -319,7 +316,6 @@ fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
     Some(texts)
 }
 
-/// The files that a session's state follows from.
 fn files_of(session: &SessionFiles) -> impl Iterator<Item = &PathBuf> {
     let recorded = match &session.recorded {
         Recorded::Logs(logs) => logs.controller.iter().chain(&logs.tracker).collect(),

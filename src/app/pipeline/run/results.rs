@@ -29,14 +29,12 @@ pub(super) struct Results<'a> {
 pub(super) struct Found<T> {
     pub(super) value: T,
     pub(super) key: RunKey,
-    /// Whether the lake had it.
     pub(super) already_there: bool,
 }
 
 /// The sessions of a piece of work as joined.
 pub(super) struct Sessions {
     pub(super) training: Vec<JoinedSession>,
-    /// Those that only judge.
     pub(super) test: Vec<JoinedSession>,
     /// The name of each in the lake, in that order.
     pub(super) made_of: Vec<RunKey>,
@@ -109,7 +107,6 @@ impl<'a> Results<'a> {
         })
     }
 
-    /// What is trained on these sessions.
     pub(super) fn estimate(&self, sessions: Sessions) -> Result<Found<Estimate>, RunError> {
         let Self { configuration, progress, .. } = self;
         let (arm, settings) = (&configuration.arm, &configuration.stages);

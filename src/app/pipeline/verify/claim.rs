@@ -98,7 +98,6 @@ fn written((name, rows, digest): (String, u64, String)) -> Written {
     Written { table: table.to_owned(), session: session.to_owned(), rows, digest }
 }
 
-/// Three lists of the same length.
 fn together(
     of: &str,
     names: Vec<String>,
@@ -130,7 +129,6 @@ pub(super) struct Registered {
     replaces: Option<String>,
     /// The digest of the row of that run, as its own row states it.
     pub(super) replaced: Option<String>,
-    /// The digest of its row.
     pub(super) found: String,
 }
 

@@ -20,7 +20,6 @@ use crate::io::lake::{
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
 
-/// The files under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FilesOfLake {
     /// Number of files that rows of `runs` and `joined_sessions` name, and of those rows.
@@ -31,9 +30,7 @@ pub struct FilesOfLake {
     pub own: usize,
     /// Temporaries: of a process that writes, or left over by one that was stopped; the next run removes these.
     pub temporaries: Vec<Place>,
-    /// Runs that have files and no row.
     pub without_row: Vec<WithoutRow>,
-    /// Files that do not belong.
     pub foreign: Vec<Foreign>,
     /// Faults of the requests that changed current runs, a sentence each.
     pub asked: Vec<String>,
@@ -42,7 +39,6 @@ pub struct FilesOfLake {
 /// The files of a run that has no row in `runs`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WithoutRow {
-    /// The folder of its robot.
     pub robot: String,
     pub run: String,
     /// Its files, as TABLE/SESSION by the names of their folders.
@@ -52,7 +48,6 @@ pub struct WithoutRow {
 /// A file, or a folder of files, that is neither of a run nor the lake's own.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Foreign {
-    /// Place of the file or folder.
     pub place: Place,
     /// Number of files: more than one for a folder.
     pub files: usize,
@@ -66,7 +61,6 @@ impl FilesOfLake {
         !self.without_row.is_empty() || !self.foreign.is_empty() || !self.asked.is_empty()
     }
 
-    /// The number of all files.
     pub fn files(&self) -> usize {
         let without_row = self.without_row.iter().map(|run| run.files.len());
         let foreign = self.foreign.iter().map(|own| own.files);

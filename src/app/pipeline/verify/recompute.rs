@@ -38,7 +38,6 @@ const ROW_ONLY: [&str; 15] = [
     "row_digest",
 ];
 
-/// Prefix of the names of temporary lakes.
 const TEMPORARY: &str = "posegrid-verify";
 
 /// A file whose published and computed bytes differ.
@@ -54,9 +53,7 @@ pub struct ComparedFile {
 /// The difference of a published file and a computed one.
 #[derive(Debug, Clone)]
 pub enum FileOutcome {
-    /// Tables, compared by value.
     Values(Comparison),
-    /// Computing gave no such file.
     OnlyPublished,
     /// The row does not name it, or its file is gone.
     OnlyComputed,
@@ -97,7 +94,6 @@ pub fn clean() {
     temporary::clean_folders(TEMPORARY);
 }
 
-/// Recomputes the run and compares.
 pub(super) fn again(
     verified: &Verified,
     source: &Source,
@@ -121,7 +117,6 @@ pub(super) fn again(
     })
 }
 
-/// The published run and the computed one.
 struct Sides<'a> {
     verified: &'a Verified,
     lake: &'a Lake,

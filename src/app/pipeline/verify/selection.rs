@@ -10,7 +10,6 @@ use crate::io::store::Place;
 use crate::io::table::Seal;
 use crate::pipeline::configuration::files;
 
-/// The runs that are asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
     /// Pipeline files that find inputs; without any, every run is selected and none recomputed.
@@ -19,7 +18,6 @@ pub struct Selection {
     pub names: Vec<String>,
     /// Number of runs in the sample, drawn by `seed`; absent for all.
     pub sample: Option<usize>,
-    /// Seed of the sample.
     pub seed: u64,
 }
 
@@ -48,7 +46,6 @@ pub struct Selected {
     pub runs: Vec<PastRun>,
     /// Number of runs left out because other pipeline files made them, by the names of those.
     pub by_others: BTreeMap<String, usize>,
-    /// Number of runs that were not drawn.
     pub not_drawn: usize,
     /// Every run of the lake, for citations.
     pub register: Register,
@@ -56,7 +53,6 @@ pub struct Selected {
     pub(super) unread: Vec<String>,
 }
 
-/// Selects runs of a lake.
 pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyError> {
     let pipelines = pipelines(&selection.pipelines)?;
     let past = past(lake, &pipelines)?;

@@ -18,12 +18,10 @@ use crate::pipeline::planning::{self, Planning, PlanningError};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
 
-/// A run's work, found again.
 #[derive(Debug)]
 pub(super) enum Source {
     /// Sessions, with fetched logs, and their work.
     Sessions(Box<Configuration>, Fetched),
-    /// A plan before measuring.
     Planning(Box<Planning>),
 }
 
@@ -32,7 +30,6 @@ pub(super) enum Source {
 pub(super) enum NoSource {
     /// Inputs are missing or incomplete: which, and why.
     Missing(Lost, String),
-    /// Any other reason, as text.
     Other(String),
 }
 
@@ -166,7 +163,6 @@ pub struct Sought {
 }
 
 impl Sought {
-    /// The pipeline files at these paths.
     pub fn new(pipelines: &[PathBuf]) -> Self {
         Self { pipelines: pipelines.to_vec(), found: BTreeMap::new() }
     }

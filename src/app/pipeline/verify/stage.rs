@@ -36,10 +36,8 @@ pub(super) const OF_THE_MACHINE: [&str; 8] = [
     "row_digest",
 ];
 
-/// The findings about the result of a stage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageVerified {
-    /// Place of its row.
     pub place: Place,
     /// Robot, session and result; `None` where the row cannot be read.
     pub key: Option<RunKey>,
@@ -49,14 +47,11 @@ pub struct StageVerified {
     pub anew: Option<Anew>,
 }
 
-/// A result computed anew.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Anew {
     /// It is equal: byte for byte, or in its values where another machine made it.
     Same,
-    /// It differs in these tables.
     Differs(Vec<String>),
-    /// It could not be computed: why.
     No(String),
 }
 
@@ -67,7 +62,6 @@ impl StageVerified {
     }
 }
 
-/// How results of stages are verified.
 pub struct StageVerifier<'a> {
     pub lake: &'a Lake,
     pub sought: &'a mut Sought,
@@ -79,7 +73,6 @@ pub struct StageVerifier<'a> {
 }
 
 impl StageVerifier<'_> {
-    /// Verifies the results of every stage.
     pub fn all(mut self) -> Result<Vec<(Stage, Vec<StageVerified>)>, LakeError> {
         let of_stage = |stage: Stage| {
             let rows = self.lake.rows_of_all(stage.rows)?.into_iter();
@@ -277,7 +270,6 @@ fn work_of(
     })
 }
 
-/// Contradictions of a row with itself.
 fn contradictions(table: &Table, row: &ResultRow, work: &Work) -> Vec<String> {
     let mut problems = Vec::new();
     let found = row_digest(table);

@@ -6,7 +6,6 @@ use super::{Citation, FileOutcome, Output, Recomputed, Role, Verified};
 /// inputs before the recomputed result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Files that the run wrote are changed.
     OutputsAltered,
     /// Its row in `runs` contradicts itself, its file or a later row.
     RowAltered,
@@ -14,7 +13,6 @@ pub enum Verdict {
     RowUnreadable(String),
     /// None of its files is there, and another run replaced it.
     Removed {
-        /// That run.
         superseded_by: String,
     },
     /// Files that the run wrote, and its row cites, are missing.
@@ -25,9 +23,7 @@ pub enum Verdict {
     InputsAltered,
     /// The pipeline file's settings are not those that it was computed with.
     SettingsDiffer,
-    /// It could not be recomputed: the reason.
     NotRecomputed(String),
-    /// Recomputed, it gives other values.
     Differs,
     /// It is unchanged, but runs that it cites are missing.
     CitedMissing,
@@ -36,7 +32,6 @@ pub enum Verdict {
         /// Relative to the larger of both numbers.
         largest: f64,
     },
-    /// Recomputed, it gives the same bytes.
     Same,
 }
 

@@ -14,7 +14,6 @@ pub(super) struct Known {
     unread_rows: BTreeSet<String>,
 }
 
-/// The judgement of a file by the rows.
 pub(super) enum Judged {
     OfRun,
     OfUnread,
@@ -56,7 +55,6 @@ impl Known {
         Ok(known)
     }
 
-    /// Adds the files of a stage's results.
     fn add(&mut self, lake: &Lake, stage: Stage) -> Result<(), LakeError> {
         for (place, row) in lake.rows_of_all(stage.rows)? {
             let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
@@ -71,7 +69,6 @@ impl Known {
         Ok(())
     }
 
-    /// The judgement of a file.
     pub(super) fn judged(&self, file: &LakeFile) -> Judged {
         match &file.stands {
             _ if self.keys.contains(&file.key) => Judged::OfRun,
@@ -113,7 +110,6 @@ pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeEr
     Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
 }
 
-/// The files that are counted.
 pub(in crate::pipeline::verify) struct Scope {
     all: bool,
     /// ROBOT/SESSION by the names of their folders.
@@ -140,7 +136,6 @@ impl Scope {
         Ok(Self { all: names.is_empty(), sessions, names: names.iter().cloned().collect() })
     }
 
-    /// Whether a file is counted.
     pub(super) fn has(&self, file: &LakeFile) -> bool {
         let is_named = || match &file.stands {
             Stands::OfRun { run, .. } => self.names.contains(run),
