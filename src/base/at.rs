@@ -5,7 +5,6 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[error("{place}: {kind}")]
 pub struct At<K: Display> {
-    /// Path or name of the file, with the line, column or part where one is known.
     pub place: String,
     pub kind: K,
 }

@@ -23,7 +23,6 @@ pub struct Coverage {
 pub struct Figures {
     pub n: usize,
     pub mean: f64,
-    /// Root mean square.
     pub rms: f64,
     pub sd: f64,
     pub median: f64,
@@ -148,7 +147,6 @@ pub struct Counted {
 }
 
 impl Counted {
-    /// Counts of `poses` poses that were each visited once.
     pub const fn once(poses: usize) -> Self {
         Self { poses, visits: poses }
     }

@@ -18,7 +18,6 @@ pub const ROBOT: &str = "robot";
 /// Bytes of the digest in a run's name: among fewer than 2⁶⁴ runs two equal names are unlikely.
 const RUN_BYTES: usize = 16;
 
-/// The key of a run, which every row of its tables carries.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct RunKey {
     pub robot: String,
@@ -34,13 +33,11 @@ pub struct Input {
     pub digest: String,
 }
 
-/// Everything that determines a run's result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Work {
     pub robot: String,
     pub session: String,
     pub pipeline: String,
-    /// Sessions that the run learns from.
     pub sessions: Vec<String>,
     /// Sessions that are only used to judge it.
     pub test_sessions: Vec<String>,
@@ -69,7 +66,6 @@ impl RunKey {
         Self { robot: robot.into(), session: session.into(), run: run.into() }
     }
 
-    /// This run's key for the rows of another session that it read.
     #[must_use]
     pub fn of_session(&self, session: &str) -> Self {
         Self::new(&self.robot, session, &self.run)
@@ -91,7 +87,6 @@ pub fn canonical(settings: &impl Serialize) -> Result<String, ManifestError> {
 }
 
 impl Work {
-    /// The work of a stage whose result later runs start from.
     pub fn of_stage(
         robot: &str,
         session: &str,

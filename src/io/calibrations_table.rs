@@ -57,7 +57,6 @@ pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError
     CalibrationsFile::read(path)?.arm(&[Model::Geometric])
 }
 
-/// Reads the arm with its identified geometry, and the offsets of its parameters with their covariance.
 pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), CalibrationsTableError> {
     let file = CalibrationsFile::read(path)?;
     let model = Model::Geometric;

@@ -65,7 +65,6 @@ pub fn key(path: &Path, table: &Table) -> Result<RunKey, CommonError> {
     of_every_row(path, table, &keys).cloned()
 }
 
-/// A placement that the columns `FRAME_x_mm` … `FRAME_qw` state.
 pub fn placement<To, From>(
     path: &Path,
     frame: &str,
@@ -75,7 +74,6 @@ pub fn placement<To, From>(
     Ok(Transform::claim(Isometry3::from_parts(stated.translation, rotation)))
 }
 
-/// A rotation that quaternion columns state, of which the last is `column`.
 pub fn rotation(
     path: &Path,
     column: &str,

@@ -93,7 +93,6 @@ struct TableFile<'a> {
 }
 
 impl TableFile<'_> {
-    /// The error of a node, or of its row where the node's number itself is wrong.
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {
         let place = format!("{}, node {node}", self.path.display());
         CompensationTableError::Node(At::new(place, problem))

@@ -29,7 +29,6 @@ const SHORTEST_MESSAGE: u64 = 31;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
     pub read_summary: ReadSummary,
-    /// Its channels, sorted by topic.
     pub channels: Vec<ChannelSummary>,
 }
 
@@ -46,7 +45,6 @@ pub struct ChannelSummary {
     pub traffic: Box<Traffic>,
 }
 
-/// The messages of one channel, or of a part of it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Traffic {
     pub messages: u64,
@@ -54,9 +52,7 @@ pub struct Traffic {
     pub log: ClockSummary,
     pub publish: ClockSummary,
     pub header: ClockSummary,
-    /// Log time minus header stamp.
     pub log_less_header: Differences,
-    /// Log time minus publish time.
     pub log_less_publish: Differences,
     /// Largest sequence number; 0 where the recorder does not count.
     pub last_sequence: u32,
@@ -177,7 +173,6 @@ pub fn inspect(
     Ok(Inspection { read_summary, channels })
 }
 
-/// The values to take from a channel's messages.
 struct Take {
     place: usize,
     kind: Arc<Kind>,
@@ -214,7 +209,6 @@ impl Kind {
     }
 }
 
-/// The result from one block.
 #[derive(Default)]
 struct Part {
     row: Row,
@@ -249,7 +243,6 @@ impl From<Surveyed> for ChannelSummary {
 struct Survey {
     channels: Vec<Surveyed>,
     kinds: BTreeMap<(u16, String), Arc<Kind>>,
-    /// Bytes of joint names and guessed fields kept so far.
     guesses: usize,
 }
 

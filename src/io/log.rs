@@ -152,7 +152,6 @@ pub struct Unsuitable {
     pub fields: Vec<String>,
 }
 
-/// Advice for messages whose fields are known.
 fn by_fields(fields: &[String]) -> String {
     if fields.is_empty() {
         return String::new();

@@ -26,7 +26,6 @@ use topic::{
 
 /// Time from a message's stamp to its logging, ns.
 const LATENCY_NS: u64 = 200_000;
-/// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
 #[derive(Debug, Error)]

@@ -72,13 +72,11 @@ pub enum LeftOutFor {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Records {
-    /// Rows of the table.
     pub rows: usize,
     /// Rows left out, each with its reason in [`MeasuredTable::left_out`].
     pub left_out: usize,
     /// Title, comments, header and units.
     pub before: usize,
-    /// Records without any value.
     pub blank: usize,
 }
 
@@ -168,7 +166,6 @@ impl MeasuredTable {
     }
 }
 
-/// Most columns of a table.
 const MOST_COLUMNS: usize = 4096;
 const LONGEST_NAME: usize = 1024;
 /// Most cells of a table: half a gigabyte of them.
@@ -262,7 +259,6 @@ impl FileKind {
 }
 
 impl Form {
-    /// Checks that a file of this form has a use for each setting.
     fn check_for(&self, kind: FileKind) -> Result<(), MeasuredTableErrorKind> {
         let is_text = kind == FileKind::Text;
         let is_sheet = kind.is_sheet();

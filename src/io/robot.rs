@@ -81,7 +81,6 @@ pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, Robo
     Ok(read)
 }
 
-/// Whether a text is meant to be a URDF.
 fn is_urdf(path: &Path, text: &str) -> bool {
     let endings = ["urdf", "xacro", "xml"];
     let ending = path.extension().and_then(|ending| ending.to_str());

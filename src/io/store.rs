@@ -30,7 +30,6 @@ pub trait Store: Debug + Send + Sync {
         None
     }
 
-    /// Checks that the store answers and gives access. A folder that does not exist yet passes.
     fn check(&self) -> Result<(), StoreError> {
         Ok(())
     }
@@ -73,7 +72,6 @@ pub trait Store: Debug + Send + Sync {
     /// `true` if there was none yet: for exactly one of several that create one key at once.
     fn create(&self, key: &str, written: Temporary) -> Result<bool, StoreError>;
 
-    /// The tag of the file under the key now.
     fn tag(&self, key: &str) -> Result<Tag, StoreError>;
 
     /// Removes the file under the key; one that is gone already is no error.
@@ -83,11 +81,9 @@ pub trait Store: Debug + Send + Sync {
 /// The store's name for the content of a file: the same tag means the same content; `None` where the store has no tags.
 pub type Tag = Option<String>;
 
-/// A file that a store lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
     pub key: String,
-    /// Tag of its content.
     pub tag: Tag,
     /// Its size, bytes.
     pub bytes: u64,

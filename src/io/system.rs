@@ -31,7 +31,6 @@ pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Re
     Ok(())
 }
 
-/// The kind of a thing that is neither a file nor a folder.
 pub(crate) fn special(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {
@@ -51,7 +50,6 @@ pub(crate) fn special(kind: FileType) -> &'static str {
     }
 }
 
-/// Writes bytes to stdout, none of them kept in a buffer.
 pub fn write_stdout(bytes: &[u8]) -> io::Result<()> {
     use std::io::Write as _;
     // The standard library treats a stream that is not open for writing as one that takes everything, and buffers what it

@@ -38,7 +38,6 @@ pub struct Table {
     schema: &'static TableSchema,
     key: Option<RunKey>,
     batch: RecordBatch,
-    /// The version of the schema by which its file was written.
     version: u32,
 }
 
@@ -71,7 +70,6 @@ impl Table {
         self.batch.num_rows()
     }
 
-    /// Panics when the schema has no such column of that type, as the other accessors do.
     pub fn f64(&self, column: &str) -> &Float64Array {
         self.array(column).as_primitive::<Float64Type>()
     }

@@ -55,9 +55,7 @@ impl Form {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets {
-    /// The targets in the file's order.
     pub targets: Vec<Target>,
-    /// Columns of the file with values that no correction uses.
     pub unused: Vec<String>,
     pub units: JointUnits,
     /// The text around the targets, where the file is a data list; otherwise `None`.
@@ -113,7 +111,6 @@ pub enum Place {
 
 struct Rows {
     placed: Vec<(Place, Row)>,
-    /// Columns that no correction uses.
     unused: Vec<String>,
     units: JointUnits,
     list: Option<DataList>,

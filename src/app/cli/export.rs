@@ -77,7 +77,6 @@ pub struct ExportArgs {
     pub stations: Vec<PathBuf>,
 }
 
-/// Formats that a table can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ExportFormat {
     /// The nodes of a compensation table

@@ -4,7 +4,6 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Files named in a message up to this many.
 const FILES_NAMED: usize = 5;
 /// Folders below a folder that are looked into for files to give: robot, session and their files, below a table.
 pub(super) const DEPTH: usize = 3;

@@ -14,7 +14,6 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 use super::progress::Bars;
 use super::streams::{Stream, Undelivered};
 
-/// The format of messages on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
     /// For people: one line a message
@@ -53,7 +52,6 @@ pub fn start(format: LogFormat, bars: &Bars) {
     }
 }
 
-/// The message filter that a text describes.
 fn filter(asked: &str) -> Result<EnvFilter, ParseError> {
     EnvFilter::builder()
         .with_default_directive(tracing::level_filters::LevelFilter::INFO.into())

@@ -158,7 +158,6 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
     Ok((planned.is_met, words))
 }
 
-/// Refuses a file for the poses that is there already.
 fn new_csv(args: &PlanArgs) -> Result<(), PlanCommandError> {
     match args.csv.as_ref().filter(|csv| csv.exists()) {
         Some(csv) => Err(PlanCommandError::Exists(csv.clone())),

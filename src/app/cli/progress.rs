@@ -38,14 +38,12 @@ struct Task {
     total: u64,
     done: u64,
     begun: Instant,
-    /// When a message was last written of it.
     told: Instant,
 }
 
 /// Time between two messages of a task where no bar is seen.
 const TELL_EVERY: Duration = Duration::from_secs(10);
 
-/// Most redraws of a bar in a second.
 const DRAWN_HZ: u8 = 20;
 /// The work done, its rate and the remaining time.
 const TEMPLATE: &str =

@@ -145,7 +145,6 @@ fn text(path: &Path) -> Result<String, RobotCommandError> {
     }
 }
 
-/// A robot file as the arguments want it.
 struct Stated {
     file: RobotFile,
     arm: Arm,

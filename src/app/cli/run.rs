@@ -104,7 +104,6 @@ pub struct RunArgs {
     pub verbose: bool,
 }
 
-/// The last stage of a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Until {
     /// Ingest and join: dwells and readings of each session
@@ -125,7 +124,6 @@ impl Until {
     }
 }
 
-/// The first stage of a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Since {
     /// The fit and all that follows, from sessions as joined

@@ -28,7 +28,6 @@ pub struct SchemaArgs {
     pub compact: bool,
 }
 
-/// Formats of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
     /// For people

@@ -308,7 +308,6 @@ impl SimulateArgs {
         .concat()
     }
 
-    /// The readings of the references with their names.
     fn named_references(&self, simulated: &Simulated) -> Vec<(String, TargetReadings)> {
         let readings = simulated.reference_readings(&self.reference_places());
         let names = self.reference_names().into_iter();

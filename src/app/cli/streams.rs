@@ -13,10 +13,8 @@ pub(super) enum Stream {
     Messages,
 }
 
-/// The reason why results did not reach their reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Undelivered {
-    /// The reader has gone away and wants no more.
     ReaderGone,
     /// stdout refused them; the error was logged on stderr.
     Refused,

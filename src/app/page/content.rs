@@ -19,7 +19,6 @@ pub use origin::{Count, Provenance, Session};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
     pub robot: String,
-    /// Name of the session, or `pooled`.
     pub session: String,
     pub run: String,
     /// The tolerance: limit, share of positions and confidence.
@@ -51,7 +50,6 @@ pub struct Content {
     pub joint_errors: Vec<JointErrorRow>,
     pub parameters: Vec<ParameterRow>,
     pub calibrations: Vec<CalibrationRow>,
-    /// Rows of `clocks`, `stations` and `rejects` for each session, training sessions first.
     pub sessions: Vec<Session>,
     pub counts: Vec<Count>,
     pub provenance: Provenance,

@@ -29,11 +29,9 @@ pub struct About<'a> {
     pub bounds: Option<[[f64; 3]; 2]>,
     pub counts: &'a [StageCount],
     pub written: &'a [Written],
-    /// Warnings and notes as text.
     pub said: &'a Statements,
 }
 
-/// Warnings, notes and circumstances of a run, and the errors of its headline.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Statements {
     /// Topics of which too much was rejected.
@@ -60,7 +58,6 @@ impl Statements {
     }
 }
 
-/// The content of the page of a run, from the rows of all its tables and its statements.
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
     let key = about.work.key();
     let next = Next::of(
@@ -131,7 +128,6 @@ fn in_order(sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
     sessions.into_iter().filter_map(session).collect()
 }
 
-/// The number of dwells for each verdict and reason, in alphabetical order.
 fn dwells(session: &SessionRows) -> Vec<(PairingVerdict, Option<Unpaired>, usize)> {
     let mut dwells = BTreeMap::new();
     for station in &session.stations.rows {

@@ -87,7 +87,6 @@ pub(super) fn rejects_section(content: &Content) -> Markup {
 /// Session, stage, kind of item and reason.
 type Reason<'c> = (&'c str, &'c str, &'c str, &'c str);
 
-/// How many were left out for each reason.
 fn reasons(content: &Content) -> BTreeMap<Reason<'_>, u64> {
     let mut reasons: BTreeMap<Reason<'_>, u64> = BTreeMap::new();
     for session in &content.sessions {

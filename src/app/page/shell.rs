@@ -9,7 +9,6 @@ pub(super) const STYLE: &str = include_str!("page.css");
 
 pub(super) struct Shell {
     pub(super) title: String,
-    /// The verdict and the figures that it rests on.
     pub(super) header: Markup,
     /// The sections after the verdict.
     pub(super) sections: Vec<Section>,

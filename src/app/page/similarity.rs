@@ -10,7 +10,6 @@ use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Series};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
-/// Points that a fitted curve is drawn with.
 const POINTS: u32 = 48;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {

@@ -64,7 +64,6 @@ fn frame(content: &Content) -> Markup {
     html! { p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." } }
 }
 
-/// The fitted base in the forms in which controllers take it.
 fn typed(content: &Content) -> Markup {
     html! {
         @for (place, (what, forms)) in content.frame.to_set().into_iter().enumerate() {
@@ -76,7 +75,6 @@ fn typed(content: &Content) -> Markup {
     }
 }
 
-/// A text with a capital letter at its beginning.
 fn capital(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);

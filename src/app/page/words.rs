@@ -65,7 +65,6 @@ pub(super) fn judged(subject: &Subject) -> String {
     }
 }
 
-/// A verdict as text.
 pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
     match verdict {
         TableVerdict::Met => "met",
@@ -74,7 +73,6 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
     }
 }
 
-/// Whether a parameter is identifiable.
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {
     match found {
         Identifiability::Identifiable => "identifiable",
@@ -86,7 +84,6 @@ pub(super) const fn identifiability(found: Identifiability) -> &'static str {
     }
 }
 
-/// The choice of the measured poses.
 pub(super) fn design(design: Kind) -> String {
     match design {
         Kind::DOptimal => "D-optimal".to_owned(),
@@ -119,7 +116,6 @@ pub(super) fn origin(figure: &FigureRow) -> String {
     }
 }
 
-/// The purpose of a planned visit.
 pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
     match purpose {
         VisitPurpose::Identify => "identify",
@@ -154,7 +150,6 @@ pub(super) fn fixed(value: f64, digits: usize) -> String {
     }
 }
 
-/// A whole number with its thousands separated.
 pub(super) fn whole(value: u64) -> String {
     let digits = value.to_string();
     let place = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);

@@ -7,7 +7,6 @@ use thiserror::Error;
 #[serde(try_from = "String", into = "String")]
 pub struct RotationOrder {
     moving: bool,
-    /// Index of each axis, in the order of the angles.
     axes: [usize; 3],
 }
 

@@ -180,7 +180,6 @@ impl Arm {
         Transform::claim(self.nominal_isometry(joints))
     }
 
-    /// Whether every angle lies within its joint's limits.
     pub fn within_limits(&self, joints: &[f64]) -> bool {
         self.joints.iter().zip(joints).all(|(joint, &q)| (joint.lower..=joint.upper).contains(&q))
     }

@@ -16,7 +16,6 @@ pub struct Axes {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AxisJoint {
-    /// Index of its axis variable, from 0.
     pub(super) variable: usize,
     pub(super) slides: bool,
     /// Its motion per unit of the variable; in [`Axes`], per unit of the variable's first joint.

@@ -29,7 +29,6 @@ pub enum Element {
     },
 }
 
-/// The pose of the chain's end, and the end's motion with every joint and every free parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Differential {
     pub end: Isometry3<f64>,
@@ -162,7 +161,6 @@ impl Chain {
         Differential { end, joints: joint_twists, parameters: parameters.collect() }
     }
 
-    /// Walks from the root to the end, calls `at` with each element and the frame it acts in, and returns the end.
     fn walk(
         &self,
         q: &[f64],

@@ -29,9 +29,7 @@ type Line = (Point3<f64>, Vector3<f64>);
 pub struct Configuration {
     /// In front of the shoulder's singularity or behind it.
     pub shoulder: Side,
-    /// Elbow up or down.
     pub elbow: Side,
-    /// Wrist flipped or not.
     pub wrist: Side,
 }
 

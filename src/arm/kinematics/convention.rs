@@ -83,9 +83,7 @@ pub(super) struct Moving {
     /// The joint's number in parameters, from 1: that of its axis variable, or one after those for a joint that
     /// follows.
     pub(super) number: usize,
-    /// Index of the axis variable that moves it, from 0.
     pub(super) variable: usize,
-    /// Its motion per unit of that variable.
     pub(super) factor: f64,
     pub(super) slides: bool,
     pub(super) shift: f64,

@@ -31,7 +31,6 @@ pub struct ChainView {
     pub end: Isometry3<f64>,
     /// The point's motion per unit of each unknown that moves it: the unknown's index and the twist.
     pub unknowns: Vec<(usize, Twist)>,
-    /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
     pub axes: Axes,
 }
@@ -80,7 +79,6 @@ impl HeldChain {
         self.view_of(q, &Vector3::zeros())
     }
 
-    /// The point at `lever` (mm, in the end's own axes) from the end, and its motion.
     pub fn view_of(&self, q: &[f64], lever: &Vector3<f64>) -> ChainView {
         let mut frame = Frame::root();
         let mut unknowns = Vec::with_capacity(self.segments.iter().map(|s| s.free.len()).sum());

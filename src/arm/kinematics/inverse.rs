@@ -117,7 +117,6 @@ impl InverseError {
     }
 }
 
-/// Numbers of steps from the seed's pose to the target pose, tried in turn until the search succeeds.
 const APPROACHES: [u32; 3] = [1, 8, SMALLEST];
 /// The steps of the approach that stays on its branch, being the smallest.
 const SMALLEST: u32 = 64;

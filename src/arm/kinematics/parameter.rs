@@ -11,7 +11,6 @@ use super::named::UnknownName;
 /// One free parameter of the measurement chain `tracker_from_base · arm · flange_from_target`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Parameter {
-    /// A small motion of the base, after `tracker_from_base`.
     Base(Motion),
     Link {
         /// The joint that moves the link, counted from 1 as in the literature.
@@ -25,7 +24,6 @@ pub enum Parameter {
 /// An instrument that reads one length: distances from an anchor, or heights above a plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum GaugePart {
-    /// A coordinate of the anchor.
     Place(Axis),
     /// Reading at no distance from the anchor.
     Offset,
@@ -68,9 +66,7 @@ pub enum LinkQuantity {
     Theta,
     /// Link offset, along z; a small shift along the joint's axis where the convention places axes.
     D,
-    /// Link length, along x.
     A,
-    /// Link twist, about x.
     Alpha,
     /// Hayati's angle about y, where two axes are nominally parallel.
     Beta,

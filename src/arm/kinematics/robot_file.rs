@@ -43,10 +43,8 @@ pub struct RobotFile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum JointKind {
-    /// Turns about its axis between two limits.
     #[default]
     Revolute,
-    /// Turns about its axis without limits.
     Continuous,
     /// Slides along its axis: a track, a lift.
     Prismatic,
@@ -116,7 +114,6 @@ pub struct JointFile {
 #[serde(deny_unknown_fields)]
 pub struct Mimic {
     pub joint: String,
-    /// Its motion per motion of the other.
     pub multiplier: f64,
     /// Its angle where the other is at zero, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -149,7 +146,6 @@ impl RobotFile {
         }))
     }
 
-    /// Appends the links from the base to the flange.
     fn push_links(
         &self,
         reported: &[&JointFile],

@@ -15,7 +15,6 @@ pub struct Line {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Screw {
-    /// Index of the axis variable that moves it, from 0.
     pub variable: usize,
     pub factor: f64,
     pub slides: bool,
@@ -37,7 +36,6 @@ impl Line {
         }
     }
 
-    /// The point of the line that is nearest to `other`.
     pub fn nearest_to(&self, other: &Point3<f64>) -> Point3<f64> {
         self.point + self.direction.scale(self.direction.dot(&(other - self.point)))
     }

@@ -17,7 +17,6 @@ impl Twist {
         Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
     }
 
-    /// Adds another twist, `factor` times.
     pub(super) fn add(&mut self, other: &Self, factor: f64) {
         self.linear += other.linear * factor;
         self.angular += other.angular * factor;
@@ -32,13 +31,11 @@ pub(super) enum UnitMotion {
 }
 
 impl UnitMotion {
-    /// The unit motion, in the root frame, of an element that acts in `frame`.
     pub(super) fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
         let axis = frame.rotation * motion.axis();
         Self::along(motion, axis, frame.translation.vector)
     }
 
-    /// A motion along `axis`, or about it through the point `through`.
     pub(super) const fn along(motion: Motion, axis: Vector3<f64>, through: Vector3<f64>) -> Self {
         match motion {
             Motion::Translation(_) => Self::Translation(axis),
@@ -46,7 +43,6 @@ impl UnitMotion {
         }
     }
 
-    /// The twist of the point `end` under this motion.
     pub(super) fn carried_to(self, end: &Vector3<f64>) -> Twist {
         match self {
             Self::Translation(direction) => Twist { linear: direction, angular: Vector3::zeros() },

@@ -23,7 +23,6 @@ pub struct Written {
     pub digest: String,
 }
 
-/// A run that another run replaces.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Replaced {
     pub run: String,

@@ -141,7 +141,6 @@ fn along(motion: &Isometry3<f64>, axis: &UnitVector3<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(slide), UnitQuaternion::from_axis_angle(axis, angle))
 }
 
-/// Frames of a chain with all axis variables at zero, in its base.
 struct AtZero {
     /// The frame that each axis moves in.
     axes: Vec<Isometry3<f64>>,

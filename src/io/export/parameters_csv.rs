@@ -102,7 +102,6 @@ fn remarks(
     ]
 }
 
-/// A parameter in the units of a robot file.
 fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
     let (unit, scale) =
         if parameter.is_angle() { ("deg", 1.0_f64.to_degrees()) } else { ("mm", 1.0) };

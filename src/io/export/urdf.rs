@@ -134,7 +134,6 @@ fn push_joint(
     );
 }
 
-/// Three numbers, without a negative zero.
 pub(super) fn three(numbers: [f64; 3]) -> String {
     let [a, b, c] = numbers.map(|number| number + 0.0);
     format!("{a} {b} {c}")

@@ -60,7 +60,6 @@ pub(super) fn document(text: &str) -> Result<Document<'_>, UrdfChainError> {
     Ok(urdf::document(text)?)
 }
 
-/// The joints from the base link to the tip link.
 pub(super) fn steps<'a, 'i>(
     document: &'a Document<'i>,
     ends: Ends<'_>,

@@ -14,9 +14,7 @@ pub struct ClockSummary {
     pub largest_gap: i64,
     /// Time at which the largest step forward began.
     pub gap_start: i64,
-    /// First time in the order of the file.
     begin: i64,
-    /// Last time in the order of the file.
     end: i64,
 }
 
@@ -27,7 +25,6 @@ impl ClockSummary {
         self.append(&one);
     }
 
-    /// Adds the times that follow in the file.
     pub fn append(&mut self, later: &Self) {
         if self.count == 0 || later.count == 0 {
             if self.count == 0 {

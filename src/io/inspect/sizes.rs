@@ -39,7 +39,6 @@ impl Sizes {
         }
     }
 
-    /// Adds those of the part that follows.
     pub(super) fn append(&mut self, later: Self) {
         self.messages += later.messages;
         self.largest = self.largest.max(later.largest);

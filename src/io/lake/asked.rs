@@ -27,7 +27,6 @@ row! {
 pub struct Asked {
     /// Number of the session's last request that changed its current run.
     pub number: u64,
-    /// The run that was current before; `None` where this request changed nothing, or there was none.
     pub replaced: Option<String>,
 }
 
@@ -90,7 +89,6 @@ impl Lake {
         Ok(current.map(|(run, row_digest)| Replaced { run, row_digest }))
     }
 
-    /// Makes a run that has a row in `runs` the current one of its session, where it is not.
     pub fn ask(&self, key: &RunKey) -> Result<Asked, LakeError> {
         loop {
             let requests = self.requests(&session_key(ASKED, key)?)?;

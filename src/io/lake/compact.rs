@@ -35,9 +35,7 @@ const STATES: &str = "compact/states";
 pub const KEYS: &str = "keys";
 /// How long a file stays after the state that no longer names it was made.
 const KEPT: Duration = Duration::from_hours(24);
-/// Digits of a generation's name.
 const DIGITS: usize = 32;
-/// Level of the compression of paths.
 const LEVEL: i32 = 3;
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -57,7 +55,6 @@ pub struct CompactFile {
 pub struct CompactState {
     /// Its number, from 1; 0 where there is none yet.
     pub number: u64,
-    /// Its files, in their order.
     pub files: Vec<CompactFile>,
 }
 

@@ -34,7 +34,6 @@ row! {
     }
 }
 
-/// Letters of a digest that name a file.
 const NAME: usize = 32;
 
 pub fn is_correction(key: &str) -> bool {

@@ -54,7 +54,6 @@ pub enum LakeError {
 }
 
 impl LakeError {
-    /// Whether the machine or the storage failed, so that the same may work later.
     pub const fn is_fault(&self) -> bool {
         matches!(self, Self::Store(_) | Self::Changed { .. })
     }

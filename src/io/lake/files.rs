@@ -15,7 +15,6 @@ use crate::store::Place;
 pub struct LakeFile {
     /// Its path below the lake, with `/` between the parts.
     pub key: String,
-    /// Role of the file, by its place.
     pub stands: Stands,
 }
 

@@ -13,10 +13,8 @@ use super::{Lake, LakeError, folder_error};
 /// The locked file; its dot hides it from readers.
 const FILE: &str = ".lock";
 
-/// Most bytes that are read of a holder's description.
 const MOST_WORDS: u64 = 1000;
 
-/// The lock of a lake, held by this process until it is dropped.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,

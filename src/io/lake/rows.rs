@@ -9,9 +9,7 @@ use crate::schema;
 use crate::store::{Listed, Place};
 use crate::table::{self, Opened};
 
-/// Number of row files that are read at a time.
 const AT_ONCE: usize = 64;
-/// Number of requests to object storage that wait for answers at a time.
 const WAITING: usize = 16;
 
 /// The place of a row, and the row or why it cannot be read.

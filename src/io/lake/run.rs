@@ -12,12 +12,10 @@ use crate::manifest::{RunKey, Written, digest};
 use crate::store::Tag;
 use crate::table::Table;
 
-/// A run, or the result of a stage, whose tables are being written.
 #[derive(Debug)]
 pub struct OpenRun<'a> {
     lake: &'a Lake,
     key: RunKey,
-    /// The table whose row makes it exist.
     rows: &'static str,
     written: Vec<Written>,
     tags: Vec<Tag>,
@@ -131,7 +129,6 @@ impl<'a> OpenRun<'a> {
         })
     }
 
-    /// A local file to write before it is put under the key.
     pub(super) fn temporary(&self, key: &str) -> Result<Temporary, LakeError> {
         Ok(self.lake.store.temporary(key)?)
     }

@@ -32,7 +32,6 @@ pub struct Temporary {
     file: BufWriter<Digested>,
 }
 
-/// A file and the digest of what was written to it.
 #[derive(Debug)]
 struct Digested {
     file: File,
@@ -40,10 +39,8 @@ struct Digested {
     disk: Disk,
 }
 
-/// Syncs a file to the disk while it is written.
 #[derive(Debug, Default)]
 struct Disk {
-    /// Bytes written since the last sync began.
     waiting: u64,
     at_work: Option<JoinHandle<io::Result<()>>>,
 }
@@ -203,7 +200,6 @@ pub fn clean_folders(of: &str) {
     }
 }
 
-/// The process that a temporary belongs to.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Owner {
     host: String,

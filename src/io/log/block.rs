@@ -50,7 +50,6 @@ pub enum BlockFault {
     TooMuchMetadata,
 }
 
-/// Most bytes of metadata records that are kept of one log.
 pub const MOST_METADATA: usize = 1024 * 1024;
 /// Most channels of a block without a definition that are named one by one.
 const MOST_UNKNOWN: usize = 1000;
@@ -82,18 +81,15 @@ pub enum Outcome {
 
 pub struct Block<P> {
     pub extent: Extent,
-    /// Its bytes as stored.
     pub stored: Vec<u8>,
     pub part: P,
     pub outcome: Outcome,
-    /// The messages left out of it, by reason.
     pub faults: Vec<(BlockFault, Tally)>,
     /// Its metadata records: name, key, value.
     pub metadata: Metadata,
     pub messages: u64,
     /// The channel of each run of successive messages, and their number, in the order of the block.
     pub of_channels: Vec<(u16, u32)>,
-    /// Number of application-specific records, by opcode.
     pub private_records: BTreeMap<u8, u64>,
     /// Number of messages that the message indexes after a chunk list, where the chunk cannot be read.
     pub indexed: Option<u64>,
@@ -152,7 +148,6 @@ impl<P> Block<P> {
         self.walk(visitor, registry, false);
     }
 
-    /// Records the block's definitions and walks it, whatever it holds.
     pub fn define<V: Visitor<Part = P>>(
         &mut self,
         visitor: &mut V,
@@ -306,7 +301,6 @@ impl Metadata {
         Seen::Known
     }
 
-    /// Adds an entry, if there is room for it.
     fn push(&mut self, name: &str, key: &str, value: &str) -> bool {
         // The name is stored again with each of its keys.
         let size = name.len() + key.len() + value.len() + size_of::<(String, String, String)>();
@@ -335,7 +329,6 @@ fn records<'b>(extent: &Extent, stored: &'b [u8], decompressed: &'b [u8]) -> &'b
     }
 }
 
-/// The stored bytes of a chunk's records.
 fn body<'b>(chunk: &ChunkRecord, stored: &'b [u8]) -> &'b [u8] {
     let place = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
     let start = 9 + place(chunk.header_size);

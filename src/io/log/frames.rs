@@ -40,7 +40,6 @@ pub enum Piece {
         end: u64,
         chunk: ChunkRecord,
     },
-    /// An application-specific record.
     Private {
         start: u64,
         end: u64,
@@ -66,9 +65,7 @@ pub struct Frames<'s> {
 
 #[derive(Debug, Default)]
 struct LogSoFar {
-    /// Start of the log, with its magic bytes.
     start: u64,
-    /// The log has chunks.
     chunked: bool,
     /// Data records were found after a mark that data ends.
     went_on: bool,
@@ -79,7 +76,6 @@ struct LogSoFar {
 }
 
 impl<'s> Frames<'s> {
-    /// Starts at byte `at`, after the first log's header.
     pub const fn new(source: &'s mut Source, at: u64, limits: Limits) -> Self {
         Self {
             source,

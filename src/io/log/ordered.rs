@@ -28,7 +28,6 @@ pub trait Emit<B> {
     fn emit(&mut self, buffer: &B, rows: Range<usize>);
 }
 
-/// One stream, being put in order of time.
 pub struct OrderedStream<B: Buffer, T> {
     in_order: InOrder<B>,
     to: T,
@@ -86,7 +85,6 @@ pub struct SessionStreams<'s> {
     lengths: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
 }
 
-/// The results of the streams after all logs were read.
 pub struct Ordered {
     /// Read, kept and rejected messages of each stream, in the order of [`Stream::ALL`].
     pub summaries: Vec<(Stream, StreamSummary)>,

@@ -12,12 +12,10 @@ use crate::progress::Progress;
 
 /// Largest window that is decompressed, as a power of two: 128 MiB, the limit of the `zstd` command.
 const WINDOW_LOG: u32 = 27;
-/// Bytes decompressed at once.
 const PIECE: usize = 256 * 1024;
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Packed {
-    /// Bytes of the compressed file.
     pub bytes: u64,
     /// The fault that ended decompression early; `None` where the file is sound.
     pub fault: Option<PackedFault>,
@@ -25,7 +23,6 @@ pub struct Packed {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PackedFault {
-    /// Byte of the compressed file, or a little after the damage.
     pub at: u64,
     pub why: String,
     /// Whether a checksum was wrong: then the damage is somewhere in the decompressed bytes.

@@ -11,7 +11,6 @@ use super::source::Source;
 use super::{FileError, FileFault, Limits};
 use crate::progress::Quiet;
 
-/// The metadata record that names robot, model, session and plan.
 const SESSION: &str = "session";
 
 /// A metadata record longer than this is taken not to name the session.
@@ -62,7 +61,6 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
     Ok(BTreeMap::new())
 }
 
-/// Opcode and length.
 const HEADER: usize = 9;
 
 fn frame(bytes: &[u8]) -> Option<(u8, u64)> {

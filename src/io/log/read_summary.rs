@@ -13,7 +13,6 @@ const MOST_REJECTS: usize = 10_000;
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReadSummary {
-    /// Name of the file, as given.
     pub file: String,
     /// Its size, bytes, after decompression if it is stored in zstd as a whole: all places are in the decompressed log.
     pub bytes: u64,
@@ -23,9 +22,7 @@ pub struct ReadSummary {
     /// Conventions of the log, such as `ros2`.
     pub profile: String,
     pub library: String,
-    /// Number of sound chunks, by compression.
     pub chunks: BTreeMap<String, u64>,
-    /// Number of sound chunks without a checksum.
     pub chunks_unchecked: u64,
     /// Number of messages outside chunks: no checksum covers them one by one.
     pub messages_outside_chunks: u64,
@@ -38,13 +35,11 @@ pub struct ReadSummary {
     pub undercounted: Option<(u64, u64)>,
     /// Number of logs in the file, one after another.
     pub logs: u64,
-    /// Number of application-specific records, by opcode.
     pub private_records: BTreeMap<u8, u64>,
     /// Channels: those of each log by id.
     pub channels: Vec<Channel>,
     /// Metadata records: name, key, value.
     pub metadata: Vec<(String, String, String)>,
-    /// Byte ranges and messages left out, with reasons.
     pub rejects: Vec<LogReject>,
 }
 

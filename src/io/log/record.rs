@@ -9,7 +9,6 @@ pub mod op {
     pub const FIRST_PRIVATE: u8 = 0x80;
 }
 
-/// Opcode and length before each record.
 pub const FRAME_HEADER: u64 = 9;
 
 #[derive(Debug, Clone)]
@@ -106,7 +105,6 @@ pub struct SchemaRecord<'a> {
     /// Not zero.
     pub id: u16,
     pub name: &'a str,
-    /// The language of the definition.
     pub encoding: &'a str,
     pub definition: &'a [u8],
 }
@@ -131,7 +129,6 @@ pub struct ChannelRecord<'a> {
     /// Id of the schema; 0: none.
     pub schema_id: u16,
     pub topic: &'a str,
-    /// Encoding of the messages.
     pub encoding: &'a str,
 }
 
@@ -162,7 +159,6 @@ pub struct MessageRecord<'a> {
 }
 
 impl<'a> MessageRecord<'a> {
-    /// Number of bytes before the payload.
     pub const HEADER: u64 = 22;
 
     pub fn read(body: &'a [u8]) -> Option<Self> {
@@ -177,14 +173,12 @@ impl<'a> MessageRecord<'a> {
     }
 }
 
-/// The header of a chunk, before its compressed records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChunkRecord {
     /// Earliest log time, ns; a hint.
     pub start_time: u64,
     /// Latest log time, ns; a hint.
     pub end_time: u64,
-    /// Bytes of the records.
     pub uncompressed_size: u64,
     /// CRC-32 of the uncompressed records; 0: not given.
     pub crc: u32,
@@ -195,12 +189,9 @@ pub struct ChunkRecord {
 }
 
 impl ChunkRecord {
-    /// Longest name of a compression that is read.
     const LONGEST_NAME: usize = 32;
-    /// Bytes of the body that suffice to read the header.
     pub const MOST_HEADER: usize = 40 + Self::LONGEST_NAME;
 
-    /// Reads the header from the first bytes of the body.
     pub fn read(body: &[u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let (start_time, end_time) = (fields.u64()?, fields.u64()?);
@@ -273,7 +264,6 @@ pub(super) fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u
 
 #[derive(Debug, Clone)]
 pub struct StatisticsRecord<'a> {
-    /// Number of messages of all channels.
     pub messages: u64,
     /// Number of messages of each channel; some writers leave it empty.
     pub of_channels: Counts<'a>,

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::record::{ChannelRecord, SchemaRecord};
 
-/// Most bytes of definitions that are kept of one file.
 pub const MOST_DEFINITIONS: usize = 16 * 1024 * 1024;
 /// Most channels of one file: as many as a log has ids for.
 const MOST_CHANNELS: usize = 1 << 16;

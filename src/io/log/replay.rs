@@ -36,11 +36,9 @@ impl JointSink for () {
 #[derive(Debug)]
 pub struct SessionRead {
     pub input: JoinInput,
-    /// Messages and byte ranges left out, with reasons.
     pub rejects: Vec<LogReject>,
     /// Metadata records of the logs, as `record.key` → value, controller first.
     pub metadata: BTreeMap<String, String>,
-    /// Numbers of bytes, messages and samples read, for the manifest.
     pub counts: BTreeMap<String, u64>,
 }
 

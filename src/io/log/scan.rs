@@ -32,7 +32,6 @@ use counts::Counts;
 const RUN_BYTES: u64 = 1024 * 1024;
 /// Most blocks of one batch: each keeps a decompressor.
 const MOST_BLOCKS: usize = 64;
-/// Most places of private records that are remembered one by one.
 const MOST_PLACES: usize = 100;
 
 const ANOTHER_LOG: &str = "another log begins here, after the one before: both were read, each with its own channels; other \
@@ -40,9 +39,7 @@ const ANOTHER_LOG: &str = "another log begins here, after the one before: both w
 
 /// A receiver of a log's messages. `message` is called from many threads, all other methods from one.
 pub trait Visitor: Sync {
-    /// State that it keeps for each channel.
     type Decoder: Send + Sync;
-    /// Its result from one block.
     type Part: Default + Send;
     type Error;
 
@@ -170,12 +167,10 @@ struct Scan<'a, V: Visitor> {
     visitor: &'a mut V,
     read_summary: ReadSummary,
     progress: &'a dyn Progress,
-    /// Bytes reported to the progress.
     reported: u64,
     /// The definitions in the log's summary; `None` until they are needed.
     summary: Option<Definitions>,
     metadata: Metadata,
-    /// Number of messages read of the log, by channel.
     read: Counts,
     /// Number of messages in chunks of the log that cannot be read, by channel, from their message indexes.
     lost: Counts,
@@ -230,7 +225,6 @@ where
         Ok(())
     }
 
-    /// Continues with the log that begins at `start`, after the one before.
     fn next_log(&mut self, start: u64) -> Result<(), E> {
         self.end_log(self.frames.log_end().unwrap_or(start).min(start))?;
         self.note((start, start), ANOTHER_LOG.to_owned());
@@ -289,7 +283,6 @@ where
         self.add(Extent { start: run.start, end: run.end, chunk: None })
     }
 
-    /// Adds a block to the batch, after working on the batch if it is full.
     fn add(&mut self, extent: Extent) -> Result<(), E> {
         let weight = |extent: &Extent| {
             let bytes = weight(extent, self.limits);
@@ -412,7 +405,6 @@ where
         Ok(())
     }
 
-    /// Keeps the block's metadata records, if there is room for them.
     fn keep(&mut self, block: &mut Block<V::Part>) {
         let later = std::mem::take(&mut block.metadata);
         if !self.metadata.append(&later) {
@@ -422,7 +414,6 @@ where
         }
     }
 
-    /// Adds a reject for bytes without messages.
     fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
         let file = self.read_summary.file.clone();
         self.read_summary.reject(LogReject {

@@ -101,7 +101,6 @@ enum Side {
     Tracker,
 }
 
-/// A file and the sides that it belongs to.
 struct LogFile {
     path: PathBuf,
     real: PathBuf,
@@ -133,7 +132,6 @@ pub struct ReadFiles {
     pub rejects: Vec<LogReject>,
     /// Metadata records, as `record.key` → value, controller first.
     pub metadata: BTreeMap<String, String>,
-    /// Numbers of bytes and messages read.
     pub counts: BTreeMap<String, u64>,
 }
 
@@ -154,7 +152,6 @@ pub fn read_metadata(
     Ok(metadata)
 }
 
-/// A visitor that reads no message.
 struct Nothing;
 
 impl Visitor for Nothing {

@@ -10,7 +10,6 @@ use super::{FileError, FileFault, Limits};
 use crate::progress::Progress;
 use crate::system;
 
-/// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;
 /// Largest distance after the wide window at which a look moves it, bytes.
 const CLOSE: u64 = 4096;

@@ -13,7 +13,6 @@ use crate::ingest::{PoseSamples, Poses, PosesError};
 use crate::system;
 use crate::units::Stamp;
 
-/// Bytes that are kept in memory before they are written.
 const IN_MEMORY: usize = 4 << 20;
 /// Numbers of a covariance: six of the position, six of the orientation, nine of both together.
 const COVARIANCE: usize = 21;
@@ -23,10 +22,8 @@ const NUMBER: usize = 8;
 pub struct SpilledPoses<C> {
     clock: PhantomData<C>,
     form: Form,
-    /// The first rows, where there were too many for memory.
     file: Option<File>,
     in_file: usize,
-    /// The rows after them.
     latest: Vec<u8>,
     /// Size of `latest`, bytes, at which it is written to the file.
     most: usize,

@@ -33,7 +33,6 @@ pub enum Stream {
     Commands,
     Readings,
     Temperatures,
-    /// Readings of instruments of one length.
     Lengths,
 }
 
@@ -56,7 +55,6 @@ pub struct Streams<'m, 's> {
     file: String,
     pub wanted: Vec<Wanted>,
     mapping: &'m Mapping,
-    /// The wanted topics that were met.
     met: BTreeSet<String>,
     /// Readers of messages, by topic, schema and encoding: channels that share these share the reader.
     readers: BTreeMap<(String, u16, String), SharedReader>,
@@ -170,7 +168,6 @@ impl<'m, 's> Streams<'m, 's> {
         })
     }
 
-    /// The targets and references whose readings are on a topic.
     fn targets_of(&self, topic: &str) -> Vec<Wished> {
         let seen = self.mapping.tracker.seen().into_iter().enumerate();
         let own = seen.filter(|(_, own)| own.topic == topic);

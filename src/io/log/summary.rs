@@ -12,9 +12,7 @@ use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord,
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
-/// Number of bytes of a footer and the closing magic.
 const TAIL: u64 = FRAME_HEADER + 20 + 8;
-/// Number of bytes read at once.
 const PIECE: u64 = 256 * 1024;
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -22,11 +20,8 @@ pub enum Ending {
     /// No footer and no closing magic bytes: the end was cut off.
     #[default]
     Cut,
-    /// A footer without a summary.
     NoSummary,
-    /// A summary without a checksum.
     Unchecked,
-    /// A summary with the right checksum.
     Sound,
     /// A summary that is not where its footer states, or whose checksum is wrong.
     Damaged,
@@ -92,12 +87,9 @@ fn read_footer(at: u64, tail: &[u8]) -> Option<Footer> {
     })
 }
 
-/// The channels and schemas that a summary repeats.
 #[derive(Debug, Default)]
 pub struct Definitions {
-    /// Frames of schemas and channels, one after another.
     bytes: Vec<u8>,
-    /// The place of each channel's body.
     channels: BTreeMap<u16, Range<usize>>,
     schemas: BTreeMap<u16, Range<usize>>,
 }
@@ -178,10 +170,8 @@ fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, 
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
 }
 
-/// The number of messages of a log, by its summary.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Number of messages of all channels.
     pub messages: u64,
     /// Number of messages of each channel, where the writer counted them.
     pub of_channels: BTreeMap<u16, u64>,

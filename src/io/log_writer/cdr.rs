@@ -5,7 +5,6 @@ use super::LogWriteError;
 /// Encapsulation header of little-endian CDR: the representation, then two bytes of options.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
-/// One message being encoded.
 pub(super) struct Cdr {
     bytes: Vec<u8>,
 }

@@ -30,7 +30,6 @@ float64 z
 float64 w
 ";
 
-/// A channel with its schema.
 pub(super) struct Topic {
     pub(super) name: String,
     pub(super) schema: &'static str,

@@ -6,7 +6,6 @@ use super::number::{Contrary, Numbers};
 use super::split::comment;
 use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, RowLeftOut};
 
-/// A cell as a file writes it.
 pub(super) trait Written {
     fn is_blank(&self) -> bool;
     fn number(&self, numbers: &Numbers) -> Option<f64>;
@@ -29,7 +28,6 @@ pub(super) struct Filling<'h> {
     lines: Vec<u64>,
     left_out: Vec<RowLeftOut>,
     records: Records,
-    /// For each column.
     contrary: Vec<Option<Found>>,
 }
 

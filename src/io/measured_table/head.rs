@@ -95,7 +95,6 @@ impl SampleRow {
         self.pieces.get(column).map_or(PieceKind::Blank, |piece| piece.kind)
     }
 
-    /// Whether it has `width` cells, apart from blank ones at the end.
     fn fits(&self, width: usize) -> bool {
         !self.is_comment && self.pieces.len() >= width && self.length() <= width && !self.is_blank()
     }
@@ -135,7 +134,6 @@ pub(super) fn find(
     })
 }
 
-/// The head with a comment as its header, above the first row.
 fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -> Head {
     let line = sample[comment].line;
     let head = below(sample, comment, width);
@@ -146,7 +144,6 @@ fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -
     }
 }
 
-/// The head whose header stands in this line.
 fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKind> {
     let found = sample.iter().position(|row| row.line == line && !row.is_blank());
     let header = found.ok_or(MeasuredTableErrorKind::NoHeaderThere { line })?;
@@ -169,7 +166,6 @@ fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKi
     }
 }
 
-/// The head with this record as its header.
 fn below(sample: &[SampleRow], header: usize, width: usize) -> Head {
     let row = &sample[header];
     let texts = row.texts();

@@ -119,7 +119,6 @@ impl Parser<'_> {
         }
     }
 
-    /// A number or a word.
     fn word(&mut self) -> Parsed<Node> {
         let rest = &self.text[self.at..];
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
@@ -158,7 +157,6 @@ impl Parser<'_> {
         }
     }
 
-    /// The character that is written behind a backslash.
     fn escape(&mut self) -> Parsed<char> {
         let sign = self.text.as_bytes().get(self.at).copied();
         self.at += 1;

@@ -132,7 +132,6 @@ impl Leaves {
         }
     }
 
-    /// Adds a column for each place in the longest list.
     fn list(
         &mut self,
         name: &str,

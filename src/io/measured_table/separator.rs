@@ -60,7 +60,6 @@ impl Marks {
     }
 }
 
-/// How well a separator fits a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 struct Fit {
     /// Numbers in the rows of the length that has most of them.

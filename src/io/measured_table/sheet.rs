@@ -11,7 +11,6 @@ use super::separator::{EitherMark, SAMPLE};
 use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind};
 use crate::input::Bound;
 
-/// Most letters of a cell by which the header is found.
 const LETTERS: usize = 256;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +55,6 @@ impl Written for SheetCell<'_> {
 }
 
 impl Sheet<'_> {
-    /// Whether any row has two numbers.
     pub(super) fn has_table(&self) -> bool {
         let is_number = |cell: &SheetCell| matches!(cell, SheetCell::Number(_));
         let numbers =

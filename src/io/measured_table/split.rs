@@ -12,7 +12,6 @@ const MOST_IN_ROW: usize = 1 << 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Separator {
     Sign(u8),
-    /// Any number of spaces and tabs.
     Spaces,
 }
 

@@ -9,12 +9,10 @@ use std::rc::Rc;
 use super::{Counted, Form, MOST_CELLS, MeasuredTable, MeasuredTableErrorKind};
 use flat::Flat;
 
-/// Most levels of nested values.
 pub(super) const MOST_LEVELS: usize = 64;
 /// Most values of a file, aliases counted as often as they stand for one.
 pub(super) const MOST_NODES: usize = 1 << 24;
 
-/// A value of JSON or YAML.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Node {
     Blank,
@@ -61,7 +59,6 @@ struct Record<'d> {
 }
 
 impl<'d> Record<'d> {
-    /// A record of the number, from 0.
     fn new(number: usize, key: Option<&'d str>, node: &'d Node, counted: Counted) -> Self {
         let line = match node {
             Node::Map(map) if counted == Counted::Line => map.line,
@@ -148,7 +145,6 @@ fn records<'d>(
     }
 }
 
-/// A record for each member.
 fn keyed(map: &Map, counted: Counted) -> Vec<Record<'_>> {
     let members = map.members.iter().enumerate();
     let records =
@@ -156,7 +152,6 @@ fn keyed(map: &Map, counted: Counted) -> Vec<Record<'_>> {
     records.collect()
 }
 
-/// Members that are lists of objects.
 fn tables(map: &Map) -> Vec<(&str, &Node)> {
     let is_table = |node: &Node| match node {
         Node::List(list) => list.iter().any(|node| matches!(node, Node::Map(_))),

@@ -19,7 +19,6 @@ use super::{CdrReader, MessageFault, Primitive, Row};
 
 pub(super) use layout::Layout;
 
-/// Bytes of a wide character in the different implementations.
 const WIDE: [u8; 2] = [4, 2];
 
 /// The reading position, counted from the end of the encapsulation.
@@ -30,7 +29,6 @@ struct Cursor<'m> {
     widest: usize,
     version_2: bool,
     wide: u8,
-    /// Records what determines the layout.
     layout: Layout,
 }
 
@@ -212,7 +210,6 @@ impl Cursor<'_> {
         Ok((start, end))
     }
 
-    /// The next position that is aligned to `size`, a power of two.
     #[inline]
     const fn aligned(&self, size: usize) -> usize {
         ((self.at - HEADER + size - 1) & !(size - 1)) + HEADER

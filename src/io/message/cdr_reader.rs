@@ -39,7 +39,6 @@ pub(super) enum Step {
     SkipWideText,
     /// Elements of a nested type (or strings), as many as the definition or, if it states none, the message states.
     Repeat(Box<Repeat>),
-    /// A nested type that begins with its length.
     Delimited(Vec<Step>),
     Number {
         slot: usize,
@@ -55,13 +54,11 @@ pub(super) enum Step {
     AddText {
         slot: usize,
     },
-    /// An array of numbers is taken.
     Numbers {
         slot: usize,
         of: Primitive,
         count: Option<u32>,
     },
-    /// An array of strings is taken.
     Texts {
         slot: usize,
         count: Option<u32>,
@@ -76,7 +73,6 @@ pub(super) enum Step {
     },
 }
 
-/// The elements of an array of nested messages or strings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Repeat {
     pub(super) count: Option<u32>,
@@ -302,7 +298,6 @@ impl Unfolding<'_> {
         }
     }
 
-    /// Checks that an array whose length the definition states has the element.
     fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Result<(), SchemaError> {
         match count.and_then(|count| usize::try_from(count).ok()) {
             Some(count) if index >= count => {

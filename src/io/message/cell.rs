@@ -26,7 +26,6 @@ pub(super) enum Cell {
         count: u32,
         big_endian: bool,
     },
-    /// The value is in the list of the slot.
     List,
 }
 
@@ -34,7 +33,6 @@ pub(super) enum Cell {
 pub(super) struct Span {
     start: u32,
     end: u32,
-    /// The string contains JSON escapes.
     pub(super) escaped: bool,
 }
 
@@ -58,12 +56,10 @@ impl Span {
         Self { start: self.start - place(start), end: self.end - place(start), ..self }
     }
 
-    /// The span moved on by `bytes`.
     pub(super) const fn moved_on(self, bytes: usize) -> Self {
         Self { start: self.start + place(bytes), end: self.end + place(bytes), ..self }
     }
 
-    /// The bytes of the span.
     #[inline]
     pub(super) fn bytes(self, message: &[u8]) -> &[u8] {
         bytes(message, self.start, self.end)
@@ -97,7 +93,6 @@ impl Cell {
 }
 
 impl List {
-    /// Adds an element without a value.
     #[inline]
     pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
         self.push(Cell::Absent)
@@ -140,7 +135,6 @@ impl List {
         self.0.len()
     }
 
-    /// The strings among the elements.
     pub(super) fn texts(&self) -> impl Iterator<Item = Option<Span>> {
         self.0.iter().map(|cell| cell.as_text())
     }
@@ -150,7 +144,6 @@ impl List {
     }
 }
 
-/// The number in `bytes`, whose length is that of the type `of`.
 #[inline]
 pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
     let mut cell = Cell::Absent;

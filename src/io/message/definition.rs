@@ -1,6 +1,5 @@
 use std::fmt;
 
-/// The message type of a channel with every type that it uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Definition {
     /// The first one is the channel's own; fields refer to the others by index.

@@ -30,9 +30,7 @@ pub struct JsonReader {
 struct Node {
     /// The value itself, a number, a string or an array of either: the slots, and whether it is added to a list there.
     slots: Vec<(usize, bool)>,
-    /// Children by name, for an object.
     names: Vec<(String, usize)>,
-    /// Children by index, for an array.
     elements: Vec<(usize, usize)>,
     /// The child for every element of an array, and the lists that it is added to.
     each: Option<(usize, Vec<usize>)>,

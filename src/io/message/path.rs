@@ -78,7 +78,6 @@ impl fmt::Display for FieldPath {
 }
 
 impl<'p> Want<'p> {
-    /// The want after one more step.
     pub(super) fn inner(self) -> Self {
         Self { rest: &self.rest[1..], each: self.each || self.rest[0] == Segment::Each, ..self }
     }

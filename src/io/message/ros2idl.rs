@@ -13,10 +13,8 @@ use super::ros2msg::{BUILT_IN, short_name};
 use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
 use parser::{Parsed, RawType, Struct};
 
-/// Most typedefs in a chain.
 const MOST_ALIASES: usize = 16;
 
-/// Reads the definition of the type `name` (`pkg/msg/T` or `pkg/T`) from a schema text.
 pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     let mut parsed = parser::parse(text)?;
     let wanted = short_name(name);
@@ -128,7 +126,6 @@ impl Struct {
         [&self.scope[..], std::slice::from_ref(&self.name)].concat().join("::")
     }
 
-    /// `pkg/T`.
     fn short_name(&self) -> String {
         short_name(&self.full_name().replace("::", "/"))
     }

@@ -25,7 +25,6 @@ struct Section {
     fields: Vec<RawField>,
 }
 
-/// Reads the definition of the type `name` (`pkg/msg/T` or `pkg/T`) from a schema text.
 pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     let mut sections = sections(name, text)?;
     for (built_in, fields) in BUILT_IN {
@@ -41,7 +40,6 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     Ok(Definition { types })
 }
 
-/// `pkg/msg/T` → `pkg/T`.
 pub fn short_name(name: &str) -> String {
     let name = name.trim().trim_start_matches('/');
     match name.split('/').collect::<Vec<_>>()[..] {

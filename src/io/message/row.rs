@@ -14,11 +14,8 @@ pub struct Row {
     cells: Vec<Cell>,
     lists: Vec<List>,
     listed: bool,
-    /// Number of times that it was filled with anything but numbers.
     filled: u64,
-    /// Layout of the last message, where it was in CDR.
     layout: Layout,
-    /// Template of the last message, where it was in protobuf or JSON.
     pub(super) template: Template,
 }
 

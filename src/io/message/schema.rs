@@ -9,7 +9,6 @@ use super::{CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, ro
 pub enum MessageSchema {
     Cdr(Definition),
     Protobuf(Descriptors),
-    /// JSON messages, which may have any fields.
     Json(JsonSchema),
 }
 
@@ -48,7 +47,6 @@ impl MessageSchema {
         }
     }
 
-    /// Whether messages have a field at this path, as far as the schema shows.
     pub fn has(&self, path: &FieldPath) -> bool {
         match self {
             Self::Json(schema) => schema.has(path),

@@ -11,7 +11,6 @@ use super::{MessageFault, json, protobuf};
 /// Most bytes, and most slots, that are worth recording for each message.
 const LONGEST: usize = 1 << 16;
 const MOST: usize = 1 << 12;
-/// Most messages that are not recorded after one that was recorded without use.
 const LONGEST_PAUSE: u32 = 32;
 
 /// The bytes of the message read last, except its slots.
@@ -23,7 +22,6 @@ pub(super) struct Template {
     bytes: Vec<u8>,
     /// The bytes before each slot, and the slot.
     parts: Vec<Part>,
-    /// The places of wanted texts in their parts.
     texts: Vec<(Span, Place)>,
     places: Vec<Place>,
     /// The end of the last slot in its message.
@@ -32,14 +30,12 @@ pub(super) struct Template {
     is_other: bool,
     /// Messages that are not recorded after one that was recorded without use; more with each in a row.
     pause: u32,
-    /// Number of them still to come.
     pause_left: u32,
 }
 
 /// Bytes, texts and the places of the number begin where those of the part before end.
 #[derive(Debug, Clone, Copy)]
 struct Part {
-    /// Its first byte in the message.
     start: usize,
     bytes_end: usize,
     texts_end: usize,
@@ -88,7 +84,6 @@ impl Template {
         self.gap_end = end;
     }
 
-    /// Records the place of the value read last, up to `end`.
     #[inline]
     pub fn taken(&mut self, cell: Cell, end: usize, place: Place) {
         match cell {

@@ -6,13 +6,11 @@ use super::cell::{Cell, List, number};
 /// What a reader lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Value<'m> {
-    /// The message has no value there.
     #[default]
     Absent,
     /// An integer or a truth value; unsigned integers above the range of `i64` are numbers.
     Integer(i64),
     Number(f64),
-    /// A string without its end mark.
     Text(Text<'m>),
     Numbers(Numbers<'m>),
     Texts(Texts<'m>),

@@ -22,7 +22,6 @@ pub enum PosesError {
     Number { line: u64, joint: String, found: String },
 }
 
-/// The flange at each row of `text`, as CSV with a header.
 pub fn flanges(arm: &Arm, text: &str) -> Result<String, PosesError> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)

@@ -27,7 +27,6 @@ macro_rules! ready {
     };
 }
 
-/// Every ready robot, in the order of the files' names.
 pub const READY: &[ReadyRobot] = ready![
     "fr3.toml",
     "gp25.toml",

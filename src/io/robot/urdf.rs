@@ -23,12 +23,10 @@ pub(crate) use tree::{Joint, Tree};
 /// The most XML nodes of a file; a humanoid has ten thousand.
 const MOST_NODES: u32 = 2_000_000;
 
-/// The chosen chain of a URDF, and the contents that are no part of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     pub base: String,
     pub tip: String,
-    /// Kinds of element that nothing reads, each with its number.
     pub elements: Vec<(&'static str, usize)>,
     pub joints: usize,
     pub remarks: Vec<String>,
@@ -103,7 +101,6 @@ fn attribute<'a>(node: Node<'a, '_>, name: &str) -> Option<&'a str> {
     own.map(|own| own.value())
 }
 
-/// The line of a node, from 1.
 fn line(node: Node<'_, '_>) -> u32 {
     node.document().text_pos_at(node.range().start).row
 }

@@ -5,16 +5,12 @@ use crate::ingest::{
 };
 use crate::measured_table::{Cell, MeasuredTable};
 
-/// A sum and difference of columns and numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sum {
-    /// Columns, each with its sign.
     terms: Vec<(f64, usize)>,
-    /// The numbers, summed.
     constant: f64,
 }
 
-/// The value of a sum in one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value<'t> {
     Number(f64),
@@ -45,7 +41,6 @@ pub struct Length {
 
 #[derive(Debug)]
 pub struct Pose {
-    /// x, y and z.
     pub position: Vec<Sum>,
     /// The numbers of the orientation, in the order of its form.
     pub orientation: Option<Vec<Sum>>,
@@ -54,11 +49,9 @@ pub struct Pose {
 #[derive(Debug)]
 pub struct Measured {
     pub pose: Pose,
-    /// Standard deviations of x, y and z.
     pub sd: Vec<Sum>,
     pub covariance: Vec<Sum>,
     pub samples: Option<Sum>,
-    /// Standard deviations of the orientation.
     pub orientation_sd: Vec<Sum>,
     pub orientation_covariance: Vec<Sum>,
 }

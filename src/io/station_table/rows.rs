@@ -26,21 +26,17 @@ struct Reader<'a> {
     settings: &'a StationsSettings,
     slides: &'a [bool],
     file: String,
-    /// Rows with readings of references alone.
     apart: Vec<ApartRow>,
     covariances: CovarianceCounts,
     rejects: Vec<RowReject>,
 }
 
-/// The stations of a long table so far.
 #[derive(Default)]
 struct Long {
     rows: Vec<Row>,
-    /// Place of each station among the rows, by its name.
     places: BTreeMap<String, usize>,
     /// Places and targets that have a reading.
     seen: BTreeSet<(usize, TargetId)>,
-    /// Places and instruments of one length that have a reading.
     lengths: BTreeSet<(usize, usize)>,
 }
 
@@ -228,7 +224,6 @@ impl Reader<'_> {
         place.map(TargetId).ok_or_else(unknown)
     }
 
-    /// Checks that a row of a station has the joint angles of the station's first row.
     fn same_joints(&self, row: usize, station: &Row) -> Result<(), Fault> {
         let same = self
             .joints(row)?
@@ -244,7 +239,6 @@ impl Reader<'_> {
         same.then_some(()).ok_or_else(differ)
     }
 
-    /// Checks that no earlier row names the same station.
     fn once(&self, row: usize, named: &mut BTreeMap<String, u64>) -> Result<(), Fault> {
         let column = self.columns.station;
         let Some(own) = column.and_then(|column| name(self.table.cell(row, column))) else {
@@ -330,7 +324,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Adds the reading of a target to its station, or rejects it.
     fn add_reading(
         &mut self,
         station: &mut Row,
@@ -352,7 +345,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Adds the reading of an instrument of one length to its station, or rejects it.
     fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
         let line = self.table.line(row);
         let own = &self.settings.lengths[place];
@@ -609,7 +601,6 @@ fn if_there<T>(value: Result<T, Fault>) -> Result<Option<T>, Fault> {
     }
 }
 
-/// The rotation of an orientation's numbers.
 fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64>, Fault> {
     match (form, values) {
         (OrientationForm::Quaternion(_), &[x, y, z, w]) => {

@@ -21,7 +21,6 @@ pub struct LengthColumn {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Read<'a> {
     pub targets: &'a [String],
-    /// Instruments of one length, in the order of sources behind the first.
     pub lengths: &'a [LengthColumn],
     pub references: &'a [(String, StandsOn)],
     /// Positions of the references at each station, mm; empty without references.

@@ -39,7 +39,6 @@ const PARTS_AT_ONCE: usize = 4;
 const FILES_AT_ONCE: usize = 16;
 /// The metadata of a created object that names the attempt that created it.
 const ATTEMPT: Attribute = Attribute::Metadata(Cow::Borrowed("posegrid-attempt"));
-/// Prefix of the names of folders for local temporaries.
 const SCRATCH: &str = "posegrid-upload";
 
 pub struct Bucket {
@@ -362,7 +361,6 @@ async fn parts(
     Ok(())
 }
 
-/// A written file, opened for reading, and its size.
 fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
     let opened = || {
         let file = File::open(written.path())?;

@@ -11,7 +11,6 @@ use crate::lake::temporary::Temporary;
 /// Depth of folders above the files of a lake: of the table, the robot and the session.
 const FOLDERS: usize = 3;
 
-/// A folder, which is created when first written to.
 #[derive(Debug, Clone)]
 pub struct Folder {
     root: PathBuf,

@@ -74,7 +74,6 @@ impl Columns {
         self.put(name, C::Value::KIND, |_| C::Value::array(values.into_iter().map(Cell::value)))
     }
 
-    /// A column of whole numbers, one for each row.
     #[must_use]
     pub fn whole_numbers(self, name: &str, values: Vec<i64>) -> Self {
         self.put(name, ColumnType::Int64, |_| Ok(Arc::new(Int64Array::from(values))))
@@ -140,7 +139,6 @@ impl Columns {
         check::table(self.schema, self.key, self.rows, self.arrays, self.like.as_ref())
     }
 
-    /// Takes the array that `make` gives for the rows, unless there was an error before.
     fn put(
         mut self,
         name: &str,

@@ -15,9 +15,7 @@ pub const CLOSE: f64 = 1e-9;
 pub struct Comparison {
     /// Columns with a cell that differs, in the schema's order.
     pub columns: Vec<ColumnDifference>,
-    /// Rows that only the published table has.
     pub only_published: OneSided,
-    /// Rows that only the computed table has.
     pub only_computed: OneSided,
 }
 
@@ -44,9 +42,7 @@ pub struct ColumnDifference {
 pub struct Largest {
     /// Absolute, in the column's unit.
     pub absolute: f64,
-    /// Relative to the larger of the two numbers.
     pub relative: f64,
-    /// The row of the largest relative difference.
     pub row: String,
     pub published: f64,
     pub computed: f64,

@@ -27,10 +27,8 @@ use super::Table;
 use crate::schema::TableSchema;
 use column::ColumnDigest;
 
-/// Key of the metadata entry with the digest.
 pub(super) const ENTRY: &str = "posegrid.content_digest";
 
-/// Prefix of the keys of posegrid's own entries.
 const OWN: &str = "posegrid.";
 
 /// The first text of the digest; another way to digest will have another number.
@@ -41,7 +39,6 @@ pub(super) struct ContentDigest {
     rows: u64,
 }
 
-/// The digest of the table with these entries in its file's metadata, hexadecimal.
 pub(super) fn of_file(table: &Table, entries: &[(String, String)]) -> String {
     let mut digest = ContentDigest::new(table.schema, table.version, &[]);
     digest.add(&[&table.batch]);

@@ -47,7 +47,6 @@ pub struct Opened {
     pub seal: Seal,
 }
 
-/// The statements of a Parquet file about itself, without its values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Head {
     /// Name of the table in it; `None` where it is no table of posegrid.
@@ -211,10 +210,8 @@ pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
     })
 }
 
-/// The bytes that a Parquet file begins and ends with.
 const MAGIC: &[u8] = b"PAR1";
 
-/// Checks that a file begins and ends as a Parquet file does.
 fn check_form(file: &File) -> Result<(), FileErrorKind> {
     let (start, end) = ends(file).map_err(FileErrorKind::Open)?;
     if !start.starts_with(MAGIC) {
@@ -267,7 +264,6 @@ fn key(entries: &Entries) -> Option<RunKey> {
     Some(RunKey::new(part("robot")?, part("session")?, part("run")?))
 }
 
-/// The version of the table's schema that a file states.
 fn version(entries: &Entries) -> Option<u32> {
     entries.get("posegrid.schema_version")?.parse().ok()
 }

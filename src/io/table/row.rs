@@ -61,7 +61,6 @@ impl<R: Row> Rows<R> {
     }
 }
 
-/// A column as a field has it, for comparison with the schema.
 pub struct FieldColumn {
     pub name: &'static str,
     pub kind: ColumnType,
@@ -85,7 +84,6 @@ pub trait Stored: Sized + 'static {
     }
 }
 
-/// The names of a field's columns.
 type Names = &'static [&'static str];
 
 /// The type of a field of a row: a value, several that belong together, or either as an option.
@@ -100,7 +98,6 @@ pub trait Field: Sized + 'static {
     /// The field of every row, read from the columns of these names.
     fn all(table: &Table, names: Names) -> impl Iterator<Item = Self>;
 
-    /// The columns of these names.
     fn columns(names: Names) -> Vec<FieldColumn>;
 }
 
@@ -278,7 +275,6 @@ fn texts(array: &dyn Array, row: usize) -> Vec<String> {
     texts.map(str::to_owned).collect()
 }
 
-/// An enumeration that is a word in tables.
 pub trait Word: Copy + 'static {
     fn word(self) -> &'static str;
 

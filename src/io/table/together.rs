@@ -20,7 +20,6 @@ pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table,
 }
 
 impl Table {
-    /// The rows for which `is_kept` is true of their place and of their robot, session and run.
     pub fn of_rows(&self, is_kept: impl Fn(usize, &RunKey) -> bool) -> Result<Self, TableError> {
         let keys = self.keys().into_iter().enumerate();
         let kept: BooleanArray = keys.map(|(row, key)| Some(is_kept(row, &key))).collect();
@@ -30,7 +29,6 @@ impl Table {
         Ok(Self { batch, ..self.clone() })
     }
 
-    /// Robot, session and run of each row of a published table.
     pub fn keys(&self) -> Vec<RunKey> {
         let [robots, sessions, runs] = KEY_COLUMNS.map(|name| self.text(name));
         let key = |row| RunKey::new(robots.value(row), sessions.value(row), runs.value(row));

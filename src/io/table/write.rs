@@ -22,7 +22,6 @@ pub use encoder::{Encoder, RowGroups};
 /// Rows in a row group: a reader of one column of one group reads little, and a writer holds little.
 pub const ROW_GROUP_ROWS: usize = 65_536;
 
-/// Writes a table as a Parquet file into `sink` and gives `sink` back.
 pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
     let encoder = Encoder::of(table)?;
     let mut file = PartsFile::new(&encoder, sink)?;
@@ -50,7 +49,6 @@ impl<W: Write + Send> PartsFile<W> {
         })
     }
 
-    /// Digests the content of parts, after those before them, on all threads.
     pub fn digest<'t>(&mut self, parts: impl IntoIterator<Item = &'t Table>) {
         let batches: Vec<_> = parts.into_iter().map(Table::batch).collect();
         self.digest.add(&batches);

@@ -77,7 +77,6 @@ impl JointUnits {
     }
 }
 
-/// The columns of joint angles that a first line names, in the joints' order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AngleColumns {
     pub(super) units: JointUnits,
@@ -114,7 +113,6 @@ impl AngleColumns {
     }
 }
 
-/// The ending of a column's name that states its unit.
 const fn suffix(unit: AngleUnit) -> &'static str {
     match unit {
         AngleUnit::Rad => "rad",
@@ -122,7 +120,6 @@ const fn suffix(unit: AngleUnit) -> &'static str {
     }
 }
 
-/// Whether a column of this name holds joint angles.
 pub(super) fn is_angle(name: &str) -> bool {
     parsed(name).is_some()
 }

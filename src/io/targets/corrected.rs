@@ -133,7 +133,6 @@ impl From<&Gap> for RefusedFor {
     }
 }
 
-/// What corrected targets, as every row of the result says.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
     pub key: &'a RunKey,

@@ -15,7 +15,6 @@ use crate::report::driven::CorrectedTarget;
 use crate::schema::{self, KEY_COLUMNS};
 use crate::table::{self, Row as _, Word as _};
 
-/// Tables that correct targets.
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
 
 /// One row; the file has more columns.
@@ -104,7 +103,6 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
 }
 
 impl DrivingRow {
-    /// The row of a table, and its robot, session and run.
     fn of(row: CorrectedRow, [robot, session, run]: [String; 3]) -> Self {
         let apart = |point: Option<[f64; 3]>| {
             let [x, y, z] = point.unwrap_or_default();

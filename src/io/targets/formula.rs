@@ -2,7 +2,6 @@
 //! as text and [`unmarked`] removes; a text that already begins so gets one more, so that every text is read back
 //! unchanged.
 
-/// Characters that begin a formula in some spreadsheet.
 const BEGIN: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
 const MARK: char = '\'';
 

@@ -62,7 +62,6 @@ impl Found {
         }
     }
 
-    /// Ends the reading because of a fault in the document as a whole.
     fn refuse(&mut self, problem: RowProblem) {
         self.wrong = Some((None, problem));
     }

@@ -45,16 +45,12 @@ pub struct DataList {
     points: Vec<Point>,
     /// Tool and base of the points; `None` where no FDAT states them.
     frames: Option<FdatFrames>,
-    /// Number of aggregates that are no positions, by type.
     others: BTreeMap<String, usize>,
 }
 
-/// The place of a target in its list.
 #[derive(Debug, Clone, PartialEq)]
 struct Point {
-    /// Bytes of its line, without the line's end.
     line: Range<usize>,
-    /// Bytes of the numbers of X, Y and Z.
     xyz: [Range<usize>; 3],
     /// Its S; `None` where it has none.
     status: Option<Status>,
@@ -64,7 +60,6 @@ struct Point {
     frame_in: Option<u64>,
 }
 
-/// Names of external axes.
 const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
 impl DataList {
@@ -73,7 +68,6 @@ impl DataList {
     }
 }
 
-/// Types that hold positions.
 const POSITIONS: [&str; 4] = ["POS", "E3POS", "E6POS", "FRAME"];
 
 /// The variable that marks a list as corrected, and holds the table's id.
@@ -83,7 +77,6 @@ pub const MARK: &str = "POSEGRID_CORRECTED";
 const COMPONENTS: [&str; 14] =
     ["X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"];
 
-/// The components that a position of a type has.
 fn components_of(kind: &str) -> &'static [&'static str] {
     match kind {
         "FRAME" => &COMPONENTS[..6],
@@ -116,7 +109,6 @@ impl InLine {
     }
 }
 
-/// The targets of a text, each with its place.
 pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLine> {
     let lines = lines::all(&text)?;
     let inside = lines::of_list(&text, &lines)?;

@@ -8,7 +8,6 @@ use crate::schema::{ColumnSchema, ColumnType};
 use crate::table::Table;
 use crate::units::WallTime;
 
-/// A list of joint angles has a name with this ending.
 const ANGLES: &str = "joints_rad";
 
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +28,6 @@ pub(crate) struct Spread<'t> {
 }
 
 impl<'t> Spread<'t> {
-    /// The columns of a table that become at least one.
     pub(crate) fn all(table: &'t Table) -> Vec<Self> {
         let arrays = table.schema().columns.iter().zip(table.batch().columns());
         let spread =
@@ -47,7 +45,6 @@ impl<'t> Spread<'t> {
         is_list.then(|| self.schema.name.strip_suffix(ANGLES))?
     }
 
-    /// The names of the columns that it becomes.
     pub(crate) fn names(&self, units: &JointUnits) -> Vec<String> {
         match self.angles() {
             Some(before) => (0..self.columns)
@@ -74,7 +71,6 @@ impl<'t> Spread<'t> {
     }
 }
 
-/// The number of columns that a column becomes.
 fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
     if schema.kind.is_scalar() {
         return 1;
@@ -89,7 +85,6 @@ fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
     }
 }
 
-/// One value that is not null.
 fn cell(array: &ArrayRef, column: &ColumnSchema, row: usize) -> Cell {
     let real = |array: &ArrayRef, row: usize| array.as_primitive::<Float64Type>().value(row);
     let whole = |array: &ArrayRef, row: usize| array.as_primitive::<Int64Type>().value(row);

@@ -18,7 +18,6 @@ pub fn write_csv(
     write_columns(table, &Spread::all(table), &units.into(), sink)
 }
 
-/// Writes some columns of a table as CSV.
 pub(crate) fn write_columns(
     table: &Table,
     columns: &[Spread<'_>],

@@ -41,7 +41,6 @@ impl CompensateArgs {
         }
     }
 
-    /// The file that TABLE names.
     pub(super) fn named(&self) -> Result<Named, CompensateCommandError> {
         let path = self.table.clone();
         match &self.lake {
@@ -51,7 +50,6 @@ impl CompensateArgs {
         }
     }
 
-    /// The table of the robot's current run.
     fn of_robot(&self, lake: &Path) -> Result<Named, CompensateCommandError> {
         let lake = Lake::at(&Place::of(lake))?;
         let robot = self.table.to_string_lossy();

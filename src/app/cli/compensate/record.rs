@@ -54,7 +54,6 @@ impl Recording {
 }
 
 impl Recorded {
-    /// The records of the lake around the file of a table.
     pub(super) fn around(table: &Path, source: &Source) -> Result<Self, CompensateCommandError> {
         let by = source.by(&[]);
         let lake = Lake::around(table, by.table.word(), by.key);
@@ -215,7 +214,6 @@ impl<'r> Commands<'r> {
 /// Lists of numbers, sorted by their first number, so that those near a value are found without a scan.
 struct Near<'r> {
     sorted: Vec<&'r [f64]>,
-    /// Largest difference between corresponding numbers of lists that count as near.
     apart: f64,
 }
 

@@ -234,7 +234,6 @@ impl Source {
         }
     }
 
-    /// Warnings about how these targets are corrected.
     pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
         let mut warnings = Vec::new();
         let what = self.what();

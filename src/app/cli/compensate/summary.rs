@@ -7,7 +7,6 @@ use crate::compensation::validity::{Held, Term};
 use crate::io::table::Word as _;
 use crate::io::targets::{DataList, RefusedFor};
 
-/// Most refusals that have a line of their own.
 const REFUSALS_SHOWN: usize = 20;
 
 impl fmt::Display for Compensated {
@@ -82,7 +81,6 @@ impl Compensated {
         Ok(())
     }
 
-    /// The number of refused targets for each reason.
     fn refusals(&self) -> String {
         let mut reasons = BTreeMap::<&str, usize>::new();
         self.refused().for_each(|refused| {

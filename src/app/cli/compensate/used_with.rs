@@ -71,7 +71,6 @@ pub(super) fn exception() -> impl TypedValueParser<Value = Exception> {
     )
 }
 
-/// The option that allows an exception.
 pub(super) fn option(exception: Exception) -> String {
     let named = EXCEPTIONS.iter().find(|(own, ..)| *own == exception);
     named.map_or_else(String::new, |(_, name, _)| format!("--allow {name}"))

@@ -6,7 +6,6 @@ use crate::ingest::LogReject;
 use crate::io::inspect::{ChannelSummary, ClockSummary, Differences, Inspection, Traffic};
 use crate::io::log::{Ending, ReadSummary};
 
-/// Most rejects of one log that are printed.
 const MOST_PRINTED: usize = 20;
 /// A gap of this many usual steps or more is described.
 const LONG_GAP: f64 = 5.0;

@@ -14,9 +14,7 @@ use crate::io::inspect::table::{ColumnSummary, Differs, Guess, TableInspection, 
 
 pub use section::section;
 
-/// Most rows left out that are printed.
 const MOST_PRINTED: usize = 20;
-/// Most different texts of a column that are printed.
 const MOST_TEXTS: usize = 5;
 /// Positions whose frame is no further from the base are stated in the base frame, mm and degrees.
 const OWN_FRAME_MM: f64 = 20.0;
@@ -194,7 +192,6 @@ fn residual(tried: &Tried, words: &str) -> String {
     text
 }
 
-/// The thing in which a reading differs from the best one.
 fn difference(guess: &Guess, differs: Differs, tried: &Tried) -> String {
     match differs {
         Differs::Angle => format!("joints in {}", angle(tried.angle)),

@@ -11,7 +11,6 @@ use crate::units::span;
 /// Time between two looks of a waiting batch: short compared with any batch, and no load on the machine.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 
-/// The outcome of waiting for the lake's lock.
 #[derive(Debug)]
 pub enum Turn {
     /// Ours: with the lock, where the file system gives one.

@@ -192,7 +192,6 @@ struct Totals {
     met: usize,
     failed: usize,
     waiting: usize,
-    /// Ended or not begun because of a signal.
     stopped: usize,
 }
 

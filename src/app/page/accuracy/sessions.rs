@@ -8,7 +8,6 @@ use crate::page::words;
 use crate::report::compared::Compared;
 use crate::report::{BaseRefit, Model, Point, Split, Subject};
 
-/// Most sessions that are shown unfolded.
 const SHOWN: usize = 10;
 
 /// The sessions of a pool; nothing for a run that learnt from one.

@@ -10,7 +10,6 @@ pub struct Session {
     /// Whether it is a training session; otherwise it is only judged.
     pub trained: bool,
     pub clock: ClockRow,
-    /// The number of its dwells for each verdict and reason.
     pub dwells: Vec<(PairingVerdict, Option<Unpaired>, usize)>,
     pub rejects: Vec<RejectRow>,
 }

@@ -12,7 +12,6 @@ pub struct Content {
     pub robots: Vec<Robot>,
 }
 
-/// A robot and its newest session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
     pub name: String,
@@ -41,7 +40,6 @@ pub struct Newest {
     pub after_mm: Option<f64>,
     /// What moved, as text; `None` where nothing did.
     pub moved: Option<String>,
-    /// Names of the figures out of control.
     pub out_of_control: Vec<String>,
 }
 

@@ -8,9 +8,7 @@ use crate::page::history::figure_name;
 use crate::page::shell::table;
 use crate::page::words::{number, optional, verdict};
 
-/// Most rows of the worst.
 const WORST: usize = 10;
-/// Most rows of other tables before the rest is folded.
 const MOST: usize = 50;
 
 type Measured<'c> = (&'c Robot, &'c Newest);
@@ -139,7 +137,6 @@ fn figures(content: &Content, own: &[Measured<'_>]) -> Markup {
     table(&head, &html! { @for row in &rows { (row) } })
 }
 
-/// A table whose rows after the first [`MOST`] are folded.
 fn folded(head: &Markup, rows: &[Markup]) -> Markup {
     let (first, rest) = rows.split_at(rows.len().min(MOST));
     html! {

@@ -5,7 +5,6 @@ use maud::{Markup, html};
 use super::content::{Content, Session};
 use crate::page::shell::table;
 
-/// Most rows of a table on the page.
 const MOST: usize = 100;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {

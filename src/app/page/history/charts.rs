@@ -7,7 +7,6 @@ use crate::page::words::{fixed, model};
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series as Drawn};
 
-/// Most points of a line.
 const MOST: usize = 400;
 
 pub(super) fn accuracy(content: &Content) -> Option<Markup> {

@@ -30,7 +30,6 @@ pub struct Session {
     pub moved: Option<String>,
     /// Whether the next session agrees with the change; `None` where there is none yet.
     pub lasting: Option<bool>,
-    /// Names of the figures out of control.
     pub out_of_control: Vec<String>,
 }
 

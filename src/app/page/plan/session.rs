@@ -136,7 +136,6 @@ fn rows(content: &Content) -> Markup {
     super::table(&head, &body)
 }
 
-/// The name of the visit whose pose this one repeats.
 fn repeated<'c>(content: &'c Content, visit: &VisitRow) -> Option<&'c str> {
     let first = content.visits.iter().find(|own| Some(own.pose) == visit.repeats)?;
     Some(&first.target)

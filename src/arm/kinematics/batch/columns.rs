@@ -21,7 +21,6 @@ pub struct Variables {
     cosines: Vec<Vec<f64>>,
 }
 
-/// The motion of the end per unit of one unknown, in the root frame, for a block of poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// Velocity of the end's origin, mm per unit, by row.

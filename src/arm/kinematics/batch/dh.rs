@@ -7,7 +7,6 @@ use crate::kinematics::{Axis, Chain, Element, Motion};
 /// A joint about or along z by `sign · variable + shift`.
 #[derive(Debug, Clone, Copy)]
 pub struct Joint {
-    /// Index of the axis variable, counted from 0.
     pub axis: usize,
     pub sign: f64,
     /// Constant turns about z next to the joint, rad; zero for a joint that slides.

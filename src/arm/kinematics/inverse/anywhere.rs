@@ -100,7 +100,6 @@ impl<'a> Anywhere<'a> {
         Search::new(self.arm, self.offsets, &self.flange_from_end, &self.settings)
     }
 
-    /// Seeds in the order in which they are tried.
     fn order(&self, pose: &Isometry3<f64>) -> impl Iterator<Item = &Seed> {
         let lever = self.settings.lever_mm;
         let apart = |seed: &Seed| {

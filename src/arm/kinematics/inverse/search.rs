@@ -53,7 +53,6 @@ impl<'a> Search<'a> {
         moved.collect()
     }
 
-    /// `to − from` in the search's units.
     pub(super) fn apart(&self, from: &[f64], to: &[f64]) -> DVector<f64> {
         DVector::from_fn(from.len(), |joint, _| (to[joint] - from[joint]) / self.scales[joint])
     }

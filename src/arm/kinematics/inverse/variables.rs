@@ -33,7 +33,6 @@ impl JointVariable {
         (0..joints).map(|joint| Self::moving(arm, &moved(joint))).collect()
     }
 
-    /// A joint variable of which one unit moves each axis variable by `axes`.
     fn moving(arm: &Arm, axes: &[f64]) -> Self {
         let elements = arm.chain().elements().iter();
         let moves = elements.filter_map(|element| match element {

@@ -129,7 +129,6 @@ fn refuse_far(
     })
 }
 
-/// The frame at a point of a line, z along it and x along `across`.
 fn frame_at(point: &Point3<f64>, across: &Vector3<f64>, line: &Line) -> Isometry3<f64> {
     let z = line.direction.into_inner();
     let y = z.cross(across).normalize();
@@ -172,9 +171,7 @@ impl Normal {
 
 #[derive(Clone, Copy)]
 enum Order {
-    /// `Rot(z,θ) Trans(z,d) Trans(x,a) Rot(x,α)`.
     TurnFirst,
-    /// `Rot(x,α) Trans(x,a) Rot(z,θ) Trans(z,d)`.
     TwistFirst,
 }
 

@@ -94,7 +94,6 @@ pub(super) fn predicted_mm(row: &ResidualRow) -> [f64; 3] {
     std::array::from_fn(|axis| row.at[axis] - row.residual[axis])
 }
 
-/// All rows of the table, by what they are of, in the alphabet of the words.
 pub(super) fn rows(table: &Table) -> Vec<(Of, Vec<ResidualRow>)> {
     let mut sets: Vec<(Of, Vec<ResidualRow>)> = Vec::new();
     for row in ResidualRow::read(table) {

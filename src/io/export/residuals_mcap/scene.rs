@@ -106,7 +106,6 @@ impl Color {
     }
 }
 
-/// An error vector at its station's time.
 pub(super) struct Arrow<'a> {
     pub(super) of: &'a Of,
     pub(super) row: &'a ResidualRow,

@@ -68,7 +68,6 @@ fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     Ok(Lake::new(if root == Path::new("") { Path::new(".") } else { root }))
 }
 
-/// The session of a table of stations that the same run wrote, and the table.
 fn of_run(file: &Path, key: &RunKey) -> Result<(String, Table), ExportError> {
     let table = read_given(file, schema::find("stations")?)?;
     if table.rows() == 0 {

@@ -21,7 +21,6 @@ use crate::setup::{
     self, Agreement, Alternatives, Dwelt, Evidence, KnownArm, Relation, SetUp, UnitKeys,
 };
 
-/// Stations of the first round.
 const SCREENED: usize = 40;
 /// The fewest stations by which anything is decided: base and target have nine numbers.
 pub const LEAST_STATIONS: usize = 6;
@@ -48,7 +47,6 @@ impl Arms {
         Self { known: ready::arms(), is_named: false }
     }
 
-    /// The arm of the file that was named.
     pub fn named(file: String, arm: Arm) -> Self {
         Self { known: vec![KnownArm { file, arm }], is_named: true }
     }
@@ -61,7 +59,6 @@ pub struct Tried {
     pub angle: AngleUnit,
     pub slide: LengthUnit,
     pub length: LengthUnit,
-    /// Whether the columns of the joints are from flange to base.
     pub is_reversed: bool,
     /// Median distance between the measured position and that of the nominal arm, base and target fitted, mm.
     pub median_mm: f64,
@@ -80,9 +77,7 @@ pub enum Differs {
 #[derive(Debug, Clone)]
 pub struct Verdict {
     pub best: Tried,
-    /// The best of the others, by the one thing in which each differs.
     pub others: Vec<(Differs, Tried)>,
-    /// Number of stations by which it was decided.
     pub stations: usize,
     /// Other arms with the same chain.
     pub alike: Vec<usize>,
@@ -312,7 +307,6 @@ impl Bench<'_> {
         found.chain(columns.into_iter().map(|own| (Differs::Columns, *own))).collect()
     }
 
-    /// Other arms with the chain of this one.
     fn alike(&self, arm: usize) -> Vec<usize> {
         let chain = |place: usize| self.arms.known[place].arm.chain();
         (0..self.arms.known.len())

@@ -38,7 +38,6 @@ pub enum Part {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     pub joints: JointSet,
-    /// The targets, the main one first.
     pub targets: Vec<Target>,
     /// Whose positions the names say they are.
     pub whose: Whose,
@@ -48,7 +47,6 @@ pub struct Choice {
     pub doubt: Option<String>,
 }
 
-/// Every choice, those that names say best first.
 pub fn choices(
     columns: &[ColumnSummary],
     roles: &Roles,
@@ -172,7 +170,6 @@ fn of_targets(targets: Vec<Target>, whose: Whose) -> Choice {
     }
 }
 
-/// The choices of targets by names, without joints yet.
 fn targets(columns: &[ColumnSummary], roles: &Roles) -> Vec<Choice> {
     let moving = |whose: Whose| {
         roles

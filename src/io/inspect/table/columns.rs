@@ -4,18 +4,15 @@ use super::names::Named;
 use crate::ingest::MISSING;
 use crate::measured_table::{Cell, MeasuredTable};
 
-/// The most different texts of a column that are kept.
 const MOST_TEXTS: usize = 12;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColumnSummary {
     pub name: String,
     pub named: Named,
-    /// Number of cells with a number.
     pub numbers: usize,
     pub not_finite: usize,
     pub blanks: usize,
-    /// Number of cells with a text.
     pub texts: usize,
     pub zeros: usize,
     /// Number of cells with 9999 or −9999, which stand for a missing reading.

@@ -10,20 +10,16 @@ type Axis = usize;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisGroup {
-    /// The words of the names without the axis.
     pub words: Vec<String>,
     pub columns: [usize; 3],
-    /// Column of w, which makes it a quaternion.
     pub w: Option<usize>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NumberedGroup {
-    /// The words of the names without the number.
     pub words: Vec<String>,
     /// The first number, 0 or 1.
     pub first: usize,
-    /// The columns in the order of their numbers.
     pub columns: Vec<usize>,
 }
 

@@ -57,11 +57,8 @@ pub struct Guess {
     pub notes: Vec<String>,
     /// What the arm says; `None` where no arm has as many joints, or the table too few stations.
     pub verdict: Option<Verdict>,
-    /// Names of the arms' files, in the order of the verdict's places.
     pub arms: Vec<String>,
-    /// Whether the arm was named rather than found among the ready ones.
     pub arm_is_named: bool,
-    /// Joints and position of each choice in words, in the order of the verdict's places.
     pub choices: Vec<String>,
     pub commands: Option<Commands>,
     /// The base in the frame of the main target's positions, mm, as found beside the nominal arm.
@@ -200,7 +197,6 @@ impl<'t> Work<'t> {
         rows.iter().step_by(stride).filter_map(flange).collect()
     }
 
-    /// The columns of the joints from base to flange.
     fn joints(&self) -> Vec<String> {
         let mut joints: Vec<String> =
             self.choice.joints.columns.iter().map(|&column| self.names[column].clone()).collect();
@@ -417,7 +413,6 @@ fn in_words(choice: &Choice, names: &[String]) -> String {
     format!("joints {joints}, position {}", position.unwrap_or_default())
 }
 
-/// The unit of angles by the size of their numbers.
 fn angle_by_size(columns: &[ColumnSummary], choice: &Choice) -> AngleUnit {
     let largest =
         choice.joints.columns.iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);

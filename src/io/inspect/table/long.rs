@@ -15,7 +15,6 @@ const REPEATS: f64 = 0.75;
 pub struct Long {
     pub target: usize,
     pub station: usize,
-    /// Names in the column of targets, the one with most rows first.
     pub targets: Vec<String>,
 }
 

@@ -12,7 +12,6 @@ pub enum StatedUnit {
 pub struct Named {
     /// Its words in small letters, numbers by themselves, the unit left out.
     pub words: Vec<String>,
-    /// The unit that the name states.
     pub unit: Option<StatedUnit>,
 }
 
@@ -33,7 +32,6 @@ pub enum Sense {
     Target,
 }
 
-/// Words by their sense, English and German.
 const SENSES: &[(Sense, &str)] = &[
     (
         Sense::Joint,

@@ -34,7 +34,6 @@ pub enum TurnColumns {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
-    /// The words of its names.
     pub words: Vec<String>,
     pub columns: [usize; 3],
     pub whose: Whose,
@@ -53,7 +52,6 @@ impl Placed {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JointSet {
-    /// The columns from base to flange.
     pub columns: Vec<usize>,
     /// Why it is unsure; `None` where names say it.
     pub doubt: Option<String>,
@@ -71,11 +69,9 @@ enum Kind {
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Roles {
-    /// Positions, in the order of their columns.
     pub positions: Vec<Placed>,
     /// Differences from another position, with their words.
     pub differences: Vec<[usize; 3]>,
-    /// Sets of joints, those that names say best first.
     pub joints: Vec<JointSet>,
     /// Columns with another use: speeds, forces.
     pub other: Vec<usize>,
@@ -142,7 +138,6 @@ impl Roles {
 }
 
 impl TurnColumns {
-    /// Its columns, in order.
     pub fn columns(&self) -> &[usize] {
         match self {
             Self::Quaternion(own) => own,

@@ -28,14 +28,12 @@ pub enum Form {
     Vector([usize; 3], AngleUnit),
 }
 
-/// The orientation of a table under the form that agrees best.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned {
     pub form: Form,
     pub flange_from_own: UnitQuaternion<f64>,
     /// Median angle between it and the nominal arm, rad.
     pub median_rad: f64,
-    /// Other forms that agree as well.
     pub as_good: Vec<Form>,
 }
 
@@ -84,7 +82,6 @@ impl Form {
     }
 }
 
-/// Every order of axes, the usual ones first.
 fn usual_orders() -> Vec<RotationOrder> {
     let usual = USUAL.iter().filter_map(|word| RotationOrder::try_from((*word).to_owned()).ok());
     let mut orders: Vec<RotationOrder> = usual.collect();
@@ -117,7 +114,6 @@ pub fn turned(
     })
 }
 
-/// The orientation in the flange frame that most rows agree on under one form.
 fn fit(
     table: &MeasuredTable,
     form: Form,

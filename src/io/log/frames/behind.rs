@@ -11,10 +11,8 @@ use super::{Frames, Loss, Lost, Piece, lost};
 use crate::log::record::{FRAME_HEADER, op};
 use crate::log::summary::{self, Ending};
 
-/// Number of magic bytes.
 const MARK: u64 = MAGIC.len() as u64;
 
-/// The bytes that follow the mark that data ends.
 enum Behind {
     /// No more data of the log; the byte where its end was found.
     End(u64),

@@ -10,7 +10,6 @@ pub(super) enum Judged {
         end: u64,
         opcode: u8,
     },
-    /// Its place is right, its body is wrong.
     Unsound {
         end: u64,
         why: Loss,
@@ -169,9 +168,7 @@ pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
 
 #[derive(Debug, Clone, Copy)]
 enum Part {
-    /// This many bytes.
     Fixed(u8),
-    /// A count of this many bytes, then as many bytes as it states.
     Counted(u8),
 }
 

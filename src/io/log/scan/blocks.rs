@@ -44,7 +44,6 @@ pub(super) fn settle<V: Visitor>(
 pub(super) struct Run {
     pub start: u64,
     pub end: u64,
-    /// Start of the last record, and whether it is a message.
     last: (u64, bool),
 }
 

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 #[derive(Debug, Default)]
 pub(super) struct Counts {
     of: Vec<u64>,
-    /// Channels with at least one message.
     met: Vec<u16>,
 }
 
@@ -29,7 +28,6 @@ impl Counts {
         of_channels.fold(0, u64::saturating_add)
     }
 
-    /// The channels with at least one message, and their numbers, by id.
     pub(super) fn by_channel(&self) -> BTreeMap<u16, u64> {
         let of_channels = self.met.iter().map(|&channel| (channel, self.of(channel)));
         of_channels.collect()

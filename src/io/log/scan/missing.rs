@@ -10,7 +10,6 @@ use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
 
 /// More messages than any recorder can have written: a count above it is not trusted.
 const MOST_MESSAGES: u64 = 1 << 48;
-/// Most channels of one log that are reported one by one.
 const MOST_LISTED: usize = 100;
 
 /// The difference between a sound summary and the messages read, by channel.

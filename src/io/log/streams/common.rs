@@ -12,13 +12,11 @@ pub enum Layout {
     Pose,
     /// Position: `geometry_msgs/PointStamped` and its like.
     Point,
-    /// `geometry_msgs/PoseWithCovarianceStamped`.
     PoseWithCovariance,
     /// An array of poses with names or numbers: markers that a camera sees.
     Markers,
     /// Such an array with covariances.
     MarkersWithCovariance,
-    /// `sensor_msgs/Temperature`.
     Temperature,
     /// One length: `sensor_msgs/Range`, or a number alone.
     Length,

@@ -5,10 +5,8 @@ use super::reader::{RowFault, Values};
 use crate::ingest::{LoggedCovariance, TargetName};
 use crate::message::{Numbers, Text, Value};
 
-/// Position, quaternion and covariance of an element, as logged.
 pub(super) type Element = ([f64; 3], Option<[f64; 4]>, Option<LoggedCovariance>);
 
-/// The lists of a message's poses, from the slot `first` on.
 pub(super) struct ElementColumns<'m> {
     pub(super) values: Values<'m>,
     pub(super) first: usize,

@@ -11,7 +11,6 @@ use crate::message::{FieldPath, FieldReader, MessageSchema, SchemaError};
 
 /// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
-/// Entries of the covariance of each pose of an array.
 const ENTRIES: usize = 36;
 /// Fields of a time, in ROS 2, in protobuf, and in ROS 1 and JSON.
 const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
@@ -20,7 +19,6 @@ const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
 pub(super) enum StampValues {
     /// None: the record's time is used.
     Record,
-    /// Seconds and nanoseconds.
     Time,
     /// Seconds and nanoseconds or, in JSON, a date-time as text.
     TimeOrText,
@@ -61,7 +59,6 @@ pub(super) struct Recipe {
     pub(super) reader: FieldReader,
 }
 
-/// The statements of the pipeline file about a stream's messages.
 struct Statements<'m> {
     stamp: Option<&'m StampField>,
     frame: Option<&'m str>,
@@ -71,7 +68,6 @@ struct Statements<'m> {
     ignore_orientation: bool,
 }
 
-/// The values that can be read from messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
     /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place.
@@ -128,7 +124,6 @@ fn has_time(schema: &MessageSchema, path: &str) -> bool {
     paths.is_ok_and(|(_, paths)| paths.iter().any(|path| schema.has(path)))
 }
 
-/// The form of a time at this path, and the paths of its values.
 fn time_at(
     path: &FieldPath,
     schema: &MessageSchema,
@@ -251,7 +246,6 @@ impl<'m> Statements<'m> {
         Some(Asked { meaning, target, fields, entries })
     }
 
-    /// The form of a message's stamp, and the paths of its values.
     fn stamp(
         &self,
         time: TimeSource,
@@ -344,7 +338,6 @@ impl<'m> Statements<'m> {
     }
 }
 
-/// The path of another field in the same message.
 fn beside(path: &FieldPath, name: &str) -> Result<FieldPath, SchemaError> {
     let path = path.to_string();
     let inside = path.rsplit_once('.').map(|(inside, _)| inside);

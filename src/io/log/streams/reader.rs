@@ -61,17 +61,14 @@ pub struct Reader {
     pub(super) wanted: usize,
     pub(super) stream: Stream,
     pub(super) time: TimeSource,
-    /// The targets that its readings may be of.
     pub(super) targets: Vec<Wished>,
     /// The instruments of one length whose readings its messages have, in the order of the recipe's values.
     pub(super) lengths: Vec<usize>,
     pub(super) recipe: Recipe,
 }
 
-/// A target that is looked for in messages.
 #[derive(Debug, Clone)]
 pub(super) struct Wished {
-    /// Its index among the targets.
     pub(super) place: usize,
     /// Its name or number in messages; `None` where every message is of it.
     pub(super) is: Option<TargetName>,
@@ -91,7 +88,6 @@ pub struct Part {
     pub lengths: Vec<DecodedPoses>,
     /// By the place of the topic among those that are wanted of the file.
     pub(super) faults: BTreeMap<(usize, RowFault), Tally>,
-    /// Number of messages of each stream.
     pub(super) messages: [u64; 5],
 }
 
@@ -101,7 +97,6 @@ struct JointOrder {
     names: Vec<u8>,
     /// The place of each joint of the arm; fewer where some were not found.
     places: Vec<usize>,
-    /// Number of names in the message.
     of: usize,
     /// The filling of the row that had these names.
     seen_in: Option<u64>,
@@ -187,7 +182,6 @@ impl Reader {
         Ok(())
     }
 
-    /// Number of rows that a message gives.
     pub(super) const fn rows(&self) -> usize {
         match self.recipe.meaning {
             Meaning::Poses { .. } => self.targets.len(),
@@ -487,7 +481,6 @@ fn logged_covariance(values: Values<'_>, slot: usize) -> Result<LoggedCovariance
     }
 }
 
-/// The first `N` entries.
 fn all<const N: usize>(
     entry: impl Fn(usize) -> Result<f64, RowFault>,
 ) -> Result<[f64; N], RowFault> {

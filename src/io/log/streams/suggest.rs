@@ -71,9 +71,7 @@ impl Suggestible {
     }
 }
 
-/// The most fields of a message that are shown.
 const MOST_FIELDS: usize = 40;
-/// The most letters of a value that are shown.
 const LONGEST_VALUE: usize = 40;
 
 /// The fields of a JSON message, each as `path = value`.
@@ -104,7 +102,6 @@ fn brief(value: Value<'_>) -> String {
     text.chars().take(LONGEST_VALUE).collect()
 }
 
-/// Paths short enough to be offered.
 fn offered(mut leaves: Vec<String>) -> Vec<String> {
     leaves.retain(|leaf| leaf.len() <= LONGEST_PATH);
     leaves

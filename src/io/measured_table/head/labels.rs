@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use super::SampleRow;
 
-/// Most records of labels.
 const MOST: usize = 5;
 const LETTERS: usize = 64;
 
@@ -40,7 +39,6 @@ pub(super) fn labelled(names: Vec<String>, above: &[SampleRow]) -> Vec<String> {
     }
 }
 
-/// Whether several columns have the name of each.
 fn repeated(names: &[String]) -> Vec<bool> {
     let is = |name: &String| names.iter().filter(|other| *other == name).nth(1).is_some();
     names.iter().map(is).collect()

@@ -14,7 +14,6 @@ use crate::measured_table::{
 pub(super) struct Flat<'d> {
     pub(super) names: Vec<String>,
     places: HashMap<String, usize>,
-    /// Columns and values, record by record.
     values: Vec<(usize, Value<'d>)>,
     /// The end of each record among the values; `None` for one that is no object.
     ends: Vec<Option<usize>>,

@@ -25,7 +25,6 @@ pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKin
     Ok(Some(Node::List((0..length).map(row).collect())))
 }
 
-/// A name, and the values below it.
 type Column<'d> = (&'d Rc<str>, Vec<&'d Node>);
 
 /// The values of a column; `None` for what is none.
@@ -57,7 +56,6 @@ fn same_length(columns: &[Column]) -> Result<usize, MeasuredTableErrorKind> {
     }
 }
 
-/// Whether the keys are 0, 1, ….
 fn is_counted(map: &Map) -> bool {
     let mut members = map.members.iter().enumerate();
     !map.members.is_empty() && members.all(|(number, (key, _))| **key == *number.to_string())

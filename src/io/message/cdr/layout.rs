@@ -82,7 +82,6 @@ impl Layout {
         }
     }
 
-    /// Whether `message` is laid out alike for `reader`.
     #[inline]
     pub fn is_of(&self, reader: &Arc<()>, message: &[u8]) -> bool {
         let mut same = self.same.as_slice();
@@ -97,7 +96,6 @@ impl Layout {
             && self.stretches.iter().all(&mut is_same)
     }
 
-    /// Reads the single numbers of a message with this layout into their cells.
     #[inline]
     pub fn numbers_of(&self, message: &[u8], cells: &mut [Cell]) {
         for &(place, slot, of) in &self.numbers {

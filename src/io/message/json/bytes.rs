@@ -4,7 +4,6 @@ const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH_BITS: u64 = 0x80 * ONES;
 const UPPER_HALVES: u64 = 0xF0 * ONES;
 
-/// The index of the first quote or backslash.
 #[inline]
 pub(super) fn quote_or_backslash(bytes: &[u8]) -> Option<usize> {
     let zeros = |word: u64| word.wrapping_sub(ONES) & !word & HIGH_BITS;
@@ -42,7 +41,6 @@ pub(super) fn digits(bytes: &[u8]) -> usize {
     at + other.unwrap_or(rest.len())
 }
 
-/// The byte that has the lowest set bit.
 #[inline]
 const fn place(bits: u64) -> usize {
     bits.trailing_zeros() as usize / 8

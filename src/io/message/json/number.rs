@@ -37,7 +37,6 @@ pub(super) fn end(text: &[u8], start: usize) -> Result<(usize, bool), MessageFau
     Ok((end, whole))
 }
 
-/// The end of one digit or more.
 #[inline]
 fn digits(text: &[u8], start: usize) -> Result<usize, MessageFault> {
     let rest = text.get(start..).unwrap_or_default();

@@ -146,10 +146,11 @@ const fn depends_on_more_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) 
 /// A part that differs between messages with the same template.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::message) enum NumberSlot {
-    /// A wanted number.
     Number,
     /// Any value that is not wanted, with objects and arrays nested up to this many levels.
-    Unwanted { levels: usize },
+    Unwanted {
+        levels: usize,
+    },
 }
 
 impl NumberSlot {

@@ -4,7 +4,6 @@ use super::{bytes, number};
 use crate::message::MessageFault;
 use crate::message::cell::{Cell, Span};
 
-/// Most levels of nested objects and arrays.
 pub(super) const MOST_LEVELS: usize = 64;
 
 pub(super) struct Scan<'m> {
@@ -25,7 +24,6 @@ impl Scan<'_> {
         Err(MessageFault::Short)
     }
 
-    /// Consumes the next character if it is this one.
     #[inline]
     pub(super) fn take_if(&mut self, sign: u8) -> Result<bool, MessageFault> {
         let is = self.peek()? == sign;
@@ -56,7 +54,6 @@ impl Scan<'_> {
         }
     }
 
-    /// Reads a number, string, truth value or null, but no object or array.
     #[inline]
     pub(super) fn scalar(&mut self) -> Result<Cell, MessageFault> {
         match self.peek()? {
@@ -90,7 +87,6 @@ impl Scan<'_> {
         Ok(cell)
     }
 
-    /// Whether digits come next, with or without a minus.
     #[inline]
     pub(super) fn is_number(&self) -> bool {
         match self.bytes.get(self.at) {

@@ -11,9 +11,7 @@ pub struct JsonSchema {
     pub leaves: Vec<String>,
 }
 
-/// Most paths that are listed.
 const MOST_LEAVES: usize = 40;
-/// Most levels that are searched.
 const MOST_LEVELS: usize = 8;
 
 impl JsonSchema {

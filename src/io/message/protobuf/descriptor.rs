@@ -9,7 +9,6 @@ const MOST_LEVELS: usize = 64;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Descriptors {
-    /// The channel's own type.
     pub(super) root: usize,
     pub(super) types: Vec<Type>,
 }
@@ -33,7 +32,6 @@ pub(super) struct Field {
     pub(super) default: Cell,
 }
 
-/// The type of a field's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Double,
@@ -50,7 +48,6 @@ pub(super) enum Kind {
     Sfixed32,
     Bool,
     Text,
-    /// The index of its type.
     Message(usize),
 }
 

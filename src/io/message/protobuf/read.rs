@@ -121,7 +121,6 @@ fn inside<'m>(
     Ok(())
 }
 
-/// Skips the value of a field that is not wanted.
 #[inline]
 fn skip(
     number: u32,
@@ -135,7 +134,6 @@ fn skip(
     Ok(())
 }
 
-/// Records for the template the bytes read from `start` on.
 #[inline]
 fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
     let size = wire.at - start;
@@ -153,11 +151,7 @@ pub(in crate::message) struct NumberSlot {
 #[derive(Debug, Clone, Copy)]
 enum Stored {
     Number(Kind),
-    /// The value of a field that is not wanted.
-    Unwanted {
-        number: u32,
-        wire_type: u8,
-    },
+    Unwanted { number: u32, wire_type: u8 },
 }
 
 impl NumberSlot {
@@ -277,7 +271,6 @@ impl Kind {
         Ok(cell)
     }
 
-    /// Puts one value, stored by its kind, into a cell.
     #[inline]
     fn put(self, wire: &mut Wire<'_>, cell: &mut Cell) -> Result<(), MessageFault> {
         *cell = match self {

@@ -51,9 +51,7 @@ pub(super) struct Messages {
     /// Slot in which elements are counted.
     pub(super) counter: usize,
     pub(super) each: usize,
-    /// The nodes of single elements with other wanted values, by index.
     pub(super) picked: Vec<(usize, usize)>,
-    /// Lists that each element adds to.
     pub(super) lists: Vec<usize>,
 }
 

@@ -2,10 +2,8 @@
 
 use crate::message::MessageFault;
 
-/// Most levels of nested groups that are skipped.
 const MOST_LEVELS: usize = 64;
 
-/// The ways in which a field's value is stored.
 pub(super) mod wire_type {
     pub const VARINT: u8 = 0;
     pub const FIXED_64: u8 = 1;

@@ -10,7 +10,6 @@ const MOST_LEVELS: usize = 32;
 #[derive(Debug, Default)]
 pub(super) struct Parsed {
     pub(super) structs: Vec<Struct>,
-    /// Typedefs by full name.
     pub(super) aliases: BTreeMap<String, Alias>,
     constants: BTreeMap<String, u32>,
 }
@@ -110,7 +109,6 @@ impl<'t> Parser<'t> {
         token.map_or(1, |token| token.line)
     }
 
-    /// An error for the last token, which is not allowed at its place.
     fn wrong(&self) -> SchemaError {
         let at = self.at.saturating_sub(1);
         let found = self.tokens.get(at).map_or("the end of the text", |token| token.text);

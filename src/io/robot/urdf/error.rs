@@ -95,7 +95,6 @@ impl UrdfError {
     }
 }
 
-/// A text of the reader, which may quote a control character of the file.
 fn printable(text: &str) -> String {
     let letter = |letter: char| {
         if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() }

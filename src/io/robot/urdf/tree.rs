@@ -36,7 +36,6 @@ pub(crate) struct Ends<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Step<'t, 'a, 'i> {
     pub(crate) joint: &'t Joint<'a, 'i>,
-    /// Whether the way goes from the joint's child to its parent.
     pub(crate) is_up: bool,
 }
 
@@ -290,7 +289,6 @@ fn joints<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<Joint<'a, 'i>>, UrdfError> 
     named(robot, "joint")?.into_iter().map(with_links).collect()
 }
 
-/// The link in `<parent link="…"/>` or `<child link="…"/>` of a joint.
 fn end<'a>(joint: Node<'a, '_>, name: &str, role: &'static str) -> Result<&'a str, UrdfError> {
     let link = child(joint, role).and_then(|end| attribute(end, "link"));
     let link = link.ok_or_else(|| UrdfError::Incomplete {

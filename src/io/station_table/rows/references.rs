@@ -53,7 +53,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Adds a row with readings of references alone.
     pub(super) fn add_apart(&mut self, row: usize, references: Vec<RowReference>) {
         let line = self.table.line(row);
         match self.time_ns(row) {

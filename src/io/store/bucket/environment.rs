@@ -21,7 +21,6 @@ const OTHER_CREDENTIALS: [&str; 5] = [
 /// Variables with the address of the storage, if it is not Amazon's own.
 const ENDPOINTS: [&str; 3] = ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"];
 
-/// The clients of the bucket at an address, and the secrets that no message may contain.
 pub(super) fn clients(place: &Place) -> Result<(Clients, Secrets), StoreError> {
     let bucket = bucket(place)?;
     let builder = AmazonS3Builder::from_env();

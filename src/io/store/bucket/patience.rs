@@ -48,7 +48,6 @@ impl Clients {
     }
 }
 
-/// Takes notice of whether the storage answered.
 pub(super) fn noted<T>(answer: Result<T, Error>) -> Result<T, Error> {
     match &answer {
         Ok(_) => ANSWERS.store(true, Ordering::Relaxed),

@@ -10,7 +10,6 @@ use crate::store::BucketTrouble;
 
 /// Reason for an object that is no longer the one listed.
 const CHANGED: &str = "it changed meanwhile";
-/// Longest message that is shown, in characters.
 const LONGEST: usize = 300;
 
 #[derive(Default)]

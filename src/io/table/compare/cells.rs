@@ -3,7 +3,6 @@ use arrow::datatypes::{DataType, Float64Type};
 use arrow::util::display::array_value_to_string;
 use serde_json::Value;
 
-/// Most letters of a cell's text that are shown.
 const SHOWN: usize = 120;
 
 #[derive(Debug, Clone, PartialEq)]

@@ -9,10 +9,8 @@ use arrow::datatypes::{DataType, Float64Type};
 use super::{CLOSE, cells};
 use crate::table::Table;
 
-/// Paired rows, and those without a partner.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Rows {
-    /// Row of the published table, row of the computed one.
     pub both: Vec<(usize, usize)>,
     pub only_published: Vec<usize>,
     pub only_computed: Vec<usize>,

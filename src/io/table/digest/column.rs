@@ -129,7 +129,6 @@ impl ColumnDigest {
     }
 }
 
-/// The ranges of rows with values, in order.
 fn present(array: &ArrayRef) -> Vec<(usize, usize)> {
     match array.nulls().filter(|nulls| nulls.null_count() > 0) {
         None => vec![(0, array.len())],
@@ -162,7 +161,6 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// Adds `count` equal values.
     pub(super) fn add(&mut self, value: &[u8], count: u64) {
         if self.value != value {
             self.end();

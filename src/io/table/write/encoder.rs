@@ -27,10 +27,8 @@ pub struct Encoder {
     latest: Mutex<Vec<Option<Known>>>,
 }
 
-/// An array and its encoded column.
 type Known = (ArrayRef, Arc<EncodedColumn>);
 
-/// A column with one value in all rows.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Uniform {
     column: usize,
@@ -44,7 +42,6 @@ enum Says {
     Text(String),
 }
 
-/// The row groups of a table, or of a part of one.
 pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
 
 impl RowGroups {
@@ -53,14 +50,12 @@ impl RowGroups {
         first_columns.map(|column| column.close.rows_written).sum()
     }
 
-    /// The columns of each row group.
     pub(super) fn columns(&self) -> impl Iterator<Item = &[Arc<EncodedColumn>]> {
         self.0.iter().map(Vec::as_slice)
     }
 }
 
 impl Encoder {
-    /// An encoder of `table` and of all its other parts.
     pub fn of(table: &Table) -> Result<Self, ParquetError> {
         Ok(Self {
             schema: ArrowSchemaConverter::new().convert(&table.batch.schema())?,
@@ -83,7 +78,6 @@ impl Encoder {
         ContentDigest::new(self.of, self.of.version, &[])
     }
 
-    /// The entries of the file's metadata about the table.
     pub(super) fn metadata(&self) -> Vec<(String, String)> {
         let entries = self.properties.key_value_metadata().into_iter().flatten();
         entries.filter_map(|entry| Some((entry.key.clone(), entry.value.clone()?))).collect()
@@ -124,7 +118,6 @@ impl Encoder {
         std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(array)).then(|| Arc::clone(column))
     }
 
-    /// The encoded column of a column with one value in all rows.
     fn saying(
         &self,
         place: usize,
@@ -150,7 +143,6 @@ fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The value of all rows, if they have the same.
 fn says(array: &ArrayRef) -> Option<Says> {
     if array.null_count() == array.len() {
         return Some(Says::Nothing);

@@ -13,7 +13,6 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// The levels of `array` as the file's `column`.
     pub(super) fn of(column: &ColumnDescPtr, array: &ArrayRef) -> Self {
         let there = column.max_def_level();
         match array.as_list_opt::<i32>() {

@@ -33,10 +33,8 @@ const EIGHT: usize = 8;
 const HEADER: usize = 64;
 
 struct Lists<'a> {
-    /// Number of values in each list.
     length: usize,
     rows: usize,
-    /// All numbers, as stored in the file.
     bytes: &'a [u8],
 }
 
@@ -75,7 +73,6 @@ impl<'a> Lists<'a> {
         })
     }
 
-    /// The rows of each page.
     fn pages(&self) -> impl Iterator<Item = Range<usize>> {
         let rows = (PAGE / NUMBER / self.length / EIGHT).max(1) * EIGHT;
         let firsts = (0..self.rows).step_by(rows);
@@ -199,7 +196,6 @@ fn behind_its_length(run: Vec<u8>) -> Vec<u8> {
     found
 }
 
-/// A number of the file's metadata.
 fn whole<N, T: TryFrom<N>>(number: N) -> Result<T, ParquetError> {
     T::try_from(number).map_err(|_| ParquetError::General("a column is too large".to_owned()))
 }

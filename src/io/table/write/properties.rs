@@ -49,7 +49,6 @@ fn encoding(properties: WriterPropertiesBuilder, column: &ColumnSchema) -> Write
     }
 }
 
-/// The path of a list's values, as the Parquet format names it.
 fn elements(column: &ColumnSchema) -> ColumnPath {
     let parts = [column.name.as_str(), "list", "element"];
     ColumnPath::new(parts.map(str::to_owned).to_vec())

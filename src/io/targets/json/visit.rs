@@ -16,11 +16,7 @@ pub(super) enum Cell {
     Absent,
     Number(f64),
     Text(String),
-    Other {
-        what: &'static str,
-        /// A mark of corrected targets inside it.
-        mark: Option<Mark>,
-    },
+    Other { what: &'static str, mark: Option<Mark> },
 }
 
 /// A value under a key that has a value in commands only.
@@ -54,7 +50,6 @@ impl Cell {
         }
     }
 
-    /// The mark that this value is under `key`, or contains.
     fn mark(self, key: &str) -> Option<Mark> {
         let value = self.shown().filter(|value| !value.is_empty())?;
         if names::is_mark(key) {
@@ -68,7 +63,6 @@ impl Cell {
     }
 }
 
-/// The keys and values of an object in its order, or the fault in it.
 pub(super) type Object = Result<Vec<(String, Cell)>, RowProblem>;
 
 pub(super) struct Document<'a>(pub(super) &'a mut Found);
@@ -81,7 +75,6 @@ impl<'de> DeserializeSeed<'de> for Document<'_> {
 }
 
 impl Document<'_> {
-    /// Ends the reading, with the fault that was found.
     fn refuse<E: serde::de::Error>(&mut self, problem: impl Into<RowProblem>) -> E {
         self.0.refuse(problem.into());
         E::custom("a wrong document")

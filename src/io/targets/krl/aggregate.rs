@@ -83,7 +83,6 @@ fn pieces(text: &[u8], value: &Range<usize>) -> Option<Vec<Range<usize>>> {
     None
 }
 
-/// The type before a colon, and the text after it.
 fn typed(text: &[u8], piece: &Range<usize>) -> Option<(String, Range<usize>)> {
     let own = &text[piece.clone()];
     let colon = own.iter().position(|&byte| byte == b':')?;
@@ -212,7 +211,6 @@ impl Aggregate {
         }
     }
 
-    /// Whether a component is this word.
     pub(super) fn is_word(&self, text: &[u8], component: &str, word: &str) -> bool {
         let value = self.value(text, component);
         value.is_some_and(|value| value.eq_ignore_ascii_case(word.as_bytes()))

@@ -15,7 +15,6 @@ pub(super) struct Line {
     pub(super) next: usize,
 }
 
-/// The first words of the comments in corrected lists.
 pub(super) const CORRECTED: &str = "corrected by posegrid";
 pub(super) const REFUSED: &str = "refused by posegrid";
 
@@ -59,7 +58,6 @@ pub(super) fn trimmed(text: &[u8], range: Range<usize>) -> Range<usize> {
     start..start + inside.trim_ascii().len()
 }
 
-/// The lines inside a list, and the places to write to.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Inside<'l> {
     /// First byte after the line of DEFDAT.
@@ -127,7 +125,6 @@ fn check_head(behind: &[u8]) -> Result<(), KrlProblem> {
     }
 }
 
-/// Whether a line is a comment of corrected lists.
 fn is_ours(text: &[u8], line: &Line) -> bool {
     let comment = &text[line.code.end..line.whole.end];
     let comment = comment.strip_prefix(b";").unwrap_or_default();

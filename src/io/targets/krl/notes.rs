@@ -5,7 +5,6 @@ use super::{DataList, Point};
 const LINES_SHOWN: usize = 10;
 
 impl DataList {
-    /// The remarks, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let notes = [
             Some(self.whose()),
@@ -26,7 +25,6 @@ impl DataList {
         notes.into_iter().flatten().collect()
     }
 
-    /// A sentence on the tool and base of the positions.
     fn whose(&self) -> String {
         match &self.frames {
             Some(frames) => format!(
@@ -57,7 +55,6 @@ impl DataList {
         (count > 0).then_some(count)
     }
 
-    /// A sentence on the aggregates that are no positions.
     fn left(&self) -> Option<String> {
         let others = self.others.iter();
         let others: Vec<String> = others.map(|(kind, n)| format!("{n} {kind}")).collect();

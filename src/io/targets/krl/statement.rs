@@ -27,13 +27,11 @@ pub(super) struct Declaration {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Name {
-    /// The variable, in capitals.
     pub(super) variable: String,
     /// The name with the index of an element, without blanks, in capitals; numbers without a sign and leading zeros.
     pub(super) shown: String,
     /// Whether the index, if there is one, consists of whole numbers.
     pub(super) is_counted: bool,
-    /// Whether it is a component of the variable.
     pub(super) is_part: bool,
 }
 
@@ -49,7 +47,6 @@ impl Name {
     }
 }
 
-/// Words before a type.
 const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 
 /// Declarations of anything but variables: they hold no values.
@@ -77,7 +74,6 @@ pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement
     Ok(Some(Statement::Valued { kind, name, value }))
 }
 
-/// Whether a line declares something that is no variable.
 fn is_without_values(line: &[u8]) -> bool {
     let mut rest = line;
     while let Some(word) = BEFORE_TYPE.iter().find(|word| begins(rest, word)) {
@@ -95,7 +91,6 @@ fn is_plain_value(value: &[u8]) -> bool {
     !value.is_empty() && !value.iter().any(part)
 }
 
-/// Type and name of the left side of a value.
 fn left(left: &[u8]) -> Option<(Option<String>, Name)> {
     let left = std::str::from_utf8(left).ok()?.trim().to_ascii_uppercase();
     // Blanks are allowed before an index and in it.
@@ -148,7 +143,6 @@ impl Index {
     }
 }
 
-/// The words of a left side without those before a type.
 fn typed(words: &str) -> Vec<&str> {
     let words = words.split_ascii_whitespace();
     words.skip_while(|word| BEFORE_TYPE.contains(word)).collect()
@@ -175,7 +169,6 @@ fn declared(line: &[u8]) -> Option<Declaration> {
     is_name(kind).then_some(Declaration { kind: kind.to_owned(), names: names? })
 }
 
-/// A declared name without its brackets.
 fn own_name(name: &str) -> Option<String> {
     let name = name.trim();
     let (own, index) = match name.split_once('[') {

@@ -25,7 +25,6 @@ impl Status {
         self.0 & (1 << bit) != 0
     }
 
-    /// Whether the point was taught by a robot with the absolute-accuracy option.
     pub(super) const fn taught_absolutely_accurate(self) -> bool {
         self.is_set(4)
     }

@@ -61,7 +61,6 @@ impl Written<'_> {
         self.bytes.extend(self.end);
     }
 
-    /// The line that still marks the list where comments are removed.
     fn mark(&mut self, table_id: &str) {
         // A text has at least one letter and no quotation mark.
         let table = plain(table_id).into_iter();

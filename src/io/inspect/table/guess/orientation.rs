@@ -50,7 +50,6 @@ impl Work<'_> {
         Some(self.columns_of(&found.form, target.turn_sd))
     }
 
-    /// The form with the names of its columns.
     pub(super) fn columns_of(&self, form: &Form, sd: Option<[usize; 3]>) -> OrientationColumns {
         let name = |column: usize| self.names[column].clone();
         let form = match *form {
