@@ -23,7 +23,6 @@ use posegrid::io::tables::grids;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::{self, Ending};
-use posegrid::io::tables::stage_results::InputColumns;
 use posegrid::io::tables::words::CorrectingTable;
 use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
@@ -110,13 +109,9 @@ fn write_joined(lake: &Lake, key: &RunKey) {
     let [file] = open.written() else { panic!("one file") };
     let row = JoinedSessionRow {
         made: (&hostile_work()).into(),
-        session_started: None,
-        dwells: 3,
-        paired: 1,
-        inputs: InputColumns::default(),
         joined: "{}".to_owned(),
         files: [file.clone()][..].into(),
-        row_digest: None,
+        ..JoinedSessionRow::default()
     };
     let row = JoinedSessionRow::table(vec![row], key).unwrap();
     assert_eq!(open.commit(&row.table).unwrap(), Commit::Done);

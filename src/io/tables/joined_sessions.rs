@@ -18,6 +18,7 @@ use crate::table::{Row, Rows, Table, row};
 use crate::units::WallTime;
 
 row! {
+    #[derive(Default)]
     pub struct JoinedSessionRow of "joined_sessions" {
         made: MadeColumns,
         session_started: Option<WallTime>,

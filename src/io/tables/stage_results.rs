@@ -36,6 +36,7 @@ row! {
 
 columns! {
     /// The build that made a result, and its settings.
+    #[derive(Default)]
     pub struct MadeColumns {
         version: String,
         platform: String,
@@ -57,6 +58,7 @@ columns! {
 
 columns! {
     /// The files that were written.
+    #[derive(Default)]
     pub struct FileColumns {
         names as [table_names]: Vec<String>,
         rows as [table_rows]: Vec<u64>,
