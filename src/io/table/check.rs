@@ -28,7 +28,7 @@ pub(super) fn table(
     for ((column, array), _) in columns.filter(|(_, given)| *given) {
         check_column(schema, column, rows, array)?;
     }
-    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
+    let arrow = |source: ArrowError| TableError::of(schema, source);
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let names = row_names(schema, key.as_ref(), &batch);
     // Nearly always the rows are in order, and each is compared only with the one before it.
@@ -50,15 +50,18 @@ fn all(
     let known = |place: usize| like.map(|table| Arc::clone(table.batch.column(place)));
     let arrays = arrays.into_iter().enumerate();
     let arrays: Vec<_> = arrays.map(|(place, array)| array.or_else(|| known(place))).collect();
-    let missing = schema.columns.iter().zip(&arrays);
-    let missing: Vec<_> = missing
-        .filter(|(_, array)| array.is_none())
-        .map(|(column, _)| column.name.clone())
-        .collect();
+    let missing = schema.columns.iter().zip(&arrays).filter(|(_, array)| array.is_none());
+    let missing: Vec<&str> = missing.map(|(column, _)| column.name.as_str()).collect();
     if missing.is_empty() {
         return Ok(arrays.into_iter().flatten().collect());
     }
-    Err(TableError::Missing { table: schema.table.clone(), columns: missing })
+    let missing = missing.join(", ");
+    Err(TableError::of(
+        schema,
+        format_args!(
+            "missing columns {missing}; a column without values still has to be there, all null"
+        ),
+    ))
 }
 
 /// The rows in the schema's order, if no two have the same name.
@@ -67,7 +70,7 @@ fn in_order(
     batch: RecordBatch,
     names: &[ArrayRef],
 ) -> Result<(RecordBatch, Option<Vec<usize>>), TableError> {
-    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
+    let arrow = |source: ArrowError| TableError::of(schema, source);
     let order = row_order(names, batch.num_rows()).map_err(arrow)?;
     check_rows_differ(schema, &order)?;
     // A table from another program keeps its order: that of targets is the order of the program that visits them.
@@ -85,30 +88,20 @@ fn check_column(
     rows: usize,
     array: &ArrayRef,
 ) -> Result<(), TableError> {
-    if array.data_type() != &column.kind.arrow() {
-        return Err(TableError::WrongType {
-            table: schema.table.clone(),
-            column: column.name.clone(),
-            expected: column.kind.name(),
-            found: array.data_type().to_string(),
-        });
+    let broken = |problem| Err(TableError::column(schema, &column.name, problem));
+    let (found, expected) = (array.data_type(), column.kind);
+    if found != &expected.arrow() {
+        return broken(format!("found {found}, the schema states {}", expected.name()));
     }
     if array.len() != rows {
-        return Err(TableError::Length {
-            table: schema.table.clone(),
-            column: column.name.clone(),
-            rows,
-            found: array.len(),
-        });
+        return broken(format!("{} values for {rows} rows", array.len()));
     }
     match unexpected_null(column, array).or_else(|| broken_value(column, array)) {
         None => Ok(()),
-        Some((row, problem)) => Err(TableError::Value {
-            table: schema.table.clone(),
-            column: column.name.clone(),
-            row,
-            problem,
-        }),
+        Some((row, problem)) => {
+            let place = format_args!(", column {:?}, row {row}", column.name);
+            Err(TableError::at(schema, place, problem))
+        }
     }
 }
 
@@ -225,11 +218,11 @@ fn check_rows_differ(schema: &TableSchema, order: &[OrderedRow]) -> Result<(), T
     let Some(place) = order.iter().position(|row| row.same_as_previous) else {
         return Ok(());
     };
-    Err(TableError::SameRow {
-        table: schema.table.clone(),
-        columns: schema.order.clone(),
-        one_row_per: schema.one_row_per.clone(),
-        first: order[place - 1].given,
-        second: order[place].given,
-    })
+    let (first, second) = (order[place - 1].given, order[place].given);
+    let names = schema.order.join(", ");
+    let same = if names.is_empty() { "file" } else { &names };
+    let place = format_args!(", rows {first} and {second}");
+    let one = &schema.one_row_per;
+    let problem = format_args!("the same {same}; a table has one row per {one}");
+    Err(TableError::at(schema, place, problem))
 }

@@ -4,7 +4,7 @@ use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
 use crate::manifest::RunKey;
-use crate::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
+use crate::schema::{ColumnType, KEY_COLUMNS, TableSchema};
 
 /// Collects the columns of a table; [`Self::finish`] reports the first error.
 ///
@@ -160,25 +160,26 @@ impl Columns {
         let place = self.place(name)?;
         let column = &self.schema.columns[place];
         if kind != column.kind {
-            return Err(TableError::WrongType {
-                table: self.schema.table.clone(),
-                column: name.to_owned(),
-                expected: column.kind.name(),
-                found: kind.name().to_owned(),
-            });
+            let expected = column.kind.name();
+            let problem = format_args!("found {}, the schema states {expected}", kind.name());
+            return Err(TableError::column(self.schema, name, problem));
         }
-        let array = make(self.rows).map_err(|(row, value)| self.too_large(column, row, &value))?;
+        let too_large = |(row, value): (usize, String)| {
+            let problem = format_args!("{value} is larger than a signed 64-bit number");
+            TableError::at(self.schema, format_args!(", column {name:?}, row {row}"), problem)
+        };
+        let array = make(self.rows).map_err(too_large)?;
         self.arrays[place] = Some(array);
         Ok(())
     }
 
     fn place(&self, name: &str) -> Result<usize, TableError> {
-        let table = || self.schema.table.clone();
         let Some((place, _)) = self.schema.column(name) else {
-            return Err(TableError::UnknownColumn { table: table(), column: name.to_owned() });
+            return Err(TableError::unknown_column(self.schema, name));
         };
         if self.arrays[place].is_some() {
-            return Err(TableError::Twice { table: table(), column: name.to_owned() });
+            let twice = format_args!("column {name:?} is given twice");
+            return Err(TableError::of(self.schema, twice));
         }
         Ok(place)
     }
@@ -193,15 +194,6 @@ impl Columns {
         // All columns of nulls can share one array.
         let shared = self.arrays.iter().flatten().find(alike).cloned();
         self.arrays[place] = Some(shared.unwrap_or_else(|| new_null_array(&kind, self.rows)));
-    }
-
-    fn too_large(&self, column: &ColumnSchema, row: usize, value: &str) -> TableError {
-        TableError::Value {
-            table: self.schema.table.clone(),
-            column: column.name.clone(),
-            row,
-            problem: format!("{value} is larger than a signed 64-bit number"),
-        }
     }
 }
 

@@ -1,3 +1,4 @@
+use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -5,44 +6,32 @@ use arrow::error::ArrowError;
 use parquet::errors::ParquetError;
 use thiserror::Error;
 
+use crate::at::At;
+use crate::schema::TableSchema;
+
+/// Values that break the contract of a table: where, and how.
 #[derive(Debug, Error)]
-pub enum TableError {
-    #[error("table {table}: there is no column {column:?}; see `posegrid schema {table}`")]
-    UnknownColumn { table: String, column: String },
-    #[error(
-        "table {table}: columns {column:?} and {other:?}: the names differ at most in upper and lower case; which is \
-         meant is not clear"
-    )]
-    Alike { table: String, column: String, other: String },
-    #[error("table {table}: column {column:?} is given twice")]
-    Twice { table: String, column: String },
-    #[error("table {table}: missing columns {}; a column without values still has to be there, all null", columns.join(", "))]
-    Missing { table: String, columns: Vec<String> },
-    #[error("table {table}, column {column:?}: found {found}, the schema states {expected}")]
-    WrongType { table: String, column: String, expected: &'static str, found: String },
-    #[error("table {table}, column {column:?}: {found} values for {rows} rows")]
-    Length { table: String, column: String, rows: usize, found: usize },
-    #[error("table {table}, column {column:?}, row {row}: {problem}")]
-    Value {
-        table: String,
-        column: String,
-        /// The row, from 0, as given.
-        row: usize,
-        problem: String,
-    },
-    #[error(
-        "table {table}, rows {first} and {second}: the same {}; a table has one row per {one_row_per}",
-        if columns.is_empty() { "file".to_owned() } else { columns.join(", ") }
-    )]
-    SameRow {
-        table: String,
-        columns: Vec<String>,
-        one_row_per: String,
-        first: usize,
-        second: usize,
-    },
-    #[error("table {table}: {source}")]
-    Arrow { table: String, source: ArrowError },
+#[error(transparent)]
+pub struct TableError(At<String>);
+
+impl TableError {
+    /// `place` follows the table's name: `, column "x"`.
+    pub(super) fn at(schema: &TableSchema, place: impl Display, problem: impl Display) -> Self {
+        Self(At::new(format!("table {}{place}", schema.table), problem.to_string()))
+    }
+
+    pub(super) fn of(schema: &TableSchema, problem: impl Display) -> Self {
+        Self::at(schema, "", problem)
+    }
+
+    pub(super) fn column(schema: &TableSchema, column: &str, problem: impl Display) -> Self {
+        Self::at(schema, format_args!(", column {column:?}"), problem)
+    }
+
+    pub(super) fn unknown_column(schema: &TableSchema, name: &str) -> Self {
+        let see = format_args!("see `posegrid schema {}`", schema.table);
+        Self::of(schema, format_args!("there is no column {name:?}; {see}"))
+    }
 }
 
 #[derive(Debug, Error)]

@@ -63,15 +63,20 @@ pub struct Head {
 /// columns that may be null may be missing, other columns may be present, and narrower types are widened.
 ///
 /// ```
-/// # use posegrid_base::manifest::RunKey; # use posegrid_io::{schema, table::{self, Columns}}; # let folder =
-/// tempfile::tempdir()?; # let path = folder.path().join("curve.parquet"); # let curve =
-/// Columns::new(schema::find("joint_errors")?, 1) #     .key(&RunKey::new("ur10", "2020-11-09", "00ff")) #
-/// .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("joint_unit", "rad").same("angle_rad", 0.5) #
-/// .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5) #     .same("gear_lines_rad",
-/// 0.0).same("measured", true).finish()?; # table::write(&curve, std::fs::File::create(&path)?)?; let table =
-/// table::read(&path, schema::find("joint_errors")?)?; assert_eq!(table.text("joint_name").value(0),
-/// "shoulder_pan_joint"); assert_eq!(table.f64("error_rad").value(0), -1.2e-4); # Ok::<(), Box<dyn
-/// std::error::Error>>(())
+/// # use posegrid_base::manifest::RunKey;
+/// # use posegrid_io::{schema, table::{self, Columns}};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("curve.parquet");
+/// # let curve = Columns::new(schema::find("joint_errors")?, 1)
+/// #     .key(&RunKey::new("ur10", "2020-11-09", "00ff"))
+/// #     .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("joint_unit", "rad").same("angle_rad", 0.5)
+/// #     .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5)
+/// #     .same("gear_lines_rad", 0.0).same("measured", true).finish()?;
+/// # table::write(&curve, std::fs::File::create(&path)?)?;
+/// let table = table::read(&path, schema::find("joint_errors")?)?;
+/// assert_eq!(table.text("joint_name").value(0), "shoulder_pan_joint");
+/// assert_eq!(table.f64("error_rad").value(0), -1.2e-4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
     read_within(path, schema, Bound::TABLE)
@@ -306,10 +311,7 @@ fn columns(
         known.is_none_or(|(_, column)| !column.is_in(version)) && !is_removed
     });
     if let Some(field) = extra.filter(|_| !accepted) {
-        return Err(TableError::UnknownColumn {
-            table: schema.table.clone(),
-            column: field.name().clone(),
-        });
+        return Err(TableError::unknown_column(schema, field.name()));
     }
     let nothing = |column: &ColumnSchema| new_null_array(&column.kind.arrow(), batch.num_rows());
     let find = |column: &ColumnSchema| match batch.column_by_name(&column.name) {
@@ -329,10 +331,10 @@ fn names_are_clear<'n>(
     let mut seen: BTreeMap<String, &str> = BTreeMap::new();
     for name in names {
         let folded = name.trim().to_lowercase();
-        let alike = |other: &str| TableError::Alike {
-            table: schema.table.clone(),
-            column: name.to_owned(),
-            other: other.to_owned(),
+        let alike = |other: &str| {
+            let problem =
+                "the names differ at most in upper and lower case; which is meant is not clear";
+            TableError::at(schema, format_args!(": columns {name:?} and {other:?}"), problem)
         };
         if folded != name && schema.column(&folded).is_some() {
             return Err(alike(&folded));

@@ -11,7 +11,7 @@ use crate::schema::{KEY_COLUMNS, TableSchema};
 
 /// Rows are in the order of robot, session and run; an error when two tables have rows of one name.
 pub fn together(schema: &'static TableSchema, tables: &[Table]) -> Result<Table, TableError> {
-    let arrow = |source| TableError::Arrow { table: schema.table.clone(), source };
+    let arrow = |source| TableError::of(schema, source);
     let batches = tables.iter().map(Table::batch);
     let batch = concat_batches(&Arc::new(schema.arrow()), batches).map_err(arrow)?;
     let arrays = batch.columns().iter().cloned().map(Some).collect();
@@ -24,8 +24,7 @@ impl Table {
         let keys = self.keys().into_iter().enumerate();
         let kept: BooleanArray = keys.map(|(row, key)| Some(is_kept(row, &key))).collect();
         let batch = filter_record_batch(&self.batch, &kept);
-        let batch = batch
-            .map_err(|source| TableError::Arrow { table: self.schema.table.clone(), source })?;
+        let batch = batch.map_err(|source| TableError::of(self.schema, source))?;
         Ok(Self { batch, ..self.clone() })
     }
 
