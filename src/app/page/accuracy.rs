@@ -5,6 +5,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
+use crate::io::table::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 
@@ -63,16 +64,9 @@ fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
     let own = figures.iter().filter(|figure| figure.quantity == FigureKind::PositionError);
     let mut subjects: Vec<Subject> = own.map(|figure| figure.subject.clone()).collect();
     // Models in their own order, the rest in that of the page.
-    subjects.sort_by(|a, b| {
-        let (split, session, base, _, angles) = words::order(a);
-        let (other_split, other_session, other_base, _, other_angles) = words::order(b);
-        (split, session, base, a.model, angles).cmp(&(
-            other_split,
-            other_session,
-            other_base,
-            b.model,
-            other_angles,
-        ))
+    subjects.sort_by_key(|own| {
+        let (split, base, angles) = (own.split.word(), own.base_refit.word(), own.angles.word());
+        (split, own.of_session.clone(), base, own.model, angles)
     });
     subjects.dedup();
     subjects.sort_by_key(|subject| subject.model != Model::RawCommand);

@@ -1,20 +1,20 @@
 //! The content of a page: rows of a run's published tables, and statements of the run that no table has.
 
-mod origin;
-
 use crate::grid::Tolerance;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::calibrations::CalibrationRow;
+use crate::io::tables::clocks::ClockRow;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::ParameterRow;
+use crate::io::tables::rejects::RejectRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
+use crate::io::tables::stations::{PairingVerdict, Unpaired};
+use crate::manifest::{StageCount, Work, Written};
 use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::next::Next;
 use crate::report::verdict::RunVerdict;
-
-pub use origin::{Count, Provenance, Session};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
@@ -29,20 +29,10 @@ pub struct Content {
     pub next: Next,
     /// The command that corrects targets by the result, as it is typed beside the folder `lake`; `None` where nothing is corrected.
     pub command: Option<String>,
-    pub pairs: Pairs,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
     pub bounds: Option<[[f64; 3]; 2]>,
-    /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
-    pub measured: Option<String>,
-    /// What they were measured with: what it is, and its name or uncertainty.
-    pub instruments: Vec<(&'static str, String)>,
     pub choice: String,
-    /// Warnings for the operator in addition to the verdict, in sentences, shown before the figures.
-    pub warnings: Vec<String>,
-    /// Findings of the run as text: damage, parts of the model, stations with little weight.
-    pub notes: Vec<String>,
-    /// Whether the table that drove the session still holds, as text; `None` where no table did.
-    pub table_state: Option<String>,
+    pub said: Statements,
     pub steps: Vec<StepRow>,
     pub figures: Vec<AccuracyRow>,
     pub tip: Vec<AccuracyRow>,
@@ -51,6 +41,44 @@ pub struct Content {
     pub parameters: Vec<ParameterRow>,
     pub calibrations: Vec<CalibrationRow>,
     pub sessions: Vec<Session>,
-    pub counts: Vec<Count>,
-    pub provenance: Provenance,
+    pub counts: Vec<StageCount>,
+    pub work: Work,
+    pub written: Vec<Written>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Statements {
+    /// Topics of which too much was rejected.
+    pub rejected: Vec<String>,
+    /// What else has to be known before anything: shown at the head of the page.
+    pub warnings: Vec<String>,
+    /// Whether one of them is that the logs of a session disagree with the stated set-up.
+    pub doubts_set_up: bool,
+    pub notes: Vec<String>,
+    /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
+    pub measured: Option<String>,
+    /// What they were measured with: what it is, and its name or uncertainty.
+    pub instruments: Vec<(&'static str, String)>,
+    pub pairs: Pairs,
+    /// Whether the table that drove the session still holds; `None` where no table did.
+    pub table_state: Option<String>,
+}
+
+impl Statements {
+    pub(super) fn all_warnings(&self) -> Vec<String> {
+        let rejected = self.rejected.iter();
+        let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));
+        rejected.chain(self.warnings.iter().cloned()).collect()
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Session {
+    pub name: String,
+    /// Whether it is a training session; otherwise it is only judged.
+    pub trained: bool,
+    pub clock: ClockRow,
+    /// The number of its dwells for each verdict and reason.
+    pub dwells: Vec<(PairingVerdict, Option<Unpaired>, usize)>,
+    pub rejects: Vec<RejectRow>,
 }

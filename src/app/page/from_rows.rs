@@ -2,16 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::content::{Content, Count, Provenance, Session};
+use super::content::{Content, Session, Statements};
 use crate::grid::Tolerance;
 use crate::io::lake::Lake;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};
-use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
+use crate::manifest::{RunKey, StageCount, Work, Written};
 use crate::report::Point;
-use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::next::{Next, Stated};
 use crate::report::verdict::RunVerdict;
@@ -30,32 +29,6 @@ pub struct About<'a> {
     pub counts: &'a [StageCount],
     pub written: &'a [Written],
     pub said: &'a Statements,
-}
-
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Statements {
-    /// Topics of which too much was rejected.
-    pub rejected: Vec<String>,
-    /// What else has to be known before anything: shown at the head of the page.
-    pub warnings: Vec<String>,
-    /// Whether one of them is that the logs of a session disagree with the stated set-up.
-    pub doubts_set_up: bool,
-    pub notes: Vec<String>,
-    /// When the sessions were measured, by their logs, in words; `None` where these do not tell.
-    pub measured: Option<String>,
-    /// What they were measured with: what it is, and its name or uncertainty.
-    pub instruments: Vec<(&'static str, String)>,
-    pub pairs: Pairs,
-    /// Whether the table that drove the session still holds; `None` where no table did.
-    pub table_state: Option<String>,
-}
-
-impl Statements {
-    fn all_warnings(&self) -> Vec<String> {
-        let rejected = self.rejected.iter();
-        let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));
-        rejected.chain(self.warnings.iter().cloned()).collect()
-    }
 }
 
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
@@ -80,14 +53,9 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         frame: *about.frame,
         next,
         command,
-        pairs: about.said.pairs.clone(),
+        said: about.said.clone(),
         bounds: about.bounds,
-        measured: about.said.measured.clone(),
-        instruments: about.said.instruments.clone(),
         choice: about.choice.to_owned(),
-        warnings: about.said.all_warnings(),
-        notes: about.said.notes.clone(),
-        table_state: about.said.table_state.clone(),
         steps: rows.steps.rows,
         figures,
         tip,
@@ -96,8 +64,9 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         parameters: rows.parameters.rows,
         calibrations: rows.calibrations.rows,
         sessions: in_order(sessions, about.work),
-        counts: about.counts.iter().map(count).collect(),
-        provenance: made_from(about.work, about.written),
+        counts: about.counts.to_vec(),
+        work: about.work.clone(),
+        written: about.written.to_vec(),
     }
 }
 
@@ -136,29 +105,4 @@ fn dwells(session: &SessionRows) -> Vec<(PairingVerdict, Option<Unpaired>, usize
         entry.or_insert((station.verdict, station.dwell.reason, 0)).2 += 1;
     }
     dwells.into_values().collect()
-}
-
-pub(super) fn count(count: &StageCount) -> Count {
-    Count {
-        stage: count.stage.to_owned(),
-        of: count.of.to_owned(),
-        read: count.read,
-        kept: count.kept,
-        rejected: count.rejected.clone().into_iter().collect(),
-    }
-}
-
-pub(super) fn made_from(work: &Work, written: &[Written]) -> Provenance {
-    let input =
-        |input: &crate::manifest::Input| (input.name.clone(), input.bytes, input.digest.clone());
-    let table = |file: &Written| {
-        (format!("{}/{}", file.table, file.session), file.rows, file.digest.clone())
-    };
-    Provenance {
-        pipeline: work.pipeline.clone(),
-        version: VERSION.to_owned(),
-        inputs: work.inputs.iter().map(input).collect(),
-        tables: written.iter().map(table).collect(),
-        settings: work.settings.clone(),
-    }
 }

@@ -35,7 +35,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             }
         }
         @if let Some(calibration) = parts { h3 { "Parts of the full error model" } (part_rows(calibration)) }
-        @if !content.notes.is_empty() { h3 { "Notes" } ul { @for note in &content.notes { li { (note) } } } }
+        @if !content.said.notes.is_empty() { h3 { "Notes" } ul { @for note in &content.said.notes { li { (note) } } } }
         h3 { "Valid for" }
         dl.list { @for (name, value) in valid_for(first) { div { dt { (name) } dd { (value) } } } }
     })

@@ -12,9 +12,10 @@ mod tests;
 
 use maud::html;
 
-pub use content::{About, Content};
+pub use content::Content;
 
 use super::shell::{self, Maker, Shell, table};
+use crate::manifest::VERSION;
 
 const SECTIONS: [Maker<Content>; 5] = [
     ("grid", "Uniform grid", steps::section),
@@ -29,6 +30,6 @@ pub fn html(content: &Content) -> String {
         title: format!("Plan · {}", content.robot),
         header: promise::header(content),
         sections: shell::sections(&SECTIONS, content),
-        footer: html! { "posegrid " (content.provenance.version) " · plan " code { (content.plan) } },
+        footer: html! { "posegrid " (VERSION) " · plan " code { (content.plan) } },
     })
 }

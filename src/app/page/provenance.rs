@@ -1,44 +1,52 @@
 use maud::{Markup, html};
 
-use super::content::{Content, Provenance};
+use super::content::Content;
 use super::words;
+use crate::manifest::{VERSION, Work, Written};
 
 pub(super) fn section(content: &Content) -> Markup {
-    let provenance = &content.provenance;
     html! {
         dl.list {
             div { dt { "Run" } dd { code { (content.run) } } }
             div { dt { "Robot" } dd { (content.robot) } }
             div { dt { "Session" } dd { (content.session) } }
-            div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
-            div { dt { "posegrid" } dd { (provenance.version) } }
+            div { dt { "Pipeline file" } dd { (content.work.pipeline) } }
+            div { dt { "posegrid" } dd { (VERSION) } }
         }
         p.note { "The machine that computed it, and the run that this one replaces, are in " code { "runs" } "." }
-        h3 { "Inputs" }
-        (files(&provenance.inputs, "Bytes"))
-        h3 { "Tables" }
-        (files(&provenance.tables, "Rows"))
-        details { summary { "Every setting, defaults filled in" } pre { (settings(provenance)) } }
+        (made_from(&content.work, &content.written))
     }
 }
 
-/// Name, size and digest of each file.
-pub(super) fn files(files: &[(String, u64, String)], size: &str) -> Markup {
+/// The files that were read and written, and the settings.
+pub(super) fn made_from(work: &Work, written: &[Written]) -> Markup {
+    let inputs = work.inputs.iter().map(|own| (own.name.clone(), own.bytes, &own.digest));
+    let tables = written.iter().map(|own| (own.name(), own.rows, &own.digest));
+    html! {
+        h3 { "Inputs" }
+        (files(inputs, "Bytes"))
+        h3 { "Tables" }
+        (files(tables, "Rows"))
+        details { summary { "Every setting, defaults filled in" } pre { (settings(&work.settings)) } }
+    }
+}
+
+fn files<'f>(files: impl Iterator<Item = (String, u64, &'f String)>, size: &str) -> Markup {
     let head = html! { th { "File" } th { (size) } th.word { "BLAKE3" } };
     let body = html! {
         @for (name, number, digest) in files {
-            tr { th.word scope="row" { (name) } td { (words::whole(*number)) } td.word.digest { code { (digest) } } }
+            tr { th.word scope="row" { (name) } td { (words::whole(number)) } td.word.digest { code { (digest) } } }
         }
     };
     super::table(&head, &body)
 }
 
 /// The settings over several lines; unchanged where they are no JSON.
-pub(super) fn settings(provenance: &Provenance) -> String {
-    let value: Option<serde_json::Value> = serde_json::from_str(&provenance.settings).ok();
+fn settings(text: &str) -> String {
+    let value: Option<serde_json::Value> = serde_json::from_str(text).ok();
     value
         .and_then(|value| serde_json::to_string_pretty(&value).ok())
-        .unwrap_or_else(|| provenance.settings.clone())
+        .unwrap_or_else(|| text.to_owned())
 }
 
 pub(super) fn reading_section(content: &Content) -> Markup {

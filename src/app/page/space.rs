@@ -10,13 +10,13 @@ use crate::report::compared::{Compared, ErrorPair};
 use crate::report::{Model, Split};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let pairs = [&content.pairs.measured, &content.pairs.predicted];
+    let pairs = [&content.said.pairs.measured, &content.said.pairs.predicted];
     let shown = pairs.map(|pair| shown(content, pair.as_ref()?));
-    if content.table_state.is_none() && shown.iter().all(Option::is_none) {
+    if content.said.table_state.is_none() && shown.iter().all(Option::is_none) {
         return None;
     }
     Some(html! {
-        @if let Some(state) = &content.table_state { p.lead { strong { "This session was driven by a table: " (state) "." } } }
+        @if let Some(state) = &content.said.table_state { p.lead { strong { "This session was driven by a table: " (state) "." } } }
         @for shown in shown.iter().flatten() { (shown) }
     })
 }

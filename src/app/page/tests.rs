@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Isometry3;
 use roxmltree::{Document, ParsingOptions};
 
-use super::content::{Content, Count, Provenance, Session};
+use super::content::{Content, Session, Statements};
 use super::html;
 use super::shell::STYLE;
 use crate::compensation::Conditions;
@@ -26,6 +26,7 @@ use crate::io::tables::validity::ValidFor;
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::kinematics::Convention;
+use crate::manifest::{Input, StageCount, Work, Written};
 use crate::report::compared::{Compared, ErrorPair, Pairs};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
@@ -388,16 +389,19 @@ fn content(name: &str) -> Content {
             instead: None,
         },
         command: Some(format!("posegrid compensate lake/{name}")),
-        pairs: Pairs { predicted: Some(compared(name)), ..Pairs::default() },
         bounds: Some([[-100.0, -80.0, 0.0], [100.0, 80.0, 400.0]]),
-        measured: Some(text()),
-        instruments: vec![("Arm", text())],
         choice: text(),
-        warnings: vec![text()],
-        notes: vec![text()],
+        said: Statements {
+            warnings: vec![text()],
+            notes: vec![text()],
+            measured: Some(text()),
+            instruments: vec![("Arm", text())],
+            pairs: Pairs { predicted: Some(compared(name)), ..Pairs::default() },
+            table_state: Some(text()),
+            ..Statements::default()
+        },
         steps: vec![step(100.0, true, name), step(200.0, false, name)],
         tip: Vec::new(),
-        table_state: Some(name.to_owned()),
         figures: vec![
             figure(Model::BaseTarget, FigureName::Mean, name, 0.512_375, FigureKind::PositionError),
             figure(Model::Full, FigureName::Bound, name, 0.204_75, FigureKind::PositionError),
@@ -414,21 +418,34 @@ fn content(name: &str) -> Content {
         parameters: vec![parameter(name)],
         calibrations: vec![calibration(name)],
         sessions: vec![session(name)],
-        counts: vec![Count {
-            stage: "join".to_owned(),
-            of: text(),
+        counts: vec![StageCount {
+            stage: "join",
+            of: "readings",
             read: 10,
             kept: 8,
-            rejected: vec![(text(), 2)],
+            rejected: BTreeMap::from([(text(), 2)]),
         }],
-        provenance: Provenance {
-            pipeline: text(),
-            version: "0.1.0".to_owned(),
-            inputs: vec![(text(), 12_345, "af13".to_owned())],
-            tables: vec![(text(), 80, "b2c4".to_owned())],
-            settings: text(),
-        },
+        work: work(name),
+        written: vec![written(name)],
     }
+}
+
+pub(super) fn work(name: &str) -> Work {
+    let text = || name.to_owned();
+    Work {
+        robot: text(),
+        session: text(),
+        pipeline: text(),
+        sessions: Vec::new(),
+        test_sessions: Vec::new(),
+        inputs: vec![Input { name: text(), bytes: 12_345, digest: "af13".to_owned() }],
+        settings: text(),
+    }
+}
+
+pub(super) fn written(name: &str) -> Written {
+    let text = || name.to_owned();
+    Written { table: text(), session: text(), rows: 80, digest: "b2c4".to_owned() }
 }
 
 /// Parses the page as XML; it is well-formed because every element is closed and every value escaped.
@@ -509,10 +526,13 @@ fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
     let whole = content("mon");
     let bare = Content {
         verdict: verdict("9 held-out stations; 59 are needed", Verdict::NotShown(String::new())),
-        pairs: Pairs::default(),
+        said: Statements {
+            pairs: Pairs::default(),
+            measured: None,
+            instruments: Vec::new(),
+            ..whole.said
+        },
         bounds: None,
-        measured: None,
-        instruments: Vec::new(),
         steps: Vec::new(),
         figures: Vec::new(),
         semivariograms: Vec::new(),

@@ -12,19 +12,23 @@ use crate::report::verdict::{self, Judge};
 
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();
-    let (class, headline) = headline(&verdict);
+    let headline = match &verdict {
+        Verdict::Meets => "Tolerance met",
+        Verdict::DoesNotMeet => "Tolerance not met",
+        Verdict::NotShown(_) => "Not shown to meet the tolerance",
+    };
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
-            p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.measured { " · " (measured) } }
-            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&verdict)) } " " (headline) " by the " (content.verdict.applied().words()) }
-            @for warning in &content.warnings { p.warning { (warning) } }
+            p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.said.measured { " · " (measured) } }
+            h1 { (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied().words()) }
+            @for warning in content.said.all_warnings() { p.warning { (warning) } }
             p.lead { (sentence(content, &verdict)) }
             (remarks(content.verdict.judges()))
             (frame(content))
             (to_do(content))
             (facts(content, chosen))
-            @if let Some(three) = &content.pairs.table_and_arm { p { (capital(&three.words())) "." } }
+            @if let Some(three) = &content.said.pairs.table_and_arm { p { (capital(&three.words())) "." } }
             (instruments(content))
             details {
                 summary { "The verdict in full" }
@@ -53,8 +57,8 @@ fn to_do(content: &Content) -> Markup {
 
 fn instruments(content: &Content) -> Markup {
     html! {
-        @if !content.instruments.is_empty() {
-            dl.list { @for (what, words) in &content.instruments { div { dt { (what) } dd { (words) } } } }
+        @if !content.said.instruments.is_empty() {
+            dl.list { @for (what, words) in &content.said.instruments { div { dt { (what) } dd { (words) } } } }
         }
     }
 }
@@ -104,23 +108,6 @@ fn remarks(judges: &[Judge]) -> Markup {
     }
 }
 
-const fn headline(verdict: &Verdict) -> (&'static str, &'static str) {
-    match verdict {
-        Verdict::Meets => ("met", "Tolerance met"),
-        Verdict::DoesNotMeet => ("not-met", "Tolerance not met"),
-        Verdict::NotShown(_) => ("not-shown", "Not shown to meet the tolerance"),
-    }
-}
-
-/// The sign distinguishes the verdicts without colour too.
-const fn sign(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Meets => "✓",
-        Verdict::DoesNotMeet => "✗",
-        Verdict::NotShown(_) => "?",
-    }
-}
-
 /// The verdict in a sentence, by the figure that decides.
 fn sentence(content: &Content, verdict: &Verdict) -> Markup {
     let tolerance = &content.tolerance;
@@ -157,7 +144,7 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
                 (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
                     "guarded by U = " (words::fixed(figure.expanded_uncertainty_mm, 3)) " mm"
                 }))
-                @if let Some([before, after]) = content.pairs.predicted.as_ref().and_then(Compared::figures) {
+                @if let Some([before, after]) = content.said.pairs.predicted.as_ref().and_then(Compared::figures) {
                     (fact("Mean error", &mm(Some(after.mean)), &html! {
                         "before: " (words::fixed(before.mean, 3)) " mm at the same stations"
                     }))

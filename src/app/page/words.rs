@@ -16,19 +16,6 @@ pub(super) const fn look(model: Model) -> usize {
     model.about().look
 }
 
-/// The order of subjects on a page: by split, session, base, model and angles, in the alphabet of the tables' words.
-pub(super) fn order(
-    subject: &Subject,
-) -> (&'static str, &str, &'static str, &'static str, &'static str) {
-    (
-        subject.split.word(),
-        &subject.of_session,
-        subject.base_refit.word(),
-        subject.model.word(),
-        subject.angles.word(),
-    )
-}
-
 /// The model of a subject, with the angles where they make a difference.
 pub(super) fn subject(subject: &Subject) -> String {
     subject.model.name_at(subject.angles)
@@ -71,6 +58,16 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
         TableVerdict::NotMet => "not met",
         TableVerdict::NotShown => "not shown",
     }
+}
+
+/// The sign of a verdict, which distinguishes them without colour too.
+pub(super) fn mark(verdict: TableVerdict) -> Markup {
+    let (class, sign) = match verdict {
+        TableVerdict::Met => ("met", "✓"),
+        TableVerdict::NotMet => ("not-met", "✗"),
+        TableVerdict::NotShown => ("not-shown", "?"),
+    };
+    html! { span class={ "mark " (class) } aria-hidden="true" { (sign) } }
 }
 
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {

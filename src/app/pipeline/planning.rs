@@ -29,7 +29,7 @@ use crate::io::tables::sampling_plan::{self, VisitRow};
 use crate::io::tables::words::{TableVerdict, VerdictOf};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
-use crate::page::plan::{self as page, About, Content};
+use crate::page::plan::{self as page, Content};
 use crate::plan::section::PlanSection;
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
@@ -198,8 +198,15 @@ impl Planning {
             run.publish(table)?;
         }
         let counts = counts(plan);
-        let about = About { work: &self.work, counts: &counts, written: run.written() };
-        let html = page::html(&Content::of(visits.rows, figures.rows, &about));
+        let html = page::html(&Content {
+            robot: key.robot.clone(),
+            plan: key.run.clone(),
+            figures: figures.rows,
+            visits: visits.rows,
+            counts: counts.clone(),
+            work: self.work.clone(),
+            written: run.written().to_vec(),
+        });
         run.publish_page(&html)?;
         let row = runs::table(&self.work, &counts, run.written(), &ending(plan, replaces))?;
         Ok(run.commit(&row)?)

@@ -45,7 +45,7 @@ fn row(content: &Content, session: &Session) -> Markup {
         let is_it = |(own, _): &&(Subject, Compared)| {
             (own.split, &own.of_session) == (split, &session.name)
         };
-        let found = content.pairs.of_sessions.iter().find(is_it);
+        let found = content.said.pairs.of_sessions.iter().find(is_it);
         let means = found.and_then(|(_, own)| own.figures());
         html! { @for place in 0..2 { td { (words::optional(means.map(|own| own[place].mean), 3)) } } }
     };

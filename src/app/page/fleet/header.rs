@@ -5,14 +5,14 @@ use maud::{Markup, html};
 use super::content::{Content, Newest, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::verdict::fact;
-use crate::page::words::whole;
+use crate::page::words::{mark, whole};
 
 pub(super) fn header(content: &Content) -> Markup {
-    let (class, sign, headline) = status(content);
+    let (verdict, headline) = status(content);
     html! {
         header {
             p.which { "Fleet · " (how_many(content.robots.len())) }
-            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            h1 { (mark(verdict)) " " (headline) }
             p.lead { (as_of(content)) }
             dl.facts { @for (name, count) in counts(content) { (fact(name, &html! { (whole(count as u64)) }, &html! {})) } }
         }
@@ -48,18 +48,17 @@ fn counts(content: &Content) -> [(&'static str, usize); 6] {
     ]
 }
 
-/// Class, sign and headline; the sign distinguishes the cases without colour too.
-fn status(content: &Content) -> (&'static str, &'static str, String) {
+fn status(content: &Content) -> (TableVerdict, String) {
     let all = content.robots.len();
     let [met, not_met, ..] = counts(content).map(|(_, count)| count);
     if not_met > 0 {
         let verb = if not_met == 1 { "does" } else { "do" };
         let headline = format!("{not_met} of {} {verb} not meet the tolerance", how_many(all));
-        ("not-met", "✗", headline)
+        (TableVerdict::NotMet, headline)
     } else if met < all {
         let headline = format!("{met} of {all} robots are shown to meet the tolerance");
-        ("not-shown", "?", headline)
+        (TableVerdict::NotShown, headline)
     } else {
-        ("met", "✓", format!("All {all} robots meet the tolerance"))
+        (TableVerdict::Met, format!("All {all} robots meet the tolerance"))
     }
 }

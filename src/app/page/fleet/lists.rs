@@ -6,7 +6,7 @@ use super::content::{Content, Newest, Robot, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::history::figure_name;
 use crate::page::shell::table;
-use crate::page::words::{number, optional, verdict};
+use crate::page::words::{mark, number, optional, verdict};
 
 const WORST: usize = 10;
 const MOST: usize = 50;
@@ -121,7 +121,7 @@ fn figures(content: &Content, own: &[Measured<'_>]) -> Markup {
         html! {
             tr {
                 th scope="row" { (link(robot)) }
-                td.word { span class={ "mark " (class(newest.verdict)) } aria-hidden="true" { (sign(newest.verdict)) } (verdict(newest.verdict)) }
+                td.word { (mark(newest.verdict)) (verdict(newest.verdict)) }
                 td.n { (optional(newest.bound_mm, 3)) }
                 td.n { (optional(newest.tolerance_mm, 3)) }
                 td.n { (optional(newest.ratio(), 2)) }
@@ -165,20 +165,4 @@ fn began(newest: &Newest) -> String {
 fn capital(word: &str) -> String {
     let mut letters = word.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
-}
-
-const fn class(verdict: TableVerdict) -> &'static str {
-    match verdict {
-        TableVerdict::Met => "met",
-        TableVerdict::NotMet => "not-met",
-        TableVerdict::NotShown => "not-shown",
-    }
-}
-
-const fn sign(verdict: TableVerdict) -> &'static str {
-    match verdict {
-        TableVerdict::Met => "✓",
-        TableVerdict::NotMet => "✗",
-        TableVerdict::NotShown => "?",
-    }
 }

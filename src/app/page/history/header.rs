@@ -3,15 +3,16 @@
 use maud::{Markup, html};
 
 use super::content::{Content, Session};
+use crate::io::tables::words::TableVerdict;
 use crate::page::verdict::fact;
-use crate::page::words::whole;
+use crate::page::words::{mark, whole};
 
 pub(super) fn header(content: &Content) -> Markup {
-    let (class, sign, headline) = status(content);
+    let (verdict, headline) = status(content);
     html! {
         header {
             p.which { "History · " (content.robot) }
-            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            h1 { (mark(verdict)) " " (headline) }
             @if let Some(last) = content.sessions.last() {
                 p.lead { "Newest session: " strong { (last.name) } ". " (sentence(content)) }
             }
@@ -32,16 +33,15 @@ fn counts(content: &Content) -> [(&'static str, usize); 6] {
     ]
 }
 
-/// Class, sign and headline; the sign distinguishes the cases without colour too.
-fn status(content: &Content) -> (&'static str, &'static str, &'static str) {
+fn status(content: &Content) -> (TableVerdict, &'static str) {
     match content.sessions.last() {
-        None => ("not-shown", "?", "There is no session to report"),
-        Some(last) if last.moved.is_some() => ("not-met", "✗", "Something moved"),
-        Some(last) if !last.out_of_control.is_empty() => ("not-met", "✗", "Out of control"),
+        None => (TableVerdict::NotShown, "There is no session to report"),
+        Some(last) if last.moved.is_some() => (TableVerdict::NotMet, "Something moved"),
+        Some(last) if !last.out_of_control.is_empty() => (TableVerdict::NotMet, "Out of control"),
         Some(last) if last.against == 0 => {
-            ("not-shown", "?", "Nothing to compare the newest session with")
+            (TableVerdict::NotShown, "Nothing to compare the newest session with")
         }
-        Some(_) => ("met", "✓", "Nothing moved"),
+        Some(_) => (TableVerdict::Met, "Nothing moved"),
     }
 }
 

@@ -6,35 +6,17 @@ use super::cells::asked;
 use super::content::Content;
 use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
 use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
+use crate::io::tables::words::TableVerdict;
 use crate::page::verdict::{fact, mm};
-use crate::page::words::{fixed, percent, whole};
+use crate::page::words::{fixed, mark, percent, whole};
 
-/// Whether the plan meets the tolerance, as the tables show it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Status {
-    Met,
-    NotMet,
-    NotShown,
-}
-
-impl Status {
-    /// The status in the row of `runs`: with too few robots for a bound nothing is shown.
-    fn of(content: &Content) -> Self {
-        let bound = content.promise().and_then(|own| own.promised_bound_mm);
-        match (found(content), bound) {
-            (Some(found), _) if found.holds() => Self::Met,
-            (_, Some(_)) => Self::NotMet,
-            (_, None) => Self::NotShown,
-        }
-    }
-
-    /// Class, sign and headline; the sign distinguishes them without colour too.
-    const fn words(self) -> (&'static str, &'static str, &'static str) {
-        match self {
-            Self::Met => ("met", "✓", "The plan meets the tolerance"),
-            Self::NotMet => ("not-met", "✗", "The plan does not meet the tolerance"),
-            Self::NotShown => ("not-shown", "?", "The plan is not shown to meet the tolerance"),
-        }
+/// The verdict in the row of `runs`: with too few robots for a bound nothing is shown.
+fn verdict(content: &Content) -> TableVerdict {
+    let bound = content.promise().and_then(|own| own.promised_bound_mm);
+    match (found(content), bound) {
+        (Some(found), _) if found.holds() => TableVerdict::Met,
+        (_, Some(_)) => TableVerdict::NotMet,
+        (_, None) => TableVerdict::NotShown,
     }
 }
 
@@ -44,15 +26,19 @@ fn found(content: &Content) -> Option<&FigureRow> {
 }
 
 pub(super) fn header(content: &Content) -> Markup {
-    let status = Status::of(content);
-    let (class, sign, headline) = status.words();
+    let verdict = verdict(content);
+    let headline = match verdict {
+        TableVerdict::Met => "meets the tolerance",
+        TableVerdict::NotMet => "does not meet the tolerance",
+        TableVerdict::NotShown => "is not shown to meet the tolerance",
+    };
     html! {
         header {
             p.which { "Plan · " (content.robot) }
-            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            h1 { (mark(verdict)) " The plan " (headline) }
             @if let Some(promise) = content.promise() {
                 p.lead { (sentence(promise)) }
-                p.lead { (shown(content, promise, status)) }
+                p.lead { (shown(content, promise, verdict)) }
                 (facts(content, promise))
             }
             p.note {
@@ -79,7 +65,7 @@ fn sentence(promise: &VisitRow) -> Markup {
 }
 
 /// A sentence on how many simulated robots meet the tolerance.
-fn shown(content: &Content, promise: &VisitRow, status: Status) -> Markup {
+fn shown(content: &Content, promise: &VisitRow, verdict: TableVerdict) -> Markup {
     let at_least = found(content).map(|row| row.share_at_least);
     html! {
         (promise.robots_meet) " of " (promise.robots_simulated) " simulated robots that took no part in choosing poses meet the tolerance of "
@@ -87,9 +73,9 @@ fn shown(content: &Content, promise: &VisitRow, status: Status) -> Markup {
         @if let Some(share) = at_least {
             ": with " (percent(promise.promised_confidence)) " % confidence at least "
             data value=(share) { (fixed(100.0 * share, 1)) } " % of all such robots do, "
-            @match status {
-                Status::Met => "and ",
-                Status::NotMet | Status::NotShown => "but ",
+            @match verdict {
+                TableVerdict::Met => "and ",
+                TableVerdict::NotMet | TableVerdict::NotShown => "but ",
             }
             (percent(promise.promised_share)) " % are asked for"
         }

@@ -1,26 +1,22 @@
 use maud::{Markup, html};
 
 use super::content::Content;
-use crate::page::provenance::{files, settings};
+use crate::manifest::VERSION;
+use crate::page::provenance::made_from;
 
 pub(super) fn section(content: &Content) -> Markup {
-    let provenance = &content.provenance;
     html! {
         dl.list {
             div { dt { "Plan" } dd { code { (content.plan) } } }
             div { dt { "Robot" } dd { (content.robot) } }
-            div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
-            div { dt { "posegrid" } dd { (provenance.version) } }
+            div { dt { "Pipeline file" } dd { (content.work.pipeline) } }
+            div { dt { "posegrid" } dd { (VERSION) } }
         }
         p.note {
             "The plan's id follows from inputs, settings and version. Name it in " code { "[report] plan" } ", or in the log's metadata record "
             code { "session" } " as " code { "plan" } ", and the session's report states whether the promise was kept."
         }
-        h3 { "Inputs" }
-        (files(&provenance.inputs, "Bytes"))
-        h3 { "Tables" }
-        (files(&provenance.tables, "Rows"))
-        details { summary { "Every setting, defaults filled in" } pre { (settings(provenance)) } }
+        (made_from(&content.work, &content.written))
     }
 }
 

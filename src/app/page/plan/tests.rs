@@ -7,8 +7,8 @@ use super::html;
 use crate::grid::Interpolation;
 use crate::io::tables::plan_figures::{CorrectedBy, FigureRow, FigureStudy};
 use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
-use crate::page::content::{Count, Provenance};
-use crate::page::tests::{HOSTILE, assert_text_alone, parsed};
+use crate::manifest::StageCount;
+use crate::page::tests::{HOSTILE, assert_text_alone, parsed, work, written};
 use crate::plan::Kind;
 
 fn figure(study: FigureStudy, design: Kind) -> FigureRow {
@@ -122,20 +122,15 @@ fn content(name: &str) -> Content {
         plan: "00ff".to_owned(),
         figures: figures(),
         visits: (0..).zip(purposes).map(|(pose, purpose)| visit(pose, purpose, name)).collect(),
-        counts: vec![Count {
-            stage: "plan".to_owned(),
-            of: "candidate poses".to_owned(),
+        counts: vec![StageCount {
+            stage: "plan",
+            of: "candidate poses",
             read: 1003,
             kept: 1000,
-            rejected: vec![(text(), 3)],
+            rejected: BTreeMap::from([(text(), 3)]),
         }],
-        provenance: Provenance {
-            pipeline: text(),
-            version: "0.1.0".to_owned(),
-            inputs: vec![(text(), 959, "9302".to_owned())],
-            tables: vec![(text(), 77, "d83f".to_owned())],
-            settings: text(),
-        },
+        work: work(name),
+        written: vec![written(name)],
     }
 }
 
