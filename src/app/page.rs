@@ -25,8 +25,10 @@ mod words;
 
 use maud::html;
 
-pub use content::Content;
-pub use from_rows::{About, Statements, content};
+use crate::manifest::VERSION;
+
+pub use content::{Content, Statements};
+pub use from_rows::{About, content};
 
 use shell::{Maker, Shell, table};
 
@@ -50,6 +52,6 @@ pub fn html(content: &Content) -> String {
         title: format!("{} · {}", content.robot, content.session),
         header: verdict::header(content),
         sections: shell::sections(&SECTIONS, content),
-        footer: html! { "posegrid " (content.provenance.version) " · run " code { (content.run) } },
+        footer: html! { "posegrid " (VERSION) " · run " code { (content.run) } },
     })
 }

@@ -94,7 +94,11 @@ impl<'t> CalibrationsFile<'t> {
             table_id: key.run.clone(),
             frames: self.frames(own)?,
             flange_from_tool: common::placement(path, "flange_from_tool", &own.flange_from_tool)?,
-            command_from_base: valid_for.command_from_base(path)?,
+            command_from_base: common::placement(
+                path,
+                "command_from_base",
+                &valid_for.command_from_base,
+            )?,
             model,
             measured: common::joint_ranges(path, valid_for, joints)?,
             configurations: own.configurations.clone(),

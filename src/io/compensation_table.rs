@@ -64,7 +64,8 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     let own = common::of_every_row(path, &published, every)?.clone();
     let file = TableFile { path, rows, own };
     let (own, valid_for) = (&file.own, &file.own.valid_for);
-    let command_from_base = valid_for.command_from_base(path)?;
+    let command_from_base =
+        common::placement(path, "command_from_base", &valid_for.command_from_base)?;
     let lattice = file.lattice(&command_from_base)?;
     let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {

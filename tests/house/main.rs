@@ -37,13 +37,14 @@ const MAY_USE: &[(&str, &str)] = &[
     ("manifest", ""),
     (
         "io",
-        "at compensation figures fit geometry grid history ingest join kinematics manifest plan progress report setup similarity units",
+        "at compensation figures fit geometry grid history ingest join judgement kinematics manifest plan progress report setup similarity \
+         units",
     ),
     ("page", "figures fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
-        "at compensation figures fit geometry grid history ingest io join kinematics manifest page plan progress report \
+        "at compensation figures fit geometry grid history ingest io join judgement kinematics manifest page plan progress report \
          setup similarity simulate units",
     ),
     (
@@ -63,9 +64,8 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     ("io", &["input", "log", "table"], "inputs are bounded by what logs and tables take"),
     (
         "io",
-        &["common", "lake", "store", "tables"],
-        "a store keeps a lake's temporaries, a lake stands in a store and goes by the rows of table runs; what both correcting tables \
-         share reads the frame in their rows",
+        &["lake", "store", "tables"],
+        "a store keeps a lake's temporaries, a lake stands in a store and goes by the rows of table runs",
     ),
     (
         "pipeline",

@@ -3,7 +3,7 @@ use crate::ingest::{
     CovarianceColumns, LengthColumns, OrientationColumns, PoseColumns, ReadingColumns,
     StationsSettings,
 };
-use crate::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::{Cell, ColumnError, MeasuredTable};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sum {
@@ -147,11 +147,15 @@ fn sums(table: &MeasuredTable, key: &str, values: &[String]) -> Found<Vec<Sum>> 
 }
 
 pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize> {
-    table.find(column).map_err(|source| StationTableErrorKind::Column {
+    table.find(column).map_err(|source| no_column(key, column, source))
+}
+
+fn no_column(key: &str, value: &str, source: ColumnError) -> StationTableErrorKind {
+    StationTableErrorKind::Column {
         key: key.to_owned(),
-        value: column.to_owned(),
+        value: value.to_owned(),
         source: Box::new(source),
-    })
+    }
 }
 
 impl Sum {
@@ -166,13 +170,7 @@ impl Sum {
             match (table.find(term), term.parse::<f64>()) {
                 (Ok(column), _) => sum.terms.push((sign, column)),
                 (Err(_), Ok(number)) if number.is_finite() => sum.constant += sign * number,
-                (Err(source), _) => {
-                    return Err(StationTableErrorKind::Column {
-                        key: key.to_owned(),
-                        value: value.to_owned(),
-                        source: Box::new(source),
-                    });
-                }
+                (Err(source), _) => return Err(no_column(key, value, source)),
             }
         }
         if sum.terms.is_empty() {

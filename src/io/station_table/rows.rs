@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-use super::columns::{Columns, Length, Measured, Pose, Sum, Value as Cellular};
+use super::columns::{Columns, Length, Measured, Sum, Value as Cellular};
 use super::{StationTable, name};
 use crate::geometry::{PoseCovariance, symmetric};
 use crate::ingest::covariances::{self, CovarianceCounts};
@@ -284,7 +284,7 @@ impl Reader<'_> {
         else {
             return Ok(None);
         };
-        let Some(position) = if_there(self.position(columns, row, settings.unit))? else {
+        let Some(position) = if_there(self.place(&columns.position, row, settings.unit))? else {
             return Ok(None);
         };
         let orientation = match (&columns.orientation, &settings.orientation) {
@@ -396,7 +396,7 @@ impl Reader<'_> {
         columns: &Measured,
     ) -> Result<(Value, usize), Fault> {
         let settings = &self.settings.measured[place];
-        let position = self.position(&columns.pose, row, settings.unit)?;
+        let position = self.place(&columns.pose.position, row, settings.unit)?;
         let (to_mm, samples) = (settings.unit.to_mm(), self.samples(columns, row)?);
         let sd = columns.sd.iter().map(|sum| self.deviation(sum, row));
         let sd = sd.collect::<Result<Vec<f64>, Fault>>()?;
@@ -447,7 +447,7 @@ impl Reader<'_> {
         if found.iter().all(Option::is_none) {
             return Ok(vec![0.0; sums.len()]);
         }
-        sums.iter().map(|sum| self.value(sum, row)).collect()
+        self.values(sums, row)
     }
 
     fn samples(&self, columns: &Measured, row: usize) -> Result<usize, Fault> {
@@ -473,13 +473,8 @@ impl Reader<'_> {
     }
 
     /// A position, mm. Three zeros are what some instruments write for a missing reflector.
-    fn position(&self, columns: &Pose, row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
-        self.place(&columns.position, row, unit)
-    }
-
     fn place(&self, sums: &[Sum], row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
-        let values = sums.iter().map(|sum| self.value(sum, row));
-        let values = values.collect::<Result<Vec<f64>, Fault>>()?;
+        let values = self.values(sums, row)?;
         if values.iter().all(|value| *value == 0.0) {
             return Err(Fault::missing(
                 None,
@@ -513,9 +508,12 @@ impl Reader<'_> {
         row: usize,
         columns: &OrientationColumns,
     ) -> Result<UnitQuaternion<f64>, Fault> {
-        let values = sums.iter().map(|sum| self.value(sum, row));
-        let values = values.collect::<Result<Vec<f64>, Fault>>()?;
+        let values = self.values(sums, row)?;
         rotation(&values, &columns.form)
+    }
+
+    fn values(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {
+        sums.iter().map(|sum| self.value(sum, row)).collect()
     }
 
     fn value(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {

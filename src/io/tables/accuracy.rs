@@ -217,8 +217,8 @@ fn figures(
     tolerance: &Tolerance,
     key: &RunKey,
 ) -> Vec<AccuracyRow> {
-    let figures = of.figures.as_ref();
-    let named = [
+    let (figures, coverage) = (of.figures.as_ref(), of.coverage.as_ref());
+    let norms = [
         (FigureName::Mean, figures.map(|f| f.mean)),
         (FigureName::Rms, figures.map(|f| f.rms)),
         (FigureName::P95, figures.map(|f| f.p95)),
@@ -226,35 +226,17 @@ fn figures(
         (FigureName::Max, figures.map(|f| f.max)),
         (FigureName::MeanPlus3Sd, figures.map(Figures::mean_plus_3_sd)),
     ];
-    let coverage = of.coverage.as_ref();
     let covered = [
         (FigureName::ShareInEllipsoid, coverage.map(|c| c.inside)),
         (FigureName::MeanMahalanobisSquared, coverage.map(|c| c.mean_squared_distance)),
     ];
-    let there = |(name, value): (FigureName, Option<f64>)| Some((name, value?));
-    let norms = named.into_iter().filter_map(there).map(|(name, value)| {
-        let row = figure(of, FigureKind::PositionError, name, Some(value), Unit::Mm, key);
-        row.with_uncertainty(of.expanded_uncertainty_mm)
-    });
-    let covered = covered.into_iter().filter_map(there).map(|(name, value)| {
-        // Residuals against their own covariances: a number without unit.
-        figure(of, FigureKind::Coverage, name, Some(value), Unit::One, key)
-    });
-    let bound = bound(of, verdict, reason, tolerance, key);
-    norms.chain([bound]).chain(covered).collect()
-}
-
-/// The bound with the tolerance and the uncertainty.
-fn bound(
-    of: &Accuracy,
-    verdict: &Verdict,
-    reason: Option<&String>,
-    tolerance: &Tolerance,
-    key: &RunKey,
-) -> AccuracyRow {
-    let kind = FigureKind::PositionError;
-    let row = figure(of, kind, FigureName::Bound, of.bound, Unit::Mm, key);
-    AccuracyRow {
+    let figure = |kind, name, value| figure(of, kind, name, value, key);
+    let there = |(kind, name, value): (FigureKind, FigureName, Option<f64>)| {
+        value.map(|value| figure(kind, name, Some(value)))
+    };
+    let norms = norms.map(|(name, value)| (FigureKind::PositionError, name, value));
+    let covered = covered.map(|(name, value)| (FigureKind::Coverage, name, value));
+    let bound = AccuracyRow {
         n: of.counted.poses,
         visits: Some(of.counted.visits),
         n_needed: Some(whole(least_count(tolerance.coverage()))),
@@ -263,8 +245,9 @@ fn bound(
         tolerance: Some(tolerance.mm),
         verdict: Some(verdict.into()),
         reason: reason.cloned(),
-        ..row.with_uncertainty(of.expanded_uncertainty_mm)
-    }
+        ..figure(FigureKind::PositionError, FigureName::Bound, of.bound)
+    };
+    norms.into_iter().chain(covered).filter_map(there).chain([bound]).collect()
 }
 
 fn figure(
@@ -272,11 +255,13 @@ fn figure(
     quantity: FigureKind,
     name: FigureName,
     value: Option<f64>,
-    unit: Unit,
     key: &RunKey,
 ) -> AccuracyRow {
+    // Residuals against their own covariances are a number without unit.
+    let is_length = quantity == FigureKind::PositionError;
+    let unit = if is_length { Unit::Mm } else { Unit::One };
     let own = (of.subject.model == Model::Table).then(|| table_id(key).to_owned());
-    AccuracyRow {
+    let row = AccuracyRow {
         value,
         n: of.figures.map_or(0, |figures| figures.n),
         base_stations: of.finders.map(|finders| finders.stations),
@@ -284,5 +269,6 @@ fn figure(
         blocks: of.blocks,
         table_id: of.driven_by.clone().or(own),
         ..AccuracyRow::of(&of.subject, (of.point, of.moment), quantity, name, unit)
-    }
+    };
+    if is_length { row.with_uncertainty(of.expanded_uncertainty_mm) } else { row }
 }

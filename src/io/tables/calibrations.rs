@@ -129,19 +129,11 @@ pub fn rows(
     context: &PublishContext<'_>,
 ) -> Result<Vec<CalibrationRow>, serde_json::Error> {
     let of_arm = of_arm(outcome, context);
-    let identified = identified(outcome);
-    let rows = identified.iter().map(|model| model.row(outcome, context, of_arm.clone()));
-    rows.collect()
-}
-
-fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
-    let calibration = |(model, calibration): &'a (Model, Calibration)| Identified {
-        model: *model,
-        of: Of::Calibration(calibration),
-    };
-    let full =
-        outcome.full.as_ref().map(|full| Identified { model: Model::Full, of: Of::Full(full) });
-    outcome.calibrations.iter().map(calibration).chain(full).collect()
+    let calibrations = outcome.calibrations.iter();
+    let calibrations = calibrations.map(|(model, own)| (*model, Of::Calibration(own)));
+    let full = outcome.full.iter().map(|own| (Model::Full, Of::Full(own)));
+    let row = |(model, of)| Identified { model, of }.row(outcome, context, of_arm.clone());
+    calibrations.chain(full).map(row).collect()
 }
 
 fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
@@ -227,6 +219,7 @@ impl<'a> Identified<'a> {
         let is_turned = frames.is_some_and(|(_, turned)| *turned);
         let names: Vec<&str> = of_arm.sessions.iter().map(String::as_str).collect();
         let saved = self.model().saved(context.arm, &names);
+        let weights = self.model().weights();
         let (verdict, reason) = self.verdict(outcome);
         Ok(CalibrationRow {
             model_kind: self.model,
@@ -235,8 +228,8 @@ impl<'a> Identified<'a> {
             parts_tried: self.tried(|part| part_name(part.name).to_owned()),
             parts_gain_nat: self.tried(|part| part.gain),
             angles: self.angles(),
-            stations: self.model().weights().len(),
-            stations_downweighted: self.weighted_down(),
+            stations: weights.len(),
+            stations_downweighted: weights.iter().filter(|own| **own < WEIGHTED_DOWN).count(),
             parameters: self.model().parameter_count(),
             fit: match self.of {
                 Of::Calibration(calibration) => calibration.into(),
@@ -286,13 +279,9 @@ impl<'a> Identified<'a> {
 
     fn angles(&self) -> Angles {
         match self.of {
-            Of::Full(_) if self.has_command_weight() => Angles::Weighted,
+            Of::Full(_) if self.parts(true).contains(&"command_weight") => Angles::Weighted,
             Of::Full(_) | Of::Calibration(_) => Angles::Reported,
         }
-    }
-
-    fn has_command_weight(&self) -> bool {
-        self.parts(true).contains(&"command_weight")
     }
 
     /// The frames where there is one session with one source and one target, and whether the target's orientation was fitted.
@@ -305,12 +294,6 @@ impl<'a> Identified<'a> {
             [one] => Some((one.one()?, is_turned(unknowns))),
             _ => None,
         }
-    }
-
-    /// Number of stations with a reduced weight.
-    fn weighted_down(&self) -> usize {
-        let weights = self.model().weights().iter();
-        weights.filter(|weight| **weight < WEIGHTED_DOWN).count()
     }
 
     fn loss(&self, context: &PublishContext<'_>) -> LossName {

@@ -69,30 +69,18 @@ fn of_model(
     (0..context.arm.joints().len()).flat_map(of_joint).collect()
 }
 
-/// Where the curve of a joint is given, from `low` to `high` and beyond, rad or mm; none where nothing was measured.
+/// Where the curve of a joint is given, from `low` to `high` and beyond: whole degrees, in rad, or multiples of [`EVERY_MM`]; none
+/// where nothing was measured.
 fn points(slides: bool, low: f64, high: f64) -> Vec<f64> {
-    if slides { positions(low, high) } else { degrees(low, high) }
-}
-
-/// Multiples of [`EVERY_MM`] around `low` to `high`, mm; none where nothing was measured.
-fn positions(low: f64, high: f64) -> Vec<f64> {
-    let first = ((low - BEYOND_MM) / EVERY_MM).floor();
-    let last = ((high + BEYOND_MM) / EVERY_MM).ceil();
-    std::iter::successors(Some(first), |place| Some(place + 1.0))
-        .take_while(|place| *place <= last)
+    let [first, last] = if slides {
+        [(low - BEYOND_MM) / EVERY_MM, (high + BEYOND_MM) / EVERY_MM]
+    } else {
+        [low.to_degrees() - BEYOND_DEG, high.to_degrees() + BEYOND_DEG]
+    };
+    std::iter::successors(Some(first.floor()), |place| Some(place + 1.0))
+        .take_while(|place| *place <= last.ceil())
         .take(MOST)
-        .map(|place| place * EVERY_MM)
-        .collect()
-}
-
-/// Whole degrees around `low` to `high` (rad), in rad; none where nothing was measured.
-fn degrees(low: f64, high: f64) -> Vec<f64> {
-    let first = (low.to_degrees() - BEYOND_DEG).floor();
-    let last = (high.to_degrees() + BEYOND_DEG).ceil();
-    std::iter::successors(Some(first), |degree| Some(degree + 1.0))
-        .take_while(|degree| *degree <= last)
-        .take(MOST)
-        .map(f64::to_radians)
+        .map(|place| if slides { place * EVERY_MM } else { place.to_radians() })
         .collect()
 }
 
@@ -103,9 +91,9 @@ mod tests {
     #[test]
     fn degrees_reach_beyond_what_was_measured() {
         // 9.5° to 10.5°: −6 (9.5 − 15 = −5.5, rounded outward) to 26.
-        let found = degrees(9.5_f64.to_radians(), 10.5_f64.to_radians());
+        let found = points(false, 9.5_f64.to_radians(), 10.5_f64.to_radians());
         assert_eq!(found.len(), 33);
         assert!((found[0].to_degrees() + 6.0).abs() < 1e-9);
-        assert!(degrees(f64::INFINITY, f64::NEG_INFINITY).is_empty());
+        assert!(points(false, f64::INFINITY, f64::NEG_INFINITY).is_empty());
     }
 }

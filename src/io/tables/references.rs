@@ -109,11 +109,9 @@ fn strays(course: &ReferenceCourse, own: &Place) -> usize {
     let next = places.filter(|other| other.reference == own.reference && other.from > own.from);
     let until = next.map(|other| other.from).min().unwrap_or(usize::MAX);
     let events = course.followed.events.iter();
-    let is_own = |event: &&Event| match event {
-        Event::Stray { look, reference, .. } => {
-            *reference == own.reference && (own.from..until).contains(look)
-        }
-        Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => false,
+    let is_own = |event: &&Event| {
+        matches!(event, Event::Stray { look, reference, .. }
+            if *reference == own.reference && (own.from..until).contains(look))
     };
     events.filter(is_own).count()
 }
@@ -121,14 +119,10 @@ fn strays(course: &ReferenceCourse, own: &Place) -> usize {
 fn moved_by(course: &ReferenceCourse, own: &Place) -> Option<f64> {
     let mut events = course.followed.events.iter();
     events.find_map(|event| match *event {
-        Event::Moved { look, reference, by_mm }
-            if reference == own.reference && look == own.from =>
-        {
-            Some(by_mm)
+        Event::Moved { look, reference, by_mm } => {
+            (reference == own.reference && look == own.from).then_some(by_mm)
         }
-        Event::Moved { .. } | Event::Bump { .. } | Event::Shock { .. } | Event::Stray { .. } => {
-            None
-        }
+        _ => None,
     })
 }
 
@@ -162,10 +156,8 @@ fn motion(course: &ReferenceCourse, look: usize) -> MotionRow {
 fn event(course: &ReferenceCourse, look: usize) -> Option<MotionEvent> {
     let mut events = course.followed.events.iter();
     events.find_map(|event| match event {
-        Event::Bump { before, .. } if *before == look => Some(MotionEvent::Bump),
-        Event::Shock { look: own, .. } if *own == look => Some(MotionEvent::Shock),
-        Event::Bump { .. } | Event::Shock { .. } | Event::Stray { .. } | Event::Moved { .. } => {
-            None
-        }
+        Event::Bump { before, .. } => (*before == look).then_some(MotionEvent::Bump),
+        Event::Shock { look: own, .. } => (*own == look).then_some(MotionEvent::Shock),
+        Event::Stray { .. } | Event::Moved { .. } => None,
     })
 }

@@ -2,7 +2,6 @@
 //! and temperatures while measuring, and the conditions that the pipeline file states.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3};
@@ -10,12 +9,10 @@ use nalgebra::{Isometry3, Point3};
 use super::PublishContext;
 use super::error_frame::ErrorFrameColumns;
 use super::words::joint_units;
-use crate::common::{self, CommonError};
 use crate::compensation::{Conditions, Validity};
 use crate::figures::extremes;
 use crate::fit::WEIGHTED_DOWN;
 use crate::fit::commanded::CommandedPose;
-use crate::geometry::{Base, Command, Transform};
 use crate::grid::Reach;
 use crate::join::Station;
 use crate::judgement::Outcome;
@@ -68,14 +65,6 @@ impl ValidFor {
             temperature_min_c,
             temperature_max_c,
         }
-    }
-
-    /// The frame of the base in the frame of commands, as the table at `path` states it.
-    pub(crate) fn command_from_base(
-        &self,
-        path: &Path,
-    ) -> Result<Transform<Command, Base>, CommonError> {
-        common::placement(path, "command_from_base", &self.command_from_base)
     }
 
     pub fn validity(&self) -> Validity {
