@@ -50,6 +50,7 @@ pub mod sources;
 pub mod start;
 pub mod stated_size;
 pub mod stored;
+pub mod suspects;
 mod tool_errors;
 pub mod visits;
 pub mod wrong_lengths;
@@ -188,6 +189,11 @@ impl FitSettings {
     fn target_of(&self, name: &str) -> Option<TargetId> {
         let mut names = self.target_names.iter();
         names.position(|own| own == name).map(TargetId)
+    }
+
+    /// The name of a source; `tracker` where it has none.
+    pub fn source_name(&self, source: SourceId) -> String {
+        self.source_names.get(source.0).cloned().unwrap_or_else(|| "tracker".to_owned())
     }
 
     /// Refuses places and distances of targets that have no readings: their names are not among [`Self::target_names`].

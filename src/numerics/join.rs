@@ -102,6 +102,39 @@ impl Joined {
         let paired = stations.filter(|station| station.pairing == Pairing::Paired);
         paired.count()
     }
+
+    /// Takes the readings of a station for which `is_wrong` is true out of it; they count as unpaired and are named as rejects. A station
+    /// that is left without a reading has the verdict `otherwise`.
+    pub fn take_out(
+        &mut self,
+        number: usize,
+        otherwise: Unmeasured,
+        reason: &str,
+        is_wrong: impl Fn(&Reading) -> bool,
+    ) {
+        let mut stations = self.stations.iter_mut();
+        let Some(station) = stations.find(|own| own.number == number) else {
+            return;
+        };
+        let (wrong, kept): (Vec<Reading>, Vec<Reading>) =
+            station.readings.drain(..).partition(is_wrong);
+        if kept.is_empty() && !wrong.is_empty() {
+            station.pairing = Pairing::Unmeasured(otherwise);
+        }
+        station.readings = kept;
+        for reading in wrong {
+            let samples = reading.kept as u64;
+            self.counts.kept = self.counts.kept.saturating_sub(samples);
+            self.counts.unpaired += samples;
+            self.rejects.push(JoinReject {
+                start: reading.first,
+                end: reading.last,
+                readings: samples,
+                is_of_reference: false,
+                reason: reason.to_owned(),
+            });
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

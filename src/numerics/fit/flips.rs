@@ -2,7 +2,7 @@
 //!
 //! A small planar target looks nearly alike from two orientations: the one that it has, and the one whose normal is mirrored about the
 //! viewing ray. Where noise decides, the detector states the wrong one ([`crate::method::uncertainty`]). Inputs: the observations of
-//! all sessions and their noise. Output: the readings whose orientation is the mirrored one ([`Flipped`]). Steps:
+//! all sessions and their noise. Output: the readings whose orientation is the mirrored one. Steps:
 //! 1. base and targets are fitted with Cauchy's loss, so that flipped readings do not pull them;
 //! 2. a reading is flipped where its whitened orientation residual is far beyond the others' and its mirrored orientation leaves at most
 //!    a third of it, in standard deviations and as an angle.
@@ -11,9 +11,12 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use super::mislabelled::SwappedThroughout;
 use super::observation::{MeasuredOrientation, Mounted, Noise, Observation};
+use super::suspects::Suspect;
 use super::{FitSettings, Freedom, Loss, identify};
 use crate::figures::median;
+use crate::join::Unmeasured;
 use crate::kinematics::Arm;
 
 /// Beyond this many medians of all readings one is far from the fit: errors of a nominal arm are within a few.
@@ -23,28 +26,6 @@ const LEAST_MEDIAN: f64 = 1.5;
 /// The mirrored orientation explains a reading where it leaves at most this share.
 const EXPLAINS: f64 = 1.0 / 3.0;
 
-#[derive(Debug, Clone, PartialEq)]
-pub struct Flipped {
-    pub place: usize,
-    /// Angle between the measured and the fitted orientation, degrees.
-    pub away_deg: f64,
-    /// Standard deviations between them: the norm of the whitened residual.
-    pub away: f64,
-    /// Angle between the mirrored and the fitted orientation, degrees.
-    pub mirrored_deg: f64,
-    pub mirrored: f64,
-}
-
-impl Flipped {
-    pub fn reason(&self, station: usize) -> String {
-        format!(
-            "flipped view of a planar target: the orientation of station {station} is {:.1}° ({:.0} standard deviations) from the fit, and \
-             {:.1}° ({:.1}) with its normal mirrored about the viewing ray",
-            self.away_deg, self.away, self.mirrored_deg, self.mirrored
-        )
-    }
-}
-
 struct Compared {
     place: usize,
     /// Norm of the whitened residual, and angle, rad.
@@ -52,18 +33,22 @@ struct Compared {
     as_mirrored: (f64, f64),
 }
 
-/// Looks for flipped views among readings of cameras; none are found where base and targets cannot be fitted.
+/// Flipped views among readings of cameras.
 pub fn check(
     arm: &Arm,
     observations: &[Observation],
     sessions: usize,
     settings: &FitSettings,
     noise: &Noise,
-) -> Vec<Flipped> {
+) -> Result<Vec<Suspect>, SwappedThroughout> {
+    let is_of_camera = noise.sources.iter().any(|source| source.uncertainty.camera().is_some());
+    if !is_of_camera || !noise.takes_orientations() {
+        return Ok(Vec::new());
+    }
     let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let fitted = identify(arm, observations, sessions, Freedom::BaseAndTarget, &robust);
     let Ok(fitted) = fitted else {
-        return Vec::new();
+        return Ok(Vec::new());
     };
     let compared = observations.iter().enumerate().filter_map(|(place, own)| {
         let camera = noise.sources.get(own.source.0)?.uncertainty.camera()?;
@@ -76,8 +61,12 @@ pub fn check(
     let compared: Vec<Compared> = compared.collect();
     let norms: Vec<f64> = compared.iter().map(|own| own.as_measured.0).collect();
     let gate = FAR * median(&norms).unwrap_or(0.0).max(LEAST_MEDIAN);
-    let flipped = compared.iter().filter_map(|own| own.flipped(gate));
-    flipped.collect()
+    let flipped = compared.iter().filter_map(|own| {
+        let reading = &observations[own.place];
+        let reason = own.flipped(gate, reading.station)?;
+        Some(Suspect::of(reading, reason, Unmeasured::FlippedView))
+    });
+    Ok(flipped.collect())
 }
 
 fn compared(
@@ -98,16 +87,18 @@ fn compared(
 }
 
 impl Compared {
-    fn flipped(&self, gate: f64) -> Option<Flipped> {
+    /// The reason for which the reading is left out; `None` where it is not flipped.
+    fn flipped(&self, gate: f64, station: usize) -> Option<String> {
         let ((away, turned), (mirrored, mirrored_rad)) = (self.as_measured, self.as_mirrored);
         // Perspective moves the second solution a little away from the mirrored one, by more than a large target's noise.
         let explains = mirrored <= EXPLAINS * away && mirrored_rad <= EXPLAINS * turned;
-        (away > gate && explains).then(|| Flipped {
-            place: self.place,
-            away_deg: turned.to_degrees(),
-            away,
-            mirrored_deg: mirrored_rad.to_degrees(),
-            mirrored,
+        (away > gate && explains).then(|| {
+            format!(
+                "flipped view of a planar target: the orientation of station {station} is {:.1}° ({away:.0} standard deviations) from \
+                 the fit, and {:.1}° ({mirrored:.1}) with its normal mirrored about the viewing ray",
+                turned.to_degrees(),
+                mirrored_rad.to_degrees()
+            )
         })
     }
 }

@@ -556,9 +556,10 @@ fn with_wrong(kind: usize, seed: u64, wrong: &[(usize, usize, f64)]) -> (Arm, Ve
 
 /// The source and the station of each reading that the gate takes for a wrong number.
 fn taken(arm: &Arm, observed: &[Observation]) -> Vec<(usize, usize)> {
-    let wrong = wrong_lengths::check(arm, observed, 1, &drawn_settings());
-    let wrong = wrong.iter().map(|own| &observed[own.place]);
-    wrong.map(|own| (own.source.0, own.station)).collect()
+    let noise = Noise { sources: Vec::new(), repeatability_mm: 0.0, stated: Vec::new() };
+    let wrong = wrong_lengths::check(arm, observed, 1, &drawn_settings(), &noise);
+    let wrong = wrong.expect("one target").into_iter();
+    wrong.map(|own| (own.source.expect("one reading").0, own.station)).collect()
 }
 
 #[test]

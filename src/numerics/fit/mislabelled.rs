@@ -1,7 +1,6 @@
 //! Readings under the name of another target: named with what they are, not fitted.
 //!
-//! Inputs: the observations of all sessions. Output: stations with readings that are not of the target they name ([`Mislabelled`]),
-//! or the swap that goes through a whole session ([`SwappedThroughout`]). Steps:
+//! Inputs: the observations of all sessions. Output: readings that are not of the target they name, or the swap that goes through a whole session ([`SwappedThroughout`]). Steps:
 //! 1. base and targets are fitted with Cauchy's loss and without stated places, so that wrong readings do not pull them;
 //! 2. a station's readings have a *shape*: their distances from where the fit predicts the targets, without the shift that all of them
 //!    share, which is the arm's error. It is the comparison of the readings' mutual distances with those of the places, together with
@@ -19,10 +18,11 @@ use std::fmt;
 use nalgebra::{Point3, Vector3};
 
 use super::frames::Frames;
-use super::observation::Observation;
+use super::observation::{Noise, Observation};
+use super::suspects::Suspect;
 use super::{FitSettings, Freedom, Loss, identify};
 use crate::figures::median;
-use crate::join::TargetId;
+use crate::join::{TargetId, Unmeasured};
 use crate::kinematics::Arm;
 
 /// Beyond this many medians of all stations a station is looked at: errors of an arm are within a few.
@@ -35,27 +35,6 @@ const LEAST_AWAY_MM: f64 = 5.0;
 const EXPLAINS: f64 = 1.0 / 3.0;
 /// Targets whose places are all permuted; of more, two are exchanged at a time.
 const MOST_PERMUTED: usize = 6;
-
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mislabelled {
-    pub session: usize,
-    pub station: usize,
-    pub wrong: Wrong,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub enum Wrong {
-    /// They are of other targets than they name: all of them.
-    Swapped(Swap),
-    Far {
-        target: TargetId,
-        away_mm: f64,
-        /// The nearest target, and its distance, mm.
-        nearest: (TargetId, f64),
-    },
-    /// Their distances agree under no assignment, and no single one is to blame.
-    Disagree { given_mm: f64 },
-}
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Swap {
@@ -108,21 +87,15 @@ impl Swap {
     }
 }
 
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Checked {
-    /// Stations with wrong readings, in the order of sessions and stations.
-    pub stations: Vec<Mislabelled>,
-    pub throughout: Option<SwappedThroughout>,
-}
-
-/// Looks for readings that are not of the target they name; nothing is found in sessions of one target, and where base and targets
-/// cannot be fitted.
+/// Readings that are not of the target they name, in the order of sessions and stations; an error where targets are swapped throughout a
+/// session.
 pub fn check(
     arm: &Arm,
     observations: &[Observation],
     sessions: usize,
     settings: &FitSettings,
-) -> Checked {
+    _: &Noise,
+) -> Result<Vec<Suspect>, SwappedThroughout> {
     let unstated = FitSettings {
         loss: Loss::Cauchy { tuning: 2.0 },
         targets: BTreeMap::new(),
@@ -133,14 +106,13 @@ pub fn check(
     let fitted =
         several.then(|| identify(arm, observations, sessions, Freedom::BaseAndTarget, &unstated));
     let Some(Ok(fitted)) = fitted else {
-        return Checked::default();
+        return Ok(Vec::new());
     };
     let stations = by_station(arm, observations, &fitted.frames);
     let gate = Gate::of(&stations);
-    Checked {
-        stations: stations.iter().flat_map(|own| own.wrong(&gate)).collect(),
-        throughout: throughout(&fitted.frames, settings),
-    }
+    let wrong = stations.iter().flat_map(|own| own.wrong(&gate, &settings.target_names));
+    let wrong = wrong.collect();
+    throughout(&fitted.frames, settings).map_or(Ok(wrong), Err)
 }
 
 /// The readings of a station, and the predictions of all targets there.
@@ -231,10 +203,9 @@ impl Read {
         }
     }
 
-    /// The faults of the station's readings; none where they pass.
-    fn wrong(&self, gate: &Gate) -> Vec<Mislabelled> {
-        let named = self.named();
-        let found = |wrong| Mislabelled { session: self.session, station: self.station, wrong };
+    /// The station's wrong readings, by the names of the targets; none where they pass.
+    fn wrong(&self, gate: &Gate, names: &[String]) -> Vec<Suspect> {
+        let (named, station) = (self.named(), self.station);
         if gate.passes(self, &named) {
             return Vec::new();
         }
@@ -242,7 +213,10 @@ impl Read {
         let misfit_mm = |targets: &[usize]| self.misfit_mm(targets);
         let swap = best(&named, all, misfit_mm, |own| gate.passes(self, own));
         if let Some(swap) = swap {
-            return vec![found(Wrong::Swapped(swap))];
+            let swap = swap.words(|target| target.name(names));
+            return vec![self.suspect(None, format!(
+                "swapped targets: the readings of station {station} are of other targets than they name: {swap}"
+            ))];
         }
         let far: Vec<usize> = (0..self.readings.len())
             .filter(|&place| self.away_mm(&named)[place] > gate.away_mm)
@@ -250,9 +224,12 @@ impl Read {
         let left = self.without(&far);
         if far.is_empty() || !gate.passes(&left, &left.named()) {
             let given_mm = self.misfit_mm(&named);
-            return vec![found(Wrong::Disagree { given_mm })];
+            return vec![self.suspect(None, format!(
+                "wrong target: the readings of station {station} disagree by {given_mm:.2} mm with the places of their targets, under any \
+                 names"
+            ))];
         }
-        let far = far.into_iter().map(|place| found(self.far(place)));
+        let far = far.into_iter().map(|place| self.far(place, names));
         far.collect()
     }
 
@@ -266,14 +243,32 @@ impl Read {
         }
     }
 
-    fn far(&self, place: usize) -> Wrong {
+    fn suspect(&self, target: Option<TargetId>, reason: String) -> Suspect {
+        Suspect {
+            session: self.session,
+            station: self.station,
+            source: None,
+            target,
+            reason,
+            otherwise: Unmeasured::WrongTarget,
+        }
+    }
+
+    /// The reading at `place`, which is far from where any target can be.
+    fn far(&self, place: usize, names: &[String]) -> Suspect {
         let (target, measured) = self.readings[place];
         let away = |predicted: &Point3<f64>| (measured - predicted).norm();
         let nearest = self.predicted.iter().map(away).enumerate();
         let nearest = nearest.min_by(|a, b| a.1.total_cmp(&b.1));
         let away_mm = away(&self.predicted[target.0]);
         let (nearest, mm) = nearest.unwrap_or((target.0, away_mm));
-        Wrong::Far { target, away_mm, nearest: (TargetId(nearest), mm) }
+        let reason = format!(
+            "wrong target: a reading of station {} is {away_mm:.1} mm from where {} is, and {mm:.1} mm from the nearest, {}",
+            self.station,
+            target.name(names),
+            TargetId(nearest).name(names)
+        );
+        self.suspect(Some(target), reason)
     }
 }
 

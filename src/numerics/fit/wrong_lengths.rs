@@ -1,7 +1,7 @@
 //! Wrong numbers among readings of one length: a slip of the pen, a wire that slipped, a beam on something else. They are named and not
 //! fitted.
 //!
-//! Inputs: the observations of all sessions. Output: readings that are too far from what all others predict ([`WrongLength`]). Steps:
+//! Inputs: the observations of all sessions. Output: readings that are too far from what all others predict. Steps:
 //! 1. geometry, frames, anchors and planes are fitted with Cauchy's loss, so that wrong numbers do not pull them;
 //! 2. the residuals of each instrument in each session have a scale by their median, as Student's t with four degrees of freedom: errors
 //!    of an arm have such tails ([`crate::method::error_model`]);
@@ -15,9 +15,12 @@ use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::observation::Observation;
+use super::mislabelled::SwappedThroughout;
+use super::observation::{Noise, Observation};
+use super::suspects::Suspect;
 use super::{Calibration, FitSettings, Freedom, Loss, SourceId, identify};
 use crate::figures::median;
+use crate::join::Unmeasured;
 use crate::kinematics::Arm;
 
 /// Chance of a reading that is named though nothing is wrong, in a session and instrument.
@@ -30,19 +33,19 @@ const ROUNDS: usize = 4;
 /// Residuals below this are rounding, mm.
 const LEAST_MM: f64 = 1e-6;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WrongLength {
-    pub place: usize,
+/// A wrong number, by the place of its observation.
+struct WrongLength {
+    place: usize,
     /// Measured minus predicted length, mm.
-    pub away_mm: f64,
+    away_mm: f64,
     /// Scale of the instrument's residuals: their median over that of Student's t, mm.
-    pub scale_mm: f64,
-    pub readings: usize,
+    scale_mm: f64,
+    readings: usize,
 }
 
 impl WrongLength {
     /// The reason for which the reading is left out; `instrument` is its name.
-    pub fn reason(&self, instrument: &str, station: usize) -> String {
+    fn reason(&self, instrument: &str, station: usize) -> String {
         let Self { away_mm, scale_mm, readings, .. } = self;
         format!(
             "wrong length: the reading of {instrument} at station {station} is {away_mm:+.2} mm from what the arm and all other readings \
@@ -53,13 +56,17 @@ impl WrongLength {
     }
 }
 
-/// Looks for wrong numbers among readings of one length, in order of the observations; none are found where geometry cannot be fitted.
+/// Wrong numbers among readings of one length, in order of the observations.
 pub fn check(
     arm: &Arm,
     observations: &[Observation],
     sessions: usize,
     settings: &FitSettings,
-) -> Vec<WrongLength> {
+    _: &Noise,
+) -> Result<Vec<Suspect>, SwappedThroughout> {
+    if observations.iter().all(|own| own.measured.length().is_none()) {
+        return Ok(Vec::new());
+    }
     let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let mut wrong: BTreeMap<usize, WrongLength> = BTreeMap::new();
     for _ in 0..ROUNDS {
@@ -75,7 +82,12 @@ pub fn check(
         let found = found.into_iter().map(|own| WrongLength { place: places[own.place], ..own });
         wrong.extend(found.map(|own| (own.place, own)));
     }
-    wrong.into_values().collect()
+    let suspects = wrong.values().map(|own| {
+        let reading = &observations[own.place];
+        let reason = own.reason(&settings.source_name(reading.source), reading.station);
+        Suspect::of(reading, reason, Unmeasured::WrongTarget)
+    });
+    Ok(suspects.collect())
 }
 
 fn far(observations: &[Observation], fitted: &Calibration) -> Vec<WrongLength> {

@@ -16,12 +16,10 @@ use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, robust_sigma};
 use super::readings::Seen;
-use super::references::{Motion, ReferenceId};
+use super::references::ReferenceId;
 use super::tabled::RowReference;
 use super::tabled::carried::{Origin, Stop, courses, read, taken_out, undo};
-use super::{
-    JoinError, JoinReject, JoinSettings, Joined, Pairing, ReferenceReadings, Station, Unmeasured,
-};
+use super::{JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, Station, Unmeasured};
 use crate::figures::median;
 use crate::units::{ClockModel, Stamp, Tracker};
 
@@ -84,39 +82,18 @@ pub(super) fn followed(
     let stations = &joined.stations;
     let measured = |number: usize| !stations[number].readings.is_empty();
     for (number, motion) in taken_out(&mut courses, measured) {
-        take_out(&mut joined, number, motion);
+        match motion {
+            Ok(motion) => {
+                let readings = joined.stations[number].readings.iter_mut();
+                readings.for_each(|own| undo(&mut own.value, &motion));
+            }
+            Err(reason) => {
+                joined.take_out(number, Unmeasured::InstrumentMoved, &reason, |_| true);
+            }
+        }
     }
     joined.references = courses;
     Ok(joined)
-}
-
-fn take_out(joined: &mut Joined, number: usize, motion: Result<Motion, String>) {
-    let Some(station) = joined.stations.get_mut(number) else {
-        return;
-    };
-    let reason = match motion {
-        Ok(motion) => {
-            let readings = station.readings.iter_mut();
-            readings.for_each(|own| undo(&mut own.value, &motion));
-            return;
-        }
-        Err(reason) => reason,
-    };
-    if station.readings.is_empty() {
-        return;
-    }
-    station.pairing = Pairing::Unmeasured(Unmeasured::InstrumentMoved);
-    for reading in station.readings.drain(..) {
-        joined.counts.kept -= reading.kept as u64;
-        joined.counts.unpaired += reading.kept as u64;
-        joined.rejects.push(JoinReject {
-            start: reading.first,
-            end: reading.last,
-            readings: reading.kept as u64,
-            is_of_reference: false,
-            reason: reason.clone(),
-        });
-    }
 }
 
 /// The dwells by the tracker's clock, which readings of references are sorted by.

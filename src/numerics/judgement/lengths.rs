@@ -15,18 +15,10 @@ use crate::fit::{
     At, Channel, Frames, MeasuredPoint, Models, Noise, Observation, PoseModel, SourceSize,
 };
 use crate::grid::{Choice, Grids, Verdict};
-use crate::join::SourceId;
 use crate::report::Model;
 
 /// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
-
-/// An instrument's name.
-pub(super) fn name(source: SourceId, settings: &StageSettings) -> String {
-    let names = &settings.fit.source_names;
-    let own = names.get(source.0).cloned();
-    own.unwrap_or_else(|| "tracker".to_owned())
-}
 
 /// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.
 pub(super) fn settings_behind(
@@ -117,7 +109,7 @@ fn source(
     let gauge = frames(models, model).last().and_then(|own| own.gauge(size.source).copied());
     Source {
         model,
-        name: name(size.source, settings),
+        name: settings.fit.source_name(size.source),
         size: size.clone(),
         factor: if fitted { Some(size.factor) } else { of_full.map(|variance| variance.sqrt()) },
         is_fitted: fitted,
@@ -181,7 +173,7 @@ fn left_by(
             station: o.station,
             pose: o.pose,
             source: o.source,
-            name: name(o.source, settings),
+            name: settings.fit.source_name(o.source),
             kind: o.measured.kind(),
             target: several.then_some(o.target),
             measured_mm,

@@ -41,7 +41,7 @@ pub(super) fn camera(
     Ok((settings, found))
 }
 
-pub(super) fn is_of_camera(settings: &StageSettings) -> bool {
+fn is_of_camera(settings: &StageSettings) -> bool {
     let mut sources = settings.noise.sources.iter();
     sources.any(|source| source.uncertainty.camera().is_some())
 }
