@@ -24,6 +24,7 @@ pub mod began;
 mod bump_tests;
 pub mod clock;
 pub mod command;
+mod courses;
 pub mod decide;
 pub mod disposition;
 pub mod dwell;
@@ -72,7 +73,7 @@ pub use began::{Began, began};
 pub use error::JoinError;
 pub use logged_lengths::LengthReadings;
 pub use reading::{
-    MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
+    ByKind, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
     TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
@@ -93,7 +94,7 @@ pub struct Joined {
     pub elsewhere: Vec<Elsewhere>,
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
-    pub found: Found,
+    pub found: Thresholds,
 }
 
 impl Joined {
@@ -138,7 +139,7 @@ impl Joined {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub struct Thresholds {
     pub stationary_rad: f64,
     pub stationary_mm: f64,
     pub settle_s: f64,
@@ -347,7 +348,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     }
     let (mut counts, mut rejects) =
         (dispositions.counts(), dispositions.rejects(|row| readings.stamp(row))?);
-    let found = others::Found {
+    let found = others::MainJoin {
         arm: &seen.arm,
         temperatures: &input.temperatures,
         clock: clock.model,
@@ -369,7 +370,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         read_references: Vec::new(),
         elsewhere: elsewhere.found,
         counts,
-        found: Found {
+        found: Thresholds {
             stationary_rad: seen.stationary_rad,
             stationary_mm: seen.stationary_mm,
             settle_s: evidence.settle_s,

@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::controller_base::InControllerBase;
-use crate::fit::conversion::{Errors, carried, measured, spread_joints};
+use crate::fit::conversion::{Errors, converted, measured, spread_joints};
 use crate::geometry::Placement;
 use crate::kinematics::{
     Arm, ArmError, Chain, Convention, Element, Joint, JointFile, JointKind, RobotFile,
@@ -83,7 +83,7 @@ impl Origins {
     fn carrying(from: &Arm, errors: &Errors, chain: &[ChainJoint]) -> Result<Self, OriginsError> {
         let to = nominal(from, chain)?;
         same_arm(from, &to, chain)?;
-        let found = carried(from, errors, &to, &Isometry3::identity());
+        let found = converted(from, errors, &to, &Isometry3::identity());
         if found.left_mm > 1e-7 {
             return Err(OriginsError::Left { mm: found.left_mm });
         }

@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 use super::controller_base::InControllerBase;
 use super::limits::Limits;
 use super::{ExportError, ExportErrorKind};
-use crate::fit::conversion::{Carried, carried};
+use crate::fit::conversion::{Converted, converted};
 use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
 
 /// The robot file's convention without one. Gives remarks for a person, a line each.
@@ -23,7 +23,7 @@ pub fn write(
     let from = &own.published.arm.arm;
     let convention = convention.unwrap_or_else(|| from.convention());
     let to = in_convention(from, convention).map_err(|kind| kind.at(path))?;
-    let found = carried(from, &own.flange_errors(), &to, &Isometry3::identity());
+    let found = converted(from, &own.flange_errors(), &to, &Isometry3::identity());
     let limits = Limits::of(path);
     for line in remarks(&limits, &own, convention, &found) {
         writeln!(sink, "# {line}")?;
@@ -79,7 +79,7 @@ fn remarks(
     limits: &Limits,
     own: &InControllerBase,
     convention: Convention,
-    found: &Carried,
+    found: &Converted,
 ) -> [String; 6] {
     let key = &own.published.key;
     [

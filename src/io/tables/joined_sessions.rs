@@ -10,7 +10,7 @@ use super::stage_results::{self, FileColumns, InputColumns, MadeColumns, NotRest
 use crate::ingest::LogReject;
 use crate::join::moved::Elsewhere;
 use crate::join::tabled::{ReadReference, ReferenceCourse};
-use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, RowReject};
+use crate::join::{ClockEstimate, JoinReject, Joined, ReadingCounts, RowReject, Thresholds};
 use crate::judgement::{DrivenBy, JoinedSession};
 use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, Work, Written};
@@ -46,7 +46,7 @@ pub struct AsJoined {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     elsewhere: Vec<Elsewhere>,
     reading_counts: ReadingCounts,
-    found: Found,
+    found: Thresholds,
     driven_by: Option<DrivenBy>,
     sampling_plan: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Identified errors of an arm carried from one convention into another, with their covariance.
+//! Identified errors of an arm converted from one convention into another, with their covariance.
 //!
 //! Both conventions describe the chain from base to target of the same arm. Inputs: the offsets of one convention's parameters and
 //! their covariance. Outputs: those of the other. With `J` the twists of the target per unit of each parameter at poses spread over
@@ -52,7 +52,7 @@ impl Errors {
 
 /// Errors in another convention, and how well they are the same.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Carried {
+pub struct Converted {
     /// The errors: every parameter of the other arm, then those of base and target.
     pub errors: Errors,
     /// The largest distance of the target as the two conventions predict it, at poses that took no part, mm.
@@ -65,12 +65,12 @@ pub struct Carried {
 ///
 /// `flange_from_target` is the target on the flange that the target's offsets are counted from. A parameter that `errors` does not
 /// name has none.
-pub fn carried(
+pub fn converted(
     from: &Arm,
     errors: &Errors,
     to: &Arm,
     flange_from_target: &Isometry3<f64>,
-) -> Carried {
+) -> Converted {
     let (own, other) =
         (measured(from.chain(), flange_from_target), measured(to.chain(), flange_from_target));
     let offsets = errors.of(&own);
@@ -102,7 +102,7 @@ pub fn carried(
         let norms = (first..left.len()).step_by(6).map(|row| left.rows(row, 3).norm());
         norms.fold(0.0, f64::max)
     };
-    Carried {
+    Converted {
         left_mm: largest(0),
         left_rad: largest(3) * RAD_PER_MM,
         errors: Errors {

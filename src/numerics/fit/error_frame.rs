@@ -137,7 +137,9 @@ impl<'a> ErrorFrame<'a> {
     /// The attained position of the tool point, in the base frame, mm. `None` of a reading without a position.
     pub fn attained_tool(&self, joints: &[f64], reading: &Reading) -> Option<Point3<f64>> {
         let target = self.measured_target(reading)?;
-        Some(target + self.flange_rotation(joints, reading) * self.lever())
+        let flange = self.measured_flange(reading);
+        let flange = flange.unwrap_or_else(|| self.arm.flange(joints).isometry().rotation);
+        Some(target + flange * self.lever())
     }
 
     /// Error of the tool point in the base frame: attained minus commanded position, mm. `None` for a
@@ -152,10 +154,6 @@ impl<'a> ErrorFrame<'a> {
         let in_tracker = reading.orientation().filter(|_| self.oriented)?;
         let in_base = self.frames.tracker_from_base.isometry().rotation.inverse() * in_tracker;
         Some(in_base * self.frames.flange_from_target.isometry().rotation.inverse())
-    }
-
-    fn flange_rotation(&self, joints: &[f64], reading: &Reading) -> UnitQuaternion<f64> {
-        self.measured_flange(reading).unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
     }
 }
 

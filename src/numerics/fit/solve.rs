@@ -61,7 +61,8 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
         iterations += 1;
         let step = step(problem, point, (&weights, factor), gait);
         (point, gait) = (step.point, step.gait);
-        let next = gait.next_size();
+        // Steps fall by a steady factor or faster, so the next one is no larger than this.
+        let next = gait.size * gait.pace;
         let converged = (next < STEP_TOLERANCE).then_some(Convergence::Converged);
         let ended = step.ended.or(converged);
         if is_near && let Some(ended) = ended {
@@ -111,11 +112,6 @@ struct Gait {
 
 impl Gait {
     const FIRST: Self = Self { size: 0.0, pace: 1.0, damping: None };
-
-    /// Steps fall by a steady factor or faster, so the next one is no larger than this.
-    fn next_size(self) -> f64 {
-        self.size * self.pace
-    }
 
     /// After a step of this size at this damping.
     fn after(self, size: f64, damping: f64) -> Self {

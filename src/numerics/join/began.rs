@@ -29,17 +29,14 @@ impl Began {
     pub fn day(&self) -> String {
         self.at.to_string().chars().take("2026-11-22".len()).collect()
     }
-
-    /// Day and time to the minute: `2026-11-22 08:30`.
-    fn minute(&self) -> String {
-        self.at.to_string().chars().take("2026-11-22 08:30".len()).collect()
-    }
 }
 
 impl fmt::Display for Began {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let clock = if self.by_tracker { ", by the tracker's clock" } else { "" };
-        write!(f, "{} UTC{clock}", self.minute())
+        let to_the_minute: String =
+            self.at.to_string().chars().take("2026-11-22 08:30".len()).collect();
+        write!(f, "{to_the_minute} UTC{clock}")
     }
 }
 

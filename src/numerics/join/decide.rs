@@ -129,7 +129,10 @@ fn ranked(candidates: Vec<Candidate>, gate_mm: f64) -> Vec<Ranked> {
     let reach_mm = (REACH * least_median).max(LEAST_REACH_MM).min(gate_mm);
     let mut ranked: Vec<Ranked> = candidates
         .into_iter()
-        .map(|candidate| Ranked { support: candidate.support(reach_mm), reach_mm, candidate })
+        .map(|candidate| {
+            let near = candidate.distances_mm.iter().filter(|&&distance| distance <= reach_mm);
+            Ranked { support: near.count(), reach_mm, candidate }
+        })
         .collect();
     ranked.sort_by(|a, b| {
         let nearer = a.candidate.median_mm.total_cmp(&b.candidate.median_mm);
@@ -187,10 +190,6 @@ impl Candidate {
         let distances_mm: Vec<f64> = readings.iter().map(|s| placement.distance_mm(s)).collect();
         let median_mm = median(&mut distances_mm.clone());
         Some(Self { relation, pairs, placement, distances_mm, median_mm })
-    }
-
-    fn support(&self, reach_mm: f64) -> usize {
-        self.distances_mm.iter().filter(|&&distance| distance <= reach_mm).count()
     }
 }
 

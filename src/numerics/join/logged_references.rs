@@ -15,10 +15,10 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, robust_sigma};
+use super::courses::{Origin, Stop, courses, read, taken_out, undo};
 use super::readings::Seen;
 use super::references::ReferenceId;
 use super::tabled::RowReference;
-use super::tabled::carried::{Origin, Stop, courses, read, taken_out, undo};
 use super::{JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, Station, Unmeasured};
 use crate::figures::median;
 use crate::units::{ClockModel, Stamp, Tracker};
@@ -319,7 +319,9 @@ fn looks(stations: &[Station], clock: &ClockModel, runs: &[Run]) -> Vec<Look> {
             When::Between(..) => None,
         },
         at_ns: match when {
-            When::At(number) => middle_ns(&stations[number]),
+            When::At(number) => {
+                i64::midpoint(stations[number].start.ns(), stations[number].end.ns())
+            }
             When::Between(..) => between_ns(clock, &runs),
         },
         references: runs.iter().map(|(line, run)| run.row(*line)).collect(),
@@ -327,11 +329,6 @@ fn looks(stations: &[Station], clock: &ClockModel, runs: &[Run]) -> Vec<Look> {
     let mut looks: Vec<Look> = by_when.into_iter().map(look).collect();
     looks.sort_by_key(|own| (own.at_ns, own.station));
     looks
-}
-
-/// The middle of a dwell by the controller's clock, ns.
-fn middle_ns(station: &Station) -> i64 {
-    i64::midpoint(station.start.ns(), station.end.ns())
 }
 
 /// The middle of the readings of a look between dwells by the controller's clock, ns.

@@ -27,7 +27,7 @@ pub(super) struct Other<'a> {
     dwells: Vec<TargetDwell>,
 }
 
-pub(super) struct Found<'a> {
+pub(super) struct MainJoin<'a> {
     pub(super) arm: &'a [ArmDwell],
     pub(super) temperatures: &'a TemperatureSamples,
     pub(super) clock: ClockModel,
@@ -54,7 +54,7 @@ impl<'a> Other<'a> {
     /// Adds this target's readings to the stations; returns how many of them are what, and those left out.
     pub(super) fn add(
         &self,
-        found: &Found<'_>,
+        found: &MainJoin<'_>,
         stations: &mut [Station],
     ) -> Result<(ReadingCounts, Vec<JoinReject>), JoinError> {
         let mut dispositions = Dispositions::new(self.readings.count());
@@ -66,7 +66,8 @@ impl<'a> Other<'a> {
             for (dwell, station) in found.arm.iter().zip(stations) {
                 let (_, reading) = evidence.verdict(dwell, &mut dispositions)?;
                 if let Some(reading) = reading {
-                    self.put(reading, station);
+                    station.pairing = Pairing::Paired;
+                    station.readings.push(Reading { target: self.target, ..reading });
                 }
             }
         }
@@ -80,14 +81,8 @@ impl<'a> Other<'a> {
         Ok((dispositions.counts(), rejects))
     }
 
-    fn put(&self, mut reading: Reading, station: &mut Station) {
-        reading.target = self.target;
-        station.pairing = Pairing::Paired;
-        station.readings.push(reading);
-    }
-
     /// What verdicts on this target need; `None` where too few dwells place it.
-    fn evidence<'e>(&'e self, found: &'e Found<'e>) -> Option<Evidence<'e>> {
+    fn evidence<'e>(&'e self, found: &'e MainJoin<'e>) -> Option<Evidence<'e>> {
         let pairs = self.dwells.iter().filter_map(|own| {
             let arm = nearest(found.arm, &found.clock, own)?;
             Some(ReadingAtFlange { flange: arm.flange, attained: own.position })

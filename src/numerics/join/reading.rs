@@ -51,13 +51,17 @@ pub struct Reading {
     pub temperature_c: Option<f64>,
 }
 
+/// What is read of a target, by the kind of reading: of a place the point `P`, with an orientation `T`, or one length `L`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value {
-    Point(MeanPoint),
-    Pose(MeanPoint, MeanOrientation),
-    Distance(MeanLength),
-    Height(MeanLength),
+pub enum ByKind<P, T, L> {
+    Point(P),
+    Pose(P, T),
+    Distance(L),
+    Height(L),
 }
+
+/// The mean of a dwell's samples.
+pub type Value = ByKind<MeanPoint, MeanOrientation, MeanLength>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ReadingKind {
@@ -137,7 +141,9 @@ impl Value {
         };
         Some(Self::Pose(point, turn))
     }
+}
 
+impl<P, T, L> ByKind<P, T, L> {
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Point(_) => ReadingKind::Point,
@@ -147,28 +153,28 @@ impl Value {
         }
     }
 
-    pub const fn point(&self) -> Option<&MeanPoint> {
+    pub const fn point(&self) -> Option<&P> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
             Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
-    pub const fn point_mut(&mut self) -> Option<&mut MeanPoint> {
+    pub const fn point_mut(&mut self) -> Option<&mut P> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
             Self::Distance(_) | Self::Height(_) => None,
         }
     }
 
-    pub const fn turn(&self) -> Option<&MeanOrientation> {
+    pub const fn turn(&self) -> Option<&T> {
         match self {
             Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
             Self::Pose(_, turn) => Some(turn),
         }
     }
 
-    pub const fn length(&self) -> Option<&MeanLength> {
+    pub const fn length(&self) -> Option<&L> {
         match self {
             Self::Point(_) | Self::Pose(..) => None,
             Self::Distance(length) | Self::Height(length) => Some(length),

@@ -195,7 +195,7 @@ struct Work<'a> {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Found {
+enum Surprise {
     /// The walk jumps before the look.
     Jump(usize),
     /// A shock at the look.
@@ -254,8 +254,8 @@ impl<'a> Work<'a> {
             squares: 0.0,
             rows: 0,
             looks: 1.0,
-            jumps: self.events.contains(Found::Jump(i)),
-            shaken: self.events.contains(Found::Shock(i)),
+            jumps: self.events.contains(Surprise::Jump(i)),
+            shaken: self.events.contains(Surprise::Shock(i)),
         };
         for (_, row, y) in self.rows(i, look) {
             told.information += row.transpose() * row;
@@ -315,7 +315,7 @@ impl<'a> Work<'a> {
         let mut part = 0;
         let motions = self.states.iter().zip(&course.states).enumerate();
         let motions = motions.map(|(i, (state, (_, covariance)))| {
-            part += usize::from(self.events.contains(Found::Jump(i)));
+            part += usize::from(self.events.contains(Surprise::Jump(i)));
             Motion {
                 moved: pose(state) * first.inverse(),
                 middle,
@@ -382,22 +382,22 @@ impl<'a> Work<'a> {
         self.shape.places.iter().map(place).collect()
     }
 
-    fn event(&self, event: &Found, motions: &[Motion]) -> Event {
+    fn event(&self, event: &Surprise, motions: &[Motion]) -> Event {
         match *event {
-            Found::Jump(before) => {
+            Surprise::Jump(before) => {
                 let earlier = (0..before).rev().find(|&look| !self.looks[look].seen.is_empty());
                 let after = earlier.unwrap_or(0);
                 let (shift_mm, turn_rad) = apart(&motions[after], &motions[before]);
                 Event::Bump { after, before, shift_mm, turn_rad }
             }
-            Found::Shock(look) => {
+            Surprise::Shock(look) => {
                 let (shift_mm, turn_rad) = apart(&motions[look.saturating_sub(1)], &motions[look]);
                 Event::Shock { look, shift_mm, turn_rad }
             }
-            Found::Stray(look, reference) => {
+            Surprise::Stray(look, reference) => {
                 Event::Stray { look, reference, away_mm: self.away_mm(look, reference) }
             }
-            Found::Moved(look, reference) => {
+            Surprise::Moved(look, reference) => {
                 Event::Moved { look, reference, by_mm: self.moved_mm(look, reference) }
             }
         }

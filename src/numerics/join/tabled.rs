@@ -4,11 +4,9 @@
 //!
 //! 1. rows are in order of time where every one has a time, otherwise in the table's order, a second apart;
 //! 2. a row that repeats another to the last digit is a copy;
-//! 3. the motion of references on floor or base is taken out (`carried`);
+//! 3. the motion of references on floor or base is taken out (`join::courses`);
 //! 4. readings far from every place that the nominal arm can have had are of another reflector, as with logs
 //!    ([`super::placement`]).
-
-pub(in crate::join) mod carried;
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -19,15 +17,16 @@ use super::moved::{Elsewhere, stretches};
 use super::pair::placed;
 use super::placement::{Placement, ReadingAtFlange};
 use super::{
-    ClockEstimate, Command, Found, JoinSettings, Joined, Pairing, Reading, ReadingCounts, SourceId,
-    Station, TargetId, Unmeasured, Value,
+    ClockEstimate, Command, JoinSettings, Joined, Pairing, Reading, ReadingCounts, SourceId,
+    Station, TargetId, Thresholds, Unmeasured, Value,
 };
 use crate::ingest::StandsOn;
 use crate::join::references::ReferenceId;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
 
-pub use carried::{LookAt, ReadReference, ReferenceCourse};
+pub use super::courses::{LookAt, ReadReference, ReferenceCourse};
+use super::courses::{Origin, Stop, courses, read as read_references, taken_out, undo};
 
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,15 +129,15 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let mut missing = rejects.iter().filter(|own| own.kind == RowItem::Reading).count() as u64;
     missing += copies.iter().map(|(_, readings)| *readings as u64).sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
-    let carried = carried::carry(&mut rows, &apart, &references, timed, &file);
-    rejects.extend(carried.rejects);
-    let unmoved = take_out(&mut rows, &carried.left_out, &file);
+    let followed = follow(&mut rows, &apart, &references, timed, &file);
+    rejects.extend(followed.rejects);
+    let unmoved = take_out(&mut rows, &followed.left_out, &file);
     let unpaired = unmoved.len() as u64;
     rejects.extend(unmoved);
     let gates = Gates::new(&rows, arm, settings);
     let judged = rows.iter().enumerate();
     let judged = judged.map(|(number, row)| {
-        let moved = carried.left_out.contains_key(&number);
+        let moved = followed.left_out.contains_key(&number);
         gates.judged(number, row, timed, &file, moved)
     });
     let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
@@ -157,11 +156,11 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         stations,
         rejects: Vec::new(),
         row_rejects: rejects,
-        references: carried.courses,
-        read_references: carried.read,
+        references: followed.courses,
+        read_references: followed.read,
         elsewhere: gates.elsewhere,
         counts: ReadingCounts { kept, unpaired, missing, ..ReadingCounts::default() },
-        found: Found { stationary_rad: 0.0, stationary_mm: 0.0, settle_s: 0.0 },
+        found: Thresholds { stationary_rad: 0.0, stationary_mm: 0.0, settle_s: 0.0 },
     }
 }
 
@@ -380,6 +379,75 @@ fn read(reading: &RowReading, row: &Row, at: i64) -> Reading {
         last: Stamp::from_ns(at),
         temperature_c: row.temperature_c,
     }
+}
+
+#[derive(Debug, Default)]
+struct Courses {
+    courses: Vec<ReferenceCourse>,
+    read: Vec<ReadReference>,
+    /// Readings of references that were left out.
+    rejects: Vec<RowReject>,
+    /// Why a row's readings stay out, by its place.
+    left_out: BTreeMap<usize, String>,
+}
+
+/// Follows the references of `rows` and `apart`, and takes their motion out of the readings of `rows`.
+fn follow(
+    rows: &mut [Row],
+    apart: &[ApartRow],
+    references: &[(String, StandsOn)],
+    timed: bool,
+    file: &str,
+) -> Courses {
+    if references.is_empty() {
+        return Courses::default();
+    }
+    let stops = stops(rows, apart, timed);
+    let origin = Origin { file, is_timed: timed, is_logged: false };
+    let (mut courses, rejects) = courses(&stops, references, &origin);
+    let read = read_references(&stops, references);
+    let mut left_out = BTreeMap::new();
+    let measured = |place: usize| !rows[place].readings.is_empty();
+    for (place, motion) in taken_out(&mut courses, measured) {
+        match motion {
+            Ok(motion) => {
+                let readings = rows[place].readings.iter_mut();
+                readings.for_each(|own| undo(&mut own.value, &motion));
+            }
+            Err(reason) => {
+                left_out.insert(place, reason);
+            }
+        }
+    }
+    Courses { courses, read, rejects, left_out }
+}
+
+/// Everything in order of time, or of lines where there are no times; looks then count as a second apart.
+fn stops<'a>(rows: &'a [Row], apart: &'a [ApartRow], timed: bool) -> Vec<Stop<'a>> {
+    let stations = rows.iter().enumerate().map(|(place, row)| Stop {
+        row: Some(place),
+        line: row.line,
+        at_ns: row.time_ns.unwrap_or(0),
+        references: &row.references,
+    });
+    let between = apart.iter().map(|row| Stop {
+        row: None,
+        line: row.line,
+        at_ns: row.time_ns.unwrap_or(0),
+        references: &row.references,
+    });
+    let mut stops: Vec<Stop<'a>> = stations.chain(between).collect();
+    if timed {
+        stops.sort_by_key(|stop| (stop.at_ns, stop.line));
+    } else {
+        stops.sort_by_key(|stop| stop.line);
+        let mut at_ns = 0;
+        for stop in &mut stops {
+            stop.at_ns = at_ns;
+            at_ns += 1_000_000_000;
+        }
+    }
+    stops
 }
 
 #[cfg(test)]

@@ -98,7 +98,7 @@ struct Unseen<'u> {
     poses: Option<Poses>,
 }
 
-struct Found {
+struct SessionFrames {
     refit: Refit,
     /// Whether each station took part in finding them and does not judge.
     taken: Vec<bool>,
@@ -115,7 +115,7 @@ impl Unseen<'_> {
         observations: &[Observation],
         base_refit: BaseRefit,
         finders: &[usize],
-    ) -> Option<Found> {
+    ) -> Option<SessionFrames> {
         let count = observations.len();
         let mut taken = vec![false; count];
         let used: Vec<usize> = match base_refit {
@@ -134,7 +134,7 @@ impl Unseen<'_> {
             (Some(poses), BaseRefit::First | BaseRefit::Chosen) => poses.estimator(&used),
         };
         let refit = self.refit(observations, base_refit, &used, by.as_ref())?;
-        Some(Found { refit, taken, used, by })
+        Some(SessionFrames { refit, taken, used, by })
     }
 
     fn refit(
@@ -161,8 +161,10 @@ impl Unseen<'_> {
         }
     }
 
-    fn residuals(&self, observations: &[Observation], found: &Found) -> Vec<Residual> {
-        let covariances = self.covariances(found);
+    fn residuals(&self, observations: &[Observation], found: &SessionFrames) -> Vec<Residual> {
+        // None for frames of the training: nothing says how far a base moves between sessions.
+        let poses = self.poses.as_ref().zip(found.by.as_ref());
+        let covariances = poses.map(|(poses, by)| poses.left(by));
         let turns = self.turns(found);
         let residual = |(place, (observation, placed)): (usize, (&Observation, &Placed))| {
             let predicted = found.refit.predicted(placed);
@@ -186,7 +188,7 @@ impl Unseen<'_> {
 
     /// The measured orientations of the flange in the base that was found, and the predicted ones; where the session has
     /// its own mounting, the target is turned as the stations that the base is found from show.
-    fn turns(&self, found: &Found) -> Vec<Option<Turn>> {
+    fn turns(&self, found: &SessionFrames) -> Vec<Option<Turn>> {
         let (own, trained) = (found.refit.base_from_tracker.rotation, self.to_base.rotation);
         let turn =
             |turn: &Turn| Turn { attained: own * turn.attained, wanted: trained * turn.wanted };
@@ -196,12 +198,5 @@ impl Unseen<'_> {
         } else {
             turns
         }
-    }
-
-    /// Covariance of the remaining error at each station: the share of the model's errors that the found frames do not absorb,
-    /// and a measurement's own. `None` for a model without a covariance, and for frames of the training: nothing says how far a base
-    /// moves between sessions.
-    fn covariances(&self, found: &Found) -> Option<Vec<Matrix3<f64>>> {
-        Some(self.poses.as_ref()?.left(found.by.as_ref()?))
     }
 }

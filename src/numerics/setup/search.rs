@@ -131,11 +131,6 @@ impl<'h> Explanation<'h> {
         let explains = mended <= sort.explained() * worst && gain >= sort.least_gain();
         explains.then(|| Self { hypothesis, cost: agreement.cost() + sort.freedom(), agreement })
     }
-
-    fn explains_all(&self) -> bool {
-        let (relation, worst) = self.agreement.worst();
-        worst <= WHOLE * relation.usual()
-    }
 }
 
 /// The mistakes among `hypotheses` that explain the disagreement best; `None` where none does.
@@ -155,6 +150,7 @@ pub(super) fn named(
     let tied: Vec<&Explanation<'_>> =
         explained.iter().filter(|explanation| explanation.cost <= least + TIE).collect();
     let first = tied.first()?;
+    let (still, left) = first.agreement.worst();
     let is_large = relation != Relation::Turns && worst > GRAVE_MM;
     Some(Finding {
         relation,
@@ -162,7 +158,7 @@ pub(super) fn named(
         mended: first.agreement.get(relation),
         mistakes: tied.iter().take(MOST_NAMED).map(|tied| Mistake::from(tied.hypothesis)).collect(),
         is_grave: first.hypothesis.sort != Sort::Size || is_large,
-        explains_all: first.explains_all(),
+        explains_all: left <= WHOLE * still.usual(),
     })
 }
 

@@ -240,7 +240,7 @@ fn errors_are_carried_with_their_covariance() {
         let pair = truth.frames.pair(SourceId::ONLY, TargetId::ONLY);
         for convention in Convention::ALL {
             let to = in_convention(text, convention);
-            let carried = carried(&from, &errors, &to, pair.flange_from_target.isometry());
+            let carried = converted(&from, &errors, &to, pair.flange_from_target.isometry());
             assert!(carried.left_mm < 1e-9 && carried.left_rad < 1e-12);
             let own = spread(&truth, &from, &errors);
             let other = spread(&truth, &to, &carried.errors);

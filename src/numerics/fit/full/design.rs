@@ -98,8 +98,10 @@ impl PoseView<'_> {
                 Block::Drift(session) if self.session == Some(session) => {
                     self.drift(columns, each);
                 }
-                Block::Scale(session) if self.session == Some(session) => {
-                    self.scale(columns.start, each);
+                // It does not apply to a command, which is used in another session with another scale.
+                Block::Scale(session) if self.session == Some(session) && self.time.is_some() => {
+                    let linear = self.end - self.middle;
+                    each(columns.start, &Twist { linear, angular: Vector3::zeros() }, 1.0);
                 }
                 Block::Curve(joint) if layout.is_now(self.session, joint) => {
                     self.curve(columns, joint, layout, each);
@@ -207,14 +209,6 @@ impl PoseView<'_> {
             }
             // cos (k + 1)x = 2 cos x cos kx − cos (k − 1)x.
             (shape, before) = (2.0 * first * shape - before, shape);
-        }
-    }
-
-    /// The session's scale. It does not apply to a command, which is used in another session with another scale.
-    fn scale(&self, column: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let away = Twist { linear: self.end - self.middle, angular: Vector3::zeros() };
-        if self.time.is_some() {
-            each(column, &away, 1.0);
         }
     }
 

@@ -181,7 +181,10 @@ impl StoredFull {
             layout: self.layout.clone(),
             repeatability: self.repeatability.clone(),
             tails: self.tails,
-            weights: of_stations(problem.observations(), &self.weights),
+            weights: stations(problem.observations())
+                .into_iter()
+                .map(|readings| self.weights[readings.start])
+                .collect(),
             span: self.span,
             middles: self.middles.clone(),
             ..State::expected(problem, at, settings, self.up.is_some())
@@ -200,10 +203,4 @@ impl StoredFull {
             })
         }
     }
-}
-
-/// The weight of each station, which its readings share.
-fn of_stations(observations: &[Observation], weights: &[f64]) -> Vec<f64> {
-    let stations = stations(observations).into_iter();
-    stations.map(|readings| weights[readings.start]).collect()
 }

@@ -85,7 +85,9 @@ impl CameraUncertainty {
     pub fn of_pose(&self, camera_from_target: &Isometry3<f64>) -> Matrix6<f64> {
         let ray = along(&camera_from_target.translation.vector);
         let slant = (camera_from_target.rotation * Vector3::z()).dot(&ray).abs();
-        let noise_px = self.size * self.noise_px * self.thinned() / slant.max(LEAST_COSINE);
+        let counted =
+            f64::from(self.corners.clamp(2, MOST_CORNERS)) / f64::from(self.corners.max(2));
+        let noise_px = self.size * self.noise_px * counted / slant.max(LEAST_COSINE);
         // Rotations are counted at the target's edge, so that all columns are in mm.
         let unit = Vector6::from_fn(|row, _| if row < 3 { 1.0 } else { 1.0 / self.target_mm });
         let information = self.information(camera_from_target, &self.ahead(&ray), &unit);
@@ -182,11 +184,6 @@ impl CameraUncertainty {
         let last = f64::from(self.corners.clamp(2, MOST_CORNERS) - 1);
         let place = |corner: u32| self.target_mm * (f64::from(corner) / last - 0.5);
         (0..self.corners.clamp(2, MOST_CORNERS)).map(place).collect()
-    }
-
-    /// Factor on the noise of each of the corners counted where there are more.
-    fn thinned(&self) -> f64 {
-        f64::from(self.corners.clamp(2, MOST_CORNERS)) / f64::from(self.corners.max(2))
     }
 }
 

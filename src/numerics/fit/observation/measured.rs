@@ -1,8 +1,7 @@
 //! The measured values of a reading by its kind: the number of rows of its residual, the residual, its motion with the target,
 //! and its covariance.
 //!
-//! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`crate::join::Value`], and of
-//! [`Measured`] here, with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of
+//! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`ByKind`], with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of
 //! these places, and nothing else in the fit asks for the kind.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vector3};
@@ -10,18 +9,11 @@ use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6, Point3, UnitQuaternion, Vec
 use super::{Source, StatedSize};
 use crate::fit::gauge::Gauge;
 use crate::geometry::{TurnCovariance, pose_covariance, symmetric};
-use crate::join::{MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
+use crate::join::{ByKind, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
 /// The measured values of a station with their uncertainty, in the source's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a session's readings are few, and of one kind")]
-pub enum Measured {
-    Point(MeasuredPoint),
-    Pose(MeasuredPoint, MeasuredOrientation),
-    Distance(MeasuredLength),
-    Height(MeasuredLength),
-}
+pub type Measured = ByKind<MeasuredPoint, MeasuredOrientation, MeasuredLength>;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredLength {
@@ -110,22 +102,6 @@ impl Measured {
         }
     }
 
-    pub const fn kind(&self) -> ReadingKind {
-        match self {
-            Self::Point(_) => ReadingKind::Point,
-            Self::Pose(..) => ReadingKind::Pose,
-            Self::Distance(_) => ReadingKind::Distance,
-            Self::Height(_) => ReadingKind::Height,
-        }
-    }
-
-    pub const fn length(&self) -> Option<&MeasuredLength> {
-        match self {
-            Self::Point(_) | Self::Pose(..) => None,
-            Self::Distance(length) | Self::Height(length) => Some(length),
-        }
-    }
-
     /// The part of the target's motion that is shown at `target`, its place in the source's frame; `gauge` is the source's, where it
     /// reads a length.
     pub fn shown(&self, gauge: Option<&Gauge>, target: &Point3<f64>) -> Shown {
@@ -135,27 +111,6 @@ impl Measured {
             Self::Distance(_) | Self::Height(_) => {
                 Shown::Along(gauge.map_or_else(Vector3::zeros, |gauge| gauge.direction(target)))
             }
-        }
-    }
-
-    pub const fn point(&self) -> Option<&MeasuredPoint> {
-        match self {
-            Self::Point(point) | Self::Pose(point, _) => Some(point),
-            Self::Distance(_) | Self::Height(_) => None,
-        }
-    }
-
-    pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
-        match self {
-            Self::Point(point) | Self::Pose(point, _) => Some(point),
-            Self::Distance(_) | Self::Height(_) => None,
-        }
-    }
-
-    pub const fn turn(&self) -> Option<&MeasuredOrientation> {
-        match self {
-            Self::Point(_) | Self::Distance(_) | Self::Height(_) => None,
-            Self::Pose(_, turn) => Some(turn),
         }
     }
 

@@ -64,7 +64,7 @@ impl<'a> Targets<'a> {
         let mut carried = |own: &'a dyn Poses<Tracker>| {
             let rows = used_rows(own, &parts)?;
             rejects.extend(left_out(own, &rows)?);
-            let carried = Carried { own, rows, parts: Arc::clone(&parts) };
+            let carried = WithoutBumps { own, rows, parts: Arc::clone(&parts) };
             Ok(Box::new(carried) as Box<dyn Poses<Tracker> + 'a>)
         };
         let main = carried(&*input.readings)?;
@@ -147,13 +147,13 @@ fn left_out(own: &dyn Poses<Tracker>, used: &Range<usize>) -> Result<Vec<JoinRej
 
 /// Readings without the bumps before them, and of the parts that are joined alone.
 #[derive(Debug)]
-struct Carried<'a> {
+struct WithoutBumps<'a> {
     own: &'a dyn Poses<Tracker>,
     rows: Range<usize>,
     parts: Arc<[Part]>,
 }
 
-impl Poses<Tracker> for Carried<'_> {
+impl Poses<Tracker> for WithoutBumps<'_> {
     fn count(&self) -> usize {
         self.rows.len()
     }
@@ -190,7 +190,7 @@ fn turned(by: &UnitQuaternion<f64>, [x, y, z, w]: [f64; 4]) -> [f64; 4] {
 fn parts(input: &JoinInput, settings: &JoinSettings) -> Result<Vec<Part>, JoinError> {
     let first =
         Part { from: Stamp::from_ns(i64::MIN), moved: Isometry3::identity(), is_used: true };
-    let Some(told) = Told::of(&input.references, settings)? else {
+    let Some(told) = BumpReferences::of(&input.references, settings)? else {
         return Ok(vec![first]);
     };
     let at = positions(&*input.readings)?;
@@ -247,13 +247,13 @@ fn positions(readings: &dyn Poses<Tracker>) -> Result<Vec<Point3<f64>>, JoinErro
 }
 
 /// The references that tell bumps, followed by the tracker's clock.
-struct Told {
+struct BumpReferences {
     /// The readings of each look, in order of time.
     looks: Vec<Vec<Run>>,
     followed: Followed,
 }
 
-impl Told {
+impl BumpReferences {
     /// Those on the base where they tell rotations, else those on the floor where they do, else those that there are.
     fn of(
         references: &[ReferenceReadings],

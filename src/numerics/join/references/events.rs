@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 
 use super::walk::{Course, Ratios};
-use super::{Found, ReferenceId, Work};
+use super::{ReferenceId, Surprise, Work};
 
 /// Chance of a false event in a session.
 const CHANCE: f64 = 1e-3;
@@ -21,22 +21,22 @@ const FEWEST: usize = 4;
 
 #[derive(Debug, Default)]
 pub(super) struct Events {
-    pub all: Vec<Found>,
-    sorted: BTreeSet<Found>,
+    pub all: Vec<Surprise>,
+    sorted: BTreeSet<Surprise>,
     /// First looks of each reference in a new place.
     moved: BTreeMap<ReferenceId, BTreeSet<usize>>,
 }
 
 impl Events {
-    fn take(&mut self, event: Found) {
+    fn take(&mut self, event: Surprise) {
         self.all.push(event);
         self.sorted.insert(event);
-        if let Found::Moved(look, reference) = event {
+        if let Surprise::Moved(look, reference) = event {
             self.moved.entry(reference).or_default().insert(look);
         }
     }
 
-    pub fn contains(&self, event: Found) -> bool {
+    pub fn contains(&self, event: Surprise) -> bool {
         self.sorted.contains(&event)
     }
 
@@ -49,7 +49,7 @@ impl Events {
 }
 
 /// A candidate: the event, its look, and minus the logarithm of its chance.
-type Candidate = (Found, f64);
+type Candidate = (Surprise, f64);
 
 /// The residual of a reading: the look, the residual, mm, and its share of the noise's covariance.
 type Left = (usize, Vector3<f64>, Matrix3<f64>);
@@ -74,7 +74,7 @@ pub(super) fn find(work: &mut Work<'_>, ratios: Ratios, noise_mm2: f64) {
         for (event, chance) in significant {
             let is_apart = taken.iter().all(|look| look.abs_diff(event.look()) > ROOM);
             // A bump changes every test of the session; what is left when it is taken in is seen then.
-            let is_local = matches!(event, Found::Shock(_) | Found::Stray(..));
+            let is_local = matches!(event, Surprise::Shock(_) | Surprise::Stray(..));
             let is_first = taken.is_empty();
             if is_first || (is_local && is_apart && chance > largest / 2.0) {
                 taken.push(event.look());
@@ -84,7 +84,7 @@ pub(super) fn find(work: &mut Work<'_>, ratios: Ratios, noise_mm2: f64) {
     }
 }
 
-impl Found {
+impl Surprise {
     pub(super) const fn look(&self) -> usize {
         match self {
             Self::Jump(look) | Self::Shock(look) | Self::Stray(look, _) | Self::Moved(look, _) => {
@@ -101,19 +101,19 @@ fn candidates(work: &Work<'_>, course: &Course, noise_mm2: f64) -> Vec<Candidate
     for (reference, own) in &left {
         all.extend(own.iter().map(|(look, residual, share)| {
             let (squares, freedom) = squared(residual, share);
-            (Found::Stray(*look, *reference), rarity(squares / noise_mm2, freedom))
+            (Surprise::Stray(*look, *reference), rarity(squares / noise_mm2, freedom))
         }));
     }
     let seen = |look: &usize| !work.looks[*look].seen.is_empty();
-    let new = |event: &Found| !work.events.contains(*event);
+    let new = |event: &Surprise| !work.events.contains(*event);
     for look in (0..work.looks.len()).filter(seen) {
         let (squares, freedom) = course.shocks[look];
-        all.push((Found::Shock(look), rarity(squares / noise_mm2, freedom)));
+        all.push((Surprise::Shock(look), rarity(squares / noise_mm2, freedom)));
     }
     let first = (0..work.looks.len()).find(seen).unwrap_or(0);
     for look in (first + 1..work.looks.len()).filter(seen) {
         let (squares, freedom) = course.jumps[look];
-        all.push((Found::Jump(look), rarity(squares / noise_mm2, freedom)));
+        all.push((Surprise::Jump(look), rarity(squares / noise_mm2, freedom)));
     }
     if left.len() > 1 {
         for (reference, own) in &left {
@@ -159,7 +159,7 @@ fn moved(reference: ReferenceId, own: &[Left], noise_mm2: f64) -> Option<Candida
         let spread = earlier as f64 * later as f64 / count as f64;
         let chance = rarity(squares / spread / noise_mm2, freedom);
         if best.is_none_or(|(_, other)| chance > other) {
-            best = Some((Found::Moved(own[place + 1].0, reference), chance));
+            best = Some((Surprise::Moved(own[place + 1].0, reference), chance));
         }
     }
     best

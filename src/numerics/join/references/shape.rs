@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Matrix3x6, Point3, Rotation3, Vector3};
 
 use super::events::Events;
 use super::walk::Moves;
-use super::{Found, Look, ReferenceId};
+use super::{Look, ReferenceId, Surprise};
 use crate::join::average::median;
 
 /// References are in line when their spread beside the line is below this share of the spread along it.
@@ -120,7 +120,7 @@ pub(super) fn used<'a>(
     events: &'a Events,
 ) -> impl Iterator<Item = (ReferenceId, &'a Point3<f64>)> {
     let seen = look.seen.iter().map(|(reference, at)| (*reference, at));
-    seen.filter(move |(reference, _)| !events.contains(Found::Stray(i, *reference)))
+    seen.filter(move |(reference, _)| !events.contains(Surprise::Stray(i, *reference)))
 }
 
 /// Whether places tell rotations: at least three that are not in line.

@@ -23,8 +23,8 @@ use crate::io::tables::PublishContext;
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
-    ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject,
-    Station,
+    ClockEstimate, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject, Station,
+    Thresholds,
 };
 use crate::judgement::{
     JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
@@ -151,7 +151,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
             }],
             elsewhere: Vec::new(),
             counts: ReadingCounts { kept: 20, moving: 4, missing: 1, ..ReadingCounts::default() },
-            found: Found { stationary_rad: 1e-4, stationary_mm: 0.1, settle_s: 0.2 },
+            found: Thresholds { stationary_rad: 1e-4, stationary_mm: 0.1, settle_s: 0.2 },
         },
         commanded,
     }

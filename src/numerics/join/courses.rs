@@ -1,5 +1,5 @@
-//! The references of a session are followed, and their motion is taken out of the readings of its targets. Rows of a table are taken
-//! here; readings of logs become the same looks (`join::logged_references`).
+//! The references of a session are followed, and their motion is taken out of the readings of its targets. Rows of a table (`join::tabled`)
+//! and readings of logs (`join::logged_references`) become the same looks.
 //!
 //! References on the base show the base itself and are taken where they tell all six motions; otherwise those on the floor, which
 //! show the instrument, where they do. A reading stays out where the motion at its station is not known: between the two looks
@@ -15,11 +15,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ApartRow, Row, RowItem, RowReject};
+use super::Value;
+use super::references::{Event, Followed, Look, Motion, ReferenceId, follow};
+use super::tabled::{RowItem, RowReference, RowReject};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
-use crate::join::Value;
-use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
 use crate::units::NS_PER_S;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,29 +56,19 @@ pub struct ReadReference {
     pub between: Option<[usize; 2]>,
 }
 
-#[derive(Debug, Default)]
-pub(super) struct Carried {
-    pub courses: Vec<ReferenceCourse>,
-    pub read: Vec<ReadReference>,
-    /// Readings of references that were left out.
-    pub rejects: Vec<RowReject>,
-    /// Why a row's readings stay out, by its place.
-    pub left_out: BTreeMap<usize, String>,
-}
-
 /// One row that references may have been read in, or one look of logs.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::join) struct Stop<'a> {
+pub(super) struct Stop<'a> {
     /// Place of the station among the rows; `None` between stations.
     pub row: Option<usize>,
     pub line: u64,
     pub at_ns: i64,
-    pub references: &'a [super::RowReference],
+    pub references: &'a [RowReference],
 }
 
 /// The origin of the looks of a session.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::join) struct Origin<'a> {
+pub(super) struct Origin<'a> {
     pub file: &'a str,
     pub is_timed: bool,
     pub is_logged: bool,
@@ -96,42 +86,8 @@ impl ReferenceCourse {
     }
 }
 
-/// Follows the references of `rows` and `apart`, and takes their motion out of the readings of `rows`.
-pub(super) fn carry(
-    rows: &mut [Row],
-    apart: &[ApartRow],
-    references: &[(String, StandsOn)],
-    timed: bool,
-    file: &str,
-) -> Carried {
-    if references.is_empty() {
-        return Carried::default();
-    }
-    let stops = stops(rows, apart, timed);
-    let origin = Origin { file, is_timed: timed, is_logged: false };
-    let (mut courses, rejects) = courses(&stops, references, &origin);
-    let read = read(&stops, references);
-    let mut left_out = BTreeMap::new();
-    let measured = |place: usize| !rows[place].readings.is_empty();
-    for (place, motion) in taken_out(&mut courses, measured) {
-        match motion {
-            Ok(motion) => {
-                let readings = rows[place].readings.iter_mut();
-                readings.for_each(|own| undo(&mut own.value, &motion));
-            }
-            Err(reason) => {
-                left_out.insert(place, reason);
-            }
-        }
-    }
-    Carried { courses, read, rejects, left_out }
-}
-
 /// How often and where each of `references` was read at `stops`, which are in order of time.
-pub(in crate::join) fn read(
-    stops: &[Stop<'_>],
-    references: &[(String, StandsOn)],
-) -> Vec<ReadReference> {
+pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec<ReadReference> {
     let named = references.iter().map(|(name, on)| ReadReference {
         name: name.clone(),
         on: *on,
@@ -157,7 +113,7 @@ pub(in crate::join) fn read(
 
 /// The courses of the references on the base and of those on the floor, and the readings that were left out. None of them is taken out
 /// of readings yet.
-pub(in crate::join) fn courses(
+pub(super) fn courses(
     stops: &[Stop<'_>],
     references: &[(String, StandsOn)],
     origin: &Origin<'_>,
@@ -196,7 +152,7 @@ pub(in crate::join) fn courses(
 
 /// The motion of each station by the course that is taken out of the readings, which is marked; the reason where it is not known.
 /// Empty without courses. `measured` is whether a station has readings of targets, which decides the larger part of a session.
-pub(in crate::join) fn taken_out(
+pub(super) fn taken_out(
     courses: &mut [ReferenceCourse],
     measured: impl Fn(usize) -> bool,
 ) -> Vec<(usize, Result<Motion, String>)> {
@@ -214,34 +170,6 @@ pub(in crate::join) fn taken_out(
         Some((at.station?, motion))
     })
     .collect()
-}
-
-/// Everything in order of time, or of lines where there are no times; looks then count as a second apart.
-fn stops<'a>(rows: &'a [Row], apart: &'a [ApartRow], timed: bool) -> Vec<Stop<'a>> {
-    let stations = rows.iter().enumerate().map(|(place, row)| Stop {
-        row: Some(place),
-        line: row.line,
-        at_ns: row.time_ns.unwrap_or(0),
-        references: &row.references,
-    });
-    let between = apart.iter().map(|row| Stop {
-        row: None,
-        line: row.line,
-        at_ns: row.time_ns.unwrap_or(0),
-        references: &row.references,
-    });
-    let mut stops: Vec<Stop<'a>> = stations.chain(between).collect();
-    if timed {
-        stops.sort_by_key(|stop| (stop.at_ns, stop.line));
-    } else {
-        stops.sort_by_key(|stop| stop.line);
-        let mut at_ns = 0;
-        for stop in &mut stops {
-            stop.at_ns = at_ns;
-            at_ns += 1_000_000_000;
-        }
-    }
-    stops
 }
 
 /// The looks at those references for which `stands` holds; of two readings of one reference in a row the first.
@@ -370,7 +298,7 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
 }
 
 /// Takes a motion out of what was read.
-pub(in crate::join) fn undo(value: &mut Value, motion: &Motion) {
+pub(super) fn undo(value: &mut Value, motion: &Motion) {
     let covariance = value.point().map(|point| motion.covariance_at(&point.position));
     if let Some(point) = value.point_mut() {
         point.position = motion.undone(&point.position);
