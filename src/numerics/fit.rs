@@ -358,9 +358,8 @@ fn identify_sized(
     factors: Option<&Factors>,
 ) -> Calibration {
     let stated = settings.prior();
-    let fit = |prior: &Prior| {
-        identify_with(arm, observations, starts, freedom, settings, (prior, factors))
-    };
+    let fit =
+        |prior: &Prior| identify_with(arm, observations, starts, freedom, settings, prior, factors);
     let mut found = fit(&stated);
     for _ in 0..WIDENINGS {
         let Some(wider) = found.wider_prior(&stated) else {
@@ -377,7 +376,8 @@ fn identify_with(
     starts: &[Frames],
     freedom: Freedom,
     settings: &FitSettings,
-    (prior, factors): (&Prior, Option<&Factors>),
+    prior: &Prior,
+    factors: Option<&Factors>,
 ) -> Calibration {
     let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
     let size = problem.unknowns().len();

@@ -125,7 +125,7 @@ fn pose(readings: &[Reading], frames: &Frames, noise: &Noise) -> Option<OneReadi
 fn seen(reading: &Reading, frames: &Frames, noise: &Noise) -> Option<Seen> {
     let source = noise.sources.get(reading.source.0)?;
     let place = frames.targets().get(reading.target.0)?;
-    let point = *Measured::of(reading, (source, noise.stated_size(reading.source)), 0.0).point()?;
+    let point = *Measured::of(reading, source, noise.stated_size(reading.source), 0.0).point()?;
     let covariance = point.instrument + Matrix3::identity() * LEAST_MM2;
     Some(Seen {
         measured: point.position,

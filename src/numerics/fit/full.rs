@@ -155,7 +155,7 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let start = (frames, geometry);
-        Self::train_for(arm, observations, start, prior, (settings, Purpose::Published), up)
+        Self::train_for(arm, observations, start, prior, settings, Purpose::Published, up)
     }
 
     pub fn train_for(
@@ -163,7 +163,8 @@ impl FullModel {
         observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
-        (settings, purpose): (&FullSettings, Purpose),
+        settings: &FullSettings,
+        purpose: Purpose,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
@@ -188,17 +189,18 @@ impl FullModel {
             Purpose::Published => settled.leave_one_out(&problem, up),
             Purpose::Judges => Vec::new(),
         };
-        let problems = (&problem, empty);
         Some(Self {
             scale_evidence,
             parts,
-            ..Self::of_settled(problems, (settled, &left_out), settings, up)
+            ..Self::of_settled(&problem, empty, settled, &left_out, settings, up)
         })
     }
 
     fn of_settled(
-        (problem, empty): (&Problem<'_>, Problem<'static>),
-        (settled, left_out): (train::Settled, &[LeftOut]),
+        problem: &Problem<'_>,
+        empty: Problem<'static>,
+        settled: train::Settled,
+        left_out: &[LeftOut],
         settings: &FullSettings,
         up: Option<Vector3<f64>>,
     ) -> Self {

@@ -36,9 +36,16 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        let of_training = (settings.full, settings.purpose);
         let start = (&frames[..], &geometry[..]);
-        FullModel::train_for(arm, observations, start, &prior, of_training, settings.up)
+        FullModel::train_for(
+            arm,
+            observations,
+            start,
+            &prior,
+            settings.full,
+            settings.purpose,
+            settings.up,
+        )
     };
     let full = if settings.full.enabled { train_full() } else { None };
     Ok(Models { base_target, geometric, full })

@@ -253,7 +253,8 @@ pub fn observations(
             axes: arm.axes(&station.joints),
             measured: Measured::of(
                 reading,
-                (source, noise.stated_size(reading.source)),
+                source,
+                noise.stated_size(reading.source),
                 noise.repeatability_mm,
             ),
             settling_error: None,

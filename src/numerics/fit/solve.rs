@@ -59,7 +59,7 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
     while iterations < STEPS {
         iterations += 1;
-        let step = step(problem, point, (&weights, factor), gait);
+        let step = step(problem, point, &weights, factor, gait);
         (point, gait) = (step.point, step.gait);
         // Steps fall by a steady factor or faster, so the next one is no larger than this.
         let next = gait.size * gait.pace;
@@ -131,7 +131,7 @@ struct Step {
 }
 
 /// One step of Levenberg–Marquardt at fixed weights and variance factor.
-fn step(problem: &Problem<'_>, point: Point, (weights, factor): (&[f64], f64), gait: Gait) -> Step {
+fn step(problem: &Problem<'_>, point: Point, weights: &[f64], factor: f64, gait: Gait) -> Step {
     let cost_at = |point: &Point| {
         let norms = point.norms.iter().zip(weights);
         let misfit: f64 = norms.map(|(norm, weight)| weight * norm * norm).sum();

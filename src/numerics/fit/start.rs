@@ -169,14 +169,15 @@ fn start(
     let Some(first) = readings.next() else {
         return Ok(Start { sees: Sees::Nothing, base: Transform::identity(), target: None });
     };
-    length(arm, own, (session, source), first.measured.kind(), settings)
+    length(arm, own, session, source, first.measured.kind(), settings)
 }
 
 /// The start of a source that reads one length, by the target that it read most often.
 fn length(
     arm: &Arm,
     own: &[&Observation],
-    (session, source): (usize, SourceId),
+    session: usize,
+    source: SourceId,
     kind: ReadingKind,
     settings: &FitSettings,
 ) -> Result<Start, FitError> {

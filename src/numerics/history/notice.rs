@@ -30,7 +30,8 @@ impl Noticed {
     pub fn new(
         least_mm: f64,
         columns: &[Column],
-        (arm, target): (&Arm, &Isometry3<f64>),
+        arm: &Arm,
+        target: &Isometry3<f64>,
         ranges: &[[f64; 2]],
     ) -> Self {
         let none = vec![0.0; arm.chain().parameters().len()];

@@ -27,10 +27,10 @@ pub(super) fn observe(
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    enough("controller", arm_stationary, ("rad", "stationary_rad"), settings)?;
+    enough("controller", arm_stationary, "rad", "stationary_rad", settings)?;
     let arm_dwells = arm_dwells(arm_stationary, arm);
     let stationary = readings.stationary();
-    enough("tracker", stationary, ("mm", "stationary_mm"), settings)?;
+    enough("tracker", stationary, "mm", "stationary_mm", settings)?;
     Ok(Observation {
         first_measured: Stamp::from_ns(stationary.span_ns.0),
         sampling_s: [arm_stationary, stationary].map(|own| own.interval_ns as f64 / NS_PER_S),
@@ -92,7 +92,8 @@ pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<()
 fn enough(
     side: &'static str,
     found: &Stationary,
-    (unit, key): (&'static str, &'static str),
+    unit: &'static str,
+    key: &'static str,
     settings: &JoinSettings,
 ) -> Result<(), JoinError> {
     if found.stretches.len() >= MIN_PAIRS {

@@ -382,7 +382,7 @@ fn read(reading: &RowReading, row: &Row, at: i64) -> Reading {
 }
 
 #[derive(Debug, Default)]
-struct Courses {
+struct RowReferences {
     courses: Vec<ReferenceCourse>,
     read: Vec<ReadReference>,
     /// Readings of references that were left out.
@@ -398,9 +398,9 @@ fn follow(
     references: &[(String, StandsOn)],
     timed: bool,
     file: &str,
-) -> Courses {
+) -> RowReferences {
     if references.is_empty() {
-        return Courses::default();
+        return RowReferences::default();
     }
     let stops = stops(rows, apart, timed);
     let origin = Origin { file, is_timed: timed, is_logged: false };
@@ -419,7 +419,7 @@ fn follow(
             }
         }
     }
-    Courses { courses, read, rejects, left_out }
+    RowReferences { courses, read, rejects, left_out }
 }
 
 /// Everything in order of time, or of lines where there are no times; looks then count as a second apart.

@@ -79,9 +79,9 @@ impl Judges<'_> {
         };
         let (finders, placed): (Vec<usize>, Vec<Placed>) =
             test.located.finders.iter().filter_map(of).unzip();
-        let target_sd_mm = test.located.target_sd_mm;
-        let finders = (&finders[..], target_sd_mm);
-        let found = self.locator.refit(self.models, &test.observations, finders, &placed)?;
+        let own_target = test.located.target_sd_mm;
+        let observations = &test.observations;
+        let found = self.locator.refit(self.models, observations, &finders, own_target, &placed)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
@@ -90,7 +90,7 @@ impl Judges<'_> {
             ..*self.error_frame.frames()
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let oriented = self.settings.noise.takes_orientations() && target_sd_mm.is_none();
+        let oriented = self.settings.noise.takes_orientations() && own_target.is_none();
         Some(ErrorFrame::new(self.arm, frames, Some(flange_from_tool), oriented))
     }
 

@@ -298,7 +298,7 @@ impl Locator {
             .inverse();
         let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
         let alone = alone(models, &poses, &to_base);
-        let poses = self.errors_at(&poses, Angles::Reported, (&placed, own_target), alone);
+        let poses = self.errors_at(&poses, Angles::Reported, &placed, own_target, alone);
         let all: Vec<usize> = (0..placed.len()).collect();
         let chosen = poses.choose(&all, &all, count).stations;
         Some(chosen.into_iter().map(|place| place * every).collect())
@@ -310,18 +310,20 @@ impl Locator {
         &self,
         observations: &[Observation],
         angles: Angles,
-        frames: (&[Placed], Option<f64>),
+        placed: &[Placed],
+        own_target: Option<f64>,
         alone: Vec<Matrix3<f64>>,
     ) -> Option<Poses> {
         self.elsewhere.as_ref()?;
-        Some(self.errors_at(observations, angles, frames, alone))
+        Some(self.errors_at(observations, angles, placed, own_target, alone))
     }
 
     fn errors_at(
         &self,
         observations: &[Observation],
         angles: Angles,
-        (placed, own_target): (&[Placed], Option<f64>),
+        placed: &[Placed],
+        own_target: Option<f64>,
         alone: Vec<Matrix3<f64>>,
     ) -> Poses {
         let (columns, precision) = frame_columns(placed, own_target, self.scale_sd);
@@ -344,7 +346,8 @@ impl Locator {
         &self,
         models: &Models,
         observations: &[Observation],
-        (finders, own_target): (&[usize], Option<f64>),
+        finders: &[usize],
+        own_target: Option<f64>,
         placed: &[Placed],
     ) -> Option<Refit> {
         let measured = finders.iter();
@@ -356,8 +359,8 @@ impl Locator {
             .and_then(|(poses, all)| Some((poses.estimator(finders)?, all)));
         match by {
             Some((by, all)) => {
-                let about = (refit::middle(&all), self.scale_sd);
-                refit::generalised(&measured, placed, with_target, about, &by)
+                let (middle, sd) = (refit::middle(&all), self.scale_sd);
+                refit::generalised(&measured, placed, with_target, middle, sd, &by)
             }
             None => refit::refit(&measured, placed, with_target),
         }
@@ -382,8 +385,7 @@ impl Locator {
         let to_base = to_tracker.inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
-        let frames = (&placed[..], own_target);
-        let poses = self.poses(observations, angles, frames, alone.collect())?;
+        let poses = self.poses(observations, angles, &placed, own_target, alone.collect())?;
         Some((poses, placed))
     }
 }

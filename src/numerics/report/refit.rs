@@ -141,7 +141,8 @@ pub fn generalised(
     measured: &[Point3<f64>],
     predicted: &[Placed],
     with_target: bool,
-    (middle, scale_sd): (Point3<f64>, f64),
+    middle: Point3<f64>,
+    scale_sd: f64,
     by: &Estimator,
 ) -> Option<Refit> {
     let plain = Refit { middle, ..refit(measured, predicted, with_target)? };

@@ -37,11 +37,10 @@ pub fn unseen_session(
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
-        let measured = (stations.observations, models.latest());
-        let noise = noise(it, &predictions, measured, &to_base);
-        let frames = (&placed[..], located.target_sd_mm);
+        let noise = noise(it, &predictions, stations.observations, models.latest(), &to_base);
+        let own_target = located.target_sd_mm;
         let poses = match model {
-            Model::Full => locator.poses(stations.observations, angles, frames, noise),
+            Model::Full => locator.poses(stations.observations, angles, &placed, own_target, noise),
             _ => None,
         };
         let targets = stations.observations.iter().map(|o| target_read(models, o));
@@ -77,7 +76,8 @@ pub fn unseen_session(
 fn noise(
     model: &dyn PoseModel,
     predictions: &[Predicted],
-    (observations, session): (&[Observation], usize),
+    observations: &[Observation],
+    session: usize,
     to_base: &Isometry3<f64>,
 ) -> Vec<Matrix3<f64>> {
     let to_tracker = to_base.inverse();
@@ -152,8 +152,8 @@ impl Unseen<'_> {
         let placed: Vec<Placed> = used.iter().map(|&p| self.placed[p].clone()).collect();
         match (by, base_refit) {
             (Some(by), BaseRefit::First | BaseRefit::Chosen) => {
-                let about = (refit::middle(self.placed), self.model.scale_sd());
-                refit::generalised(&measured, &placed, self.with_target, about, by)
+                let (middle, sd) = (refit::middle(self.placed), self.model.scale_sd());
+                refit::generalised(&measured, &placed, self.with_target, middle, sd, by)
             }
             _ => {
                 refit::refit_with_scale(&measured, &placed, self.with_target, self.model.scale_sd())

@@ -274,7 +274,7 @@ fn a_change_counts_by_its_size_and_many_small_ones_add_up() {
             let figures = figures(drawing.next(&truth));
             let columns = figures.estimate.columns().to_vec();
             session_history.next(&SessionFigures {
-                noticed: Some(Noticed::new(mm, &columns, (&arm, &target), &ranges)),
+                noticed: Some(Noticed::new(mm, &columns, &arm, &target, &ranges)),
                 ..figures
             })
         })

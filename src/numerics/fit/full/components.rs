@@ -67,7 +67,7 @@ impl Components {
         self.fixed.resize(layout.size(), 0.0);
         for (block, columns) in layout.blocks().filter(|(_, own)| own.start >= known) {
             if let Block::Line { joint, cycles } = block {
-                self.add_line((joint, cycles), columns, settings);
+                self.add_line(joint, cycles, columns, settings);
             }
         }
     }
@@ -150,33 +150,34 @@ impl Components {
                 let profile = drift_profile(s, span, columns.len());
                 self.join(Part::Drift, s.drift_sd_mm, columns, profile);
             }
-            Block::Curve(joint) => self.add_curve(layout, (joint, columns), spectra, s),
+            Block::Curve(joint) => self.add_curve(layout, joint, columns, spectra, s),
             Block::Earlier { joint, .. } => {
                 let slides = layout.slide_period_mm(joint).is_some();
                 self.fixed[columns.start] = super::repairs::zero_variance(slides);
                 let columns = columns.start + 1..columns.end;
-                self.add_curve(layout, (joint, columns), spectra, s);
+                self.add_curve(layout, joint, columns, spectra, s);
             }
             Block::SessionCurve { joint, .. } => {
-                let profile = change_profile(layout, s, joint, (columns.len(), spectra));
+                let profile = change_profile(layout, s, joint, columns.len(), spectra);
                 self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
             }
             Block::Ageing { joint, step } => {
-                let mut profile = change_profile(layout, s, joint, (columns.len(), spectra));
+                let mut profile = change_profile(layout, s, joint, columns.len(), spectra);
                 let years = super::ageing::years(step);
                 for share in &mut profile {
                     *share *= years;
                 }
                 self.join(Part::Ageing, s.session_curve_sd_rad, columns, profile);
             }
-            Block::Line { joint, cycles } => self.add_line((joint, cycles), columns, s),
+            Block::Line { joint, cycles } => self.add_line(joint, cycles, columns, s),
         }
     }
 
     fn add_curve(
         &mut self,
         layout: &Layout,
-        (joint, columns): (usize, Range<usize>),
+        joint: usize,
+        columns: Range<usize>,
         spectra: &mut Spectra,
         settings: &FullSettings,
     ) {
@@ -190,7 +191,8 @@ impl Components {
 
     fn add_line(
         &mut self,
-        (joint, cycles): (usize, f64),
+        joint: usize,
+        cycles: f64,
         columns: Range<usize>,
         settings: &FullSettings,
     ) {
@@ -255,7 +257,8 @@ fn change_profile(
     layout: &Layout,
     settings: &FullSettings,
     joint: usize,
-    (columns, spectra): (usize, &mut Spectra),
+    columns: usize,
+    spectra: &mut Spectra,
 ) -> Vec<f64> {
     let (length, share) = session_curve_sizes(layout, settings, joint);
     let kernel = Kernel::SquaredExponential(length);

@@ -91,7 +91,7 @@ pub(super) fn leave_one_out(
             let share = around.state.tails.information(row.value.len() as f64);
             let left = &row.value - row.times(&expected);
             let weight = around.state.weights[place];
-            left_out_of(row.noise, left, noise, explained, (weight, share))
+            left_out_of(row.noise, left, noise, explained, weight, share)
         });
         left_out.par_extend(each);
     }
@@ -231,7 +231,8 @@ fn left_out_of(
     left: DVector<f64>,
     noise: &DMatrix<f64>,
     explained: DMatrix<f64>,
-    (weight, share): (f64, f64),
+    weight: f64,
+    share: f64,
 ) -> LeftOut {
     let inverse = |mut matrix: DMatrix<f64>| {
         assert!(invert_small(&mut matrix), "a positive definite covariance");

@@ -121,7 +121,7 @@ impl Seen {
             seen.partition(|(block, _)| block.shapes().is_some());
         let place =
             |column: usize| in_columns[column].expect("a shape is of all or of one session");
-        let of_joint = |joint| JointShapes::of(&shapes, layout, (session, joint), place);
+        let of_joint = |joint| JointShapes::of(&shapes, layout, session, joint, place);
         let (mut plain, mut places) = (Vec::new(), vec![usize::MAX; layout.size()]);
         for column in blocks.iter().flat_map(|(_, columns)| columns.clone()) {
             if let Some(place) = in_columns[column] {

@@ -37,7 +37,8 @@ impl JointShapes {
     pub fn of(
         blocks: &[(Block, Range<usize>)],
         layout: &Layout,
-        (session, joint): (usize, usize),
+        session: usize,
+        joint: usize,
         place: impl Fn(usize) -> usize,
     ) -> Self {
         let own = blocks.iter().filter(|(block, _)| block.shapes() == Some(joint));
@@ -202,7 +203,7 @@ mod tests {
         let joints = [Twist { linear: Vector3::x(), angular: Vector3::z() }];
         for session in 0..3 {
             let seen: Vec<_> = layout.blocks_in(session).collect();
-            let shapes = JointShapes::of(&seen, &layout, (session, 0), |column| column);
+            let shapes = JointShapes::of(&seen, &layout, session, 0, |column| column);
             assert_eq!(shapes.count(), 8 + 2 + 1);
             let mut found = vec![0.0; layout.size()];
             for (place, number) in shapes.entries(&shapes.numbers(angle, layout.curve_unit(0))) {
@@ -233,7 +234,7 @@ mod tests {
     fn coefficients_of_shapes_are_those_of_their_columns_together() {
         let layout = layout();
         let seen: Vec<_> = layout.blocks_in(1).collect();
-        let shapes = JointShapes::of(&seen, &layout, (1, 0), |column| column);
+        let shapes = JointShapes::of(&seen, &layout, 1, 0, |column| column);
         let numbers = shapes.numbers(0.3, 1.0);
         let columns = DVector::from_fn(layout.size(), |row, _| (row as f64).sin());
         let by_columns: f64 =

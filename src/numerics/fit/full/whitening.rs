@@ -35,7 +35,7 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     for (session, stations) in around.batches() {
         let rows = around.rows(&stations);
         let sums = sums.adding(session);
-        add(around, (session, &stations), &rows, prior_mean, sums);
+        add(around, session, &stations, &rows, prior_mean, sums);
     }
     for (session, row, value) in distances(around) {
         let seen = around.seen(session);
@@ -51,18 +51,20 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
 /// Adds the rows of some stations of one session to sums, of which then the lower triangles are right.
 pub(super) fn add(
     around: &Around<'_>,
-    (session, stations): (usize, &[usize]),
+    session: usize,
+    stations: &[usize],
     rows: &[Row],
     prior_mean: &DVector<f64>,
     sums: Adding<'_>,
 ) {
-    let whitened = whitened(around, (session, stations), rows, prior_mean);
+    let whitened = whitened(around, session, stations, rows, prior_mean);
     Summing::of(around.seen(session), rows, &whitened).add_to(sums);
 }
 
 fn whitened(
     around: &Around<'_>,
-    (session, stations): (usize, &[usize]),
+    session: usize,
+    stations: &[usize],
     rows: &[Row],
     prior_mean: &DVector<f64>,
 ) -> Vec<Whitened> {
@@ -102,13 +104,7 @@ impl Whitened {
 
     /// Adds its rows, which begin at `first`, to those that are seen by what moves them; `places` has the place of each column among
     /// its joint's.
-    fn part(
-        &self,
-        row: &Row,
-        seen: &Seen,
-        places: &[usize],
-        (first, into): (usize, &mut ByMotion),
-    ) {
+    fn part(&self, row: &Row, seen: &Seen, places: &[usize], first: usize, into: &mut ByMotion) {
         let (station, size) = (into.stations.len(), self.values.len());
         into.stations.push(first..first + size);
         for (joint, own) in into.joints.iter_mut().enumerate() {
@@ -190,11 +186,11 @@ fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
     let (mut first, mut ln_noise) = (0, 0.0);
     for (session, stations) in around.batches() {
         let (seen, rows) = (around.seen(session), around.rows(&stations));
-        let whitened = whitened(around, (session, &stations), &rows, prior_mean);
+        let whitened = whitened(around, session, &stations, &rows, prior_mean);
         for (row, own) in rows.iter().zip(&whitened) {
             let size = own.values.len();
             own.spread(row, seen, &mut transposed.columns_mut(first, size));
-            own.part(row, seen, &places, (first, &mut columns));
+            own.part(row, seen, &places, first, &mut columns);
             values.rows_mut(first, size).copy_from(&own.values);
             first += size;
             ln_noise += own.ln_noise;

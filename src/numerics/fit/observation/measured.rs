@@ -79,11 +79,12 @@ impl Measured {
     /// stated uncertainty of orientations.
     pub(in crate::fit) fn of(
         reading: &Reading,
-        (source, size): (&Source, StatedSize),
+        source: &Source,
+        size: StatedSize,
         repeatability_mm: f64,
     ) -> Self {
         let place = |point: &MeanPoint, turn: Option<&MeanOrientation>| {
-            let instrument = Instrument::of(point, turn, reading, (source, size));
+            let instrument = Instrument::of(point, turn, reading, source, size);
             let point = MeasuredPoint::of(point, &instrument, repeatability_mm);
             (point, instrument)
         };
@@ -269,7 +270,8 @@ impl Instrument {
         point: &MeanPoint,
         turn: Option<&MeanOrientation>,
         reading: &Reading,
-        (source, size): (&Source, StatedSize),
+        source: &Source,
+        size: StatedSize,
     ) -> Self {
         let kept = reading.kept.max(1) as f64;
         let scatter = point.scatter_mm.map(|scatter| scatter.powi(2) / kept);

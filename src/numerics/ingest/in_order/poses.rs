@@ -35,26 +35,27 @@ pub struct PoseBuffer {
 
 impl PoseBuffer {
     pub const fn commands(settings: &CommandedSettings) -> Self {
-        Self::none(SpanClock::Controller, settings.unit, (true, false))
+        Self::none(SpanClock::Controller, settings.unit, true, false)
     }
 
     pub fn readings(settings: &TrackerSettings) -> Self {
         let orientations = !settings.ignore_orientation;
         Self {
             inverted: settings.eye_in_hand,
-            ..Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
+            ..Self::none(SpanClock::Tracker, settings.unit, orientations, true)
         }
     }
 
     /// An empty buffer of an instrument of one length: each length as x, without y and z.
     pub const fn lengths(settings: &LoggedLength) -> Self {
-        Self::none(SpanClock::Tracker, settings.unit, (false, false))
+        Self::none(SpanClock::Tracker, settings.unit, false, false)
     }
 
     const fn none(
         clock: SpanClock,
         unit: LengthUnit,
-        (wants_orientations, wants_covariances): (bool, bool),
+        wants_orientations: bool,
+        wants_covariances: bool,
     ) -> Self {
         Self {
             clock,

@@ -38,7 +38,7 @@ pub(super) fn links(stated: &SetUp, evidence: &Evidence, placement: &Placement) 
             return None;
         };
         let mut offsets = vec![0.0; parameters.len()];
-        offsets[place] = value(stated, evidence, placement, (parameters.len(), place), *parameter)?;
+        offsets[place] = value(stated, evidence, placement, parameters.len(), place, *parameter)?;
         let least = if parameter.is_angle() { LEAST_RAD } else { LEAST_MM };
         (offsets[place].abs() >= least)
             .then(|| hypothesis(stated, joint, quantity, &offsets, offsets[place]))
@@ -99,7 +99,8 @@ fn value(
     stated: &SetUp,
     evidence: &Evidence,
     placement: &Placement,
-    (parameters, place): (usize, usize),
+    parameters: usize,
+    place: usize,
     parameter: Parameter,
 ) -> Option<f64> {
     let step = if parameter.is_angle() { STEP_RAD } else { STEP_MM };

@@ -136,12 +136,12 @@ impl Adding<'_> {
                 }
                 let size = (row.count, column.count);
                 let own = products.view((row.shape, column.shape), size);
-                self.run((row, column), &own);
+                self.run(row, column, &own);
             }
         }
     }
 
-    fn run(&mut self, (row, column): (&Run, &Run), products: &DMatrixView<'_, f64>) {
+    fn run(&mut self, row: &Run, column: &Run, products: &DMatrixView<'_, f64>) {
         let share = row.share * column.share;
         let first_shared = self.first_shared();
         let is_own = |run: &Run| run.place < first_shared;
