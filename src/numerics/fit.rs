@@ -98,7 +98,6 @@ pub const WEIGHTED_DOWN: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSettings {
-    /// The arm's repeatability per axis as a standard deviation, mm.
     pub repeatability_mm: f64,
     pub loss: Loss,
     /// Standard deviation that the weak prior gives to length offsets, mm; zero for no prior.
@@ -261,7 +260,6 @@ pub struct Calibration {
     pub structure: Structure,
     pub poses: usize,
     pub stations: usize,
-    /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
     pub solution: Solution,
     /// The part that each source had: its noise's size and its share of the information.

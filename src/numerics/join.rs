@@ -185,7 +185,6 @@ impl Station {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {
     pub position: Point3<f64>,
-    /// The orientation; absent where the message has none.
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
@@ -302,7 +301,6 @@ pub struct JoinInput {
     pub references: Vec<ReferenceReadings>,
     /// Those of instruments of one length; empty where there are none.
     pub lengths: Vec<LengthReadings>,
-    /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }
 

@@ -80,7 +80,6 @@ pub struct Residual {
     /// The fold that held it out; `None` unless blocks were held out.
     pub fold: Option<usize>,
     pub used_for_refit: bool,
-    /// Attained position of the target, mm, base frame.
     pub attained: Point3<f64>,
     pub residual: Vector3<f64>,
     /// Covariance of measured minus predicted, mm²; `None` where the model has none.
@@ -167,7 +166,6 @@ pub struct Accuracy {
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without
     /// covariances.
     pub coverage: Option<Calibrated>,
-    /// Expanded uncertainty (k = 2) of one measured error, mm.
     pub expanded_uncertainty_mm: f64,
     pub verdict: Verdict,
 }

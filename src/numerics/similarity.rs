@@ -42,10 +42,8 @@ impl Default for SimilaritySettings {
 /// One error with the joint angles and the position where it was observed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorSample {
-    /// Joint angles, rad.
     pub joints: Vec<f64>,
     pub position: Point3<f64>,
-    /// Error in the base frame, mm.
     pub error: Vector3<f64>,
 }
 

@@ -44,7 +44,6 @@ use timeline::Timeline;
 
 /// Resolution of logged angles, rad: encoders are no finer, and rounding gives logs the same bytes on all machines.
 const ANGLE_RESOLUTION: f64 = 1e-7;
-/// Resolution of logged positions, mm.
 const POSITION_RESOLUTION_MM: f64 = 1e-4;
 /// Resolution of logged lengths, mm: about that of the messages at two metres.
 const LENGTH_RESOLUTION_MM: f64 = 1e-4;

@@ -23,7 +23,6 @@ pub struct CameraSize {
     /// Factor on the stated standard deviations, estimated.
     pub size: f64,
     pub size_se: f64,
-    /// Standard deviation of what is not the camera's, per coordinate of the position, mm.
     pub beside_mm: f64,
     pub readings: usize,
 }

@@ -17,7 +17,6 @@ use crate::kinematics::{Arm, Chain, Parameter};
 
 /// Poses that the two conventions are compared at, and as many others for what is left.
 const POSES: u32 = 80;
-/// An angle of this size counts as much as a length of 1 mm.
 const RAD_PER_MM: f64 = 1e-3;
 /// An offset of base or target counts as much as a link's that is larger by the inverse of this.
 const FRAME_SIZE: f64 = 1e-3;
@@ -53,7 +52,6 @@ impl Errors {
 /// Errors in another convention, and how well they are the same.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Converted {
-    /// The errors: every parameter of the other arm, then those of base and target.
     pub errors: Errors,
     /// The largest distance of the target as the two conventions predict it, at poses that took no part, mm.
     pub left_mm: f64,
@@ -114,7 +112,6 @@ pub fn converted(
 }
 
 impl Errors {
-    /// The offsets in the order of a chain's parameters; zero for one that is not named.
     fn of(&self, chain: &Chain) -> DVector<f64> {
         let parameters = chain.parameters();
         let offset =

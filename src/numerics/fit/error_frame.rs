@@ -23,7 +23,6 @@ pub enum ErrorBase {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurveyedBase {
-    /// Pose of the base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
     pub sd_mm: Option<f64>,
     /// Standard deviation of its rotation about each axis, rad; absent where it is not stated.

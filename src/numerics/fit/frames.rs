@@ -30,7 +30,6 @@ pub struct Frames {
 pub struct FramePair {
     pub source: SourceId,
     pub target: TargetId,
-    /// Pose of the base in the source's frame, mm.
     pub tracker_from_base: Transform<Tracker, Base>,
     /// Pose of the target on the flange, mm; rotated only where orientations are measured.
     pub flange_from_target: Transform<Flange, Target>,

@@ -94,7 +94,6 @@ pub struct FullModel {
     warm_up_variance: f64,
     /// The middle of each session's stations, in the base frame, mm.
     middles: Vec<Point3<f64>>,
-    /// Standard deviation of a session's own scale, a share.
     scale_sd: f64,
     scale_evidence: Option<ScaleEvidence>,
     approach: Option<ApproachOffsets>,

@@ -31,7 +31,6 @@ pub enum Gauge {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Anchor {
-    /// Its place in the base's frame, mm.
     pub place: Point3<f64>,
     /// The reading at no distance, mm: what is added to the distance. Minus the radius where a sphere is touched.
     pub offset_mm: f64,
@@ -92,7 +91,6 @@ impl Plane {
 }
 
 impl Gauge {
-    /// The reading on a target at a place in the base's frame, mm.
     pub fn reading_mm(&self, target: &Point3<f64>) -> f64 {
         match self {
             Self::Distance(anchor) => anchor.to(target).0 + anchor.offset_mm,

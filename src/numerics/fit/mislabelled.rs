@@ -119,7 +119,6 @@ pub fn check(
 struct Read {
     session: usize,
     station: usize,
-    /// Named target and measured position, mm.
     readings: Vec<(TargetId, Point3<f64>)>,
     predicted: Vec<Point3<f64>>,
 }
@@ -185,7 +184,6 @@ impl Read {
         own.map(|((_, measured), &target)| measured - self.predicted[target]).collect()
     }
 
-    /// Distances from the predictions, mm.
     fn away_mm(&self, targets: &[usize]) -> Vec<f64> {
         self.off(targets).iter().map(Vector3::norm).collect()
     }
@@ -365,7 +363,6 @@ fn places(frames: &Frames) -> Vec<Vector3<f64>> {
     targets.map(|target| target.isometry().translation.vector).collect()
 }
 
-/// Stated places with the targets they are of, mm.
 fn stated_places(settings: &FitSettings, targets: usize) -> Vec<(usize, Vector3<f64>)> {
     let stated = settings.prior().targets.into_iter().enumerate().take(targets);
     stated.filter_map(|(target, known)| Some((target, Vector3::from(known?.xyz_mm)))).collect()

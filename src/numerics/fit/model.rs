@@ -25,7 +25,6 @@ pub trait PoseModel: Any + Debug + Send + Sync {
 
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap>;
 
-    /// [`Prediction::position`] alone, where that is faster.
     fn position(&self, at: &At<'_>) -> Result<Point3<f64>, Gap> {
         Ok(self.predict(at)?.position)
     }
@@ -121,7 +120,6 @@ pub enum At<'q> {
 pub struct Query<'q> {
     /// Axis variables, rad.
     pub axes: &'q [f64],
-    /// The origin of the axis variables: reported or commanded.
     pub known: Known<'q>,
     /// The vector from the measured target to the predicted point, along the flange's axes, mm.
     pub lever: Vector3<f64>,

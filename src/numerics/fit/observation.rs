@@ -175,9 +175,7 @@ impl Source {
 /// The uncertainties of the measurement that the readings do not show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// The instruments of each session, in the order of [`SourceId`].
     pub sources: Vec<Source>,
-    /// The arm's repeatability per axis as a standard deviation, mm.
     pub repeatability_mm: f64,
     /// The size of the covariances that readings of each source state, in the order of [`SourceId`]; of sources behind the last it is
     /// as stated.

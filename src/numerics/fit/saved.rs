@@ -72,9 +72,7 @@ pub enum SavedSees {
     Places,
     Nothing,
     Distance {
-        /// The anchor's place in the base's frame, mm.
         xyz_mm: [f64; 3],
-        /// The reading at no distance, mm.
         offset_mm: f64,
     },
     Height {

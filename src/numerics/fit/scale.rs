@@ -90,7 +90,6 @@ pub struct SessionScale {
     pub prior_sd_ppm: f64,
     /// The scale in the full error model; `None` where it has none.
     pub fitted: Option<FittedScale>,
-    /// Standard deviation of the arm's lengths, mm.
     pub length_sd_mm: f64,
     /// The scale constrained by the arm's lengths alone; `None` without a full error model, or where rounding made it
     /// indefinite.

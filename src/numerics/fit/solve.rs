@@ -102,7 +102,6 @@ impl Point {
 /// The size and damping of the last step, from which the next one follows.
 #[derive(Clone, Copy)]
 struct Gait {
-    /// Size of the last step, standard errors.
     size: f64,
     /// Size of the last step over that of the one before, at most 1.
     pace: f64,

@@ -273,7 +273,6 @@ fn base(
     Ok(Transform::claim(base))
 }
 
-/// The nominal flange at each observation, in the base frame, mm.
 fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {
     let chain = arm.chain();
     let axis = |axis: usize| observations.iter().map(|o| o.axes[axis]).collect();

@@ -33,13 +33,11 @@ const ONE_STAND_RAD: f64 = 0.1 / 180.0 * std::f64::consts::PI;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandedPose {
     pub position: Point3<f64>,
-    /// The orientation; absent where the log has none.
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dwell<'d> {
-    /// Its command; absent where it has none.
     pub command: Option<CommandedPose>,
     /// Reported joint angles, rad; mm where a joint slides.
     pub joints: &'d [f64],

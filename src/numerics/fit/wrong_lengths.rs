@@ -36,7 +36,6 @@ const LEAST_MM: f64 = 1e-6;
 /// A wrong number, by the place of its observation.
 struct WrongLength {
     place: usize,
-    /// Measured minus predicted length, mm.
     away_mm: f64,
     /// Scale of the instrument's residuals: their median over that of Student's t, mm.
     scale_mm: f64,

@@ -19,7 +19,6 @@ const ROOT: usize = 3;
 /// The size from which a change counts, and what gives the size of one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Noticed {
-    /// The size from which a change counts, mm.
     pub least_mm: f64,
     /// Displacement of the measured point at each pose by one unit of each column, mm.
     effects: Vec<(Column, Vec<[f64; 3]>)>,

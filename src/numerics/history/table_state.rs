@@ -50,11 +50,7 @@ pub enum NotShown {
     NoPromise,
     NoBase,
     Misapplied,
-    TooFew {
-        judged: usize,
-        /// Number of poses that the promise's share and confidence need.
-        needed: usize,
-    },
+    TooFew { judged: usize, needed: usize },
 }
 
 /// The evidence of a session about the table that drove it.

@@ -13,7 +13,6 @@ pub struct DecodedJoints {
 /// Poses or points in the unit of the log; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DecodedPoses {
-    /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
     /// Position x y z of each row.
     pub positions: Vec<[f64; 3]>,
@@ -26,7 +25,6 @@ pub struct DecodedPoses {
 /// Temperatures; columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DecodedTemperatures {
-    /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
     pub celsius: Vec<f64>,
 }

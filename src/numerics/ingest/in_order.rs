@@ -28,7 +28,6 @@ use super::summary::{StreamCounts, StreamSummary};
 pub trait Buffer {
     /// The columns that the rows of a block are decoded into.
     type Block;
-    /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
     /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
@@ -175,7 +174,6 @@ impl<B: Buffer> InOrder<B> {
         files
     }
 
-    /// Emits the earliest `count` samples of the buffer.
     fn emit(&mut self, count: usize, emit: &mut impl FnMut(&B, Range<usize>)) {
         if count == 0 {
             return;
@@ -243,7 +241,6 @@ impl Span {
     }
 }
 
-/// A column, put in the order `order`.
 fn reordered<T: Copy>(column: &[T], order: &[usize]) -> Vec<T> {
     order.iter().map(|&row| column[row]).collect()
 }

@@ -14,7 +14,6 @@ use crate::units::{Controller, Stamp, Tracker};
 pub struct PoseSamples<C> {
     pub stamps: Vec<Stamp<C>>,
     pub positions: Vec<[f64; 3]>,
-    /// Unit quaternions x y z w; absent where the messages have no orientations.
     pub orientations: Option<Vec<[f64; 4]>>,
     /// Covariances that the messages state, mm and rad; absent where they have none.
     pub covariances: Option<Vec<PoseCovariance>>,

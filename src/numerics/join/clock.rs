@@ -144,7 +144,6 @@ impl Line {
     }
 }
 
-/// Time from first to last mark, s.
 fn span_s(marks: &[Mark]) -> f64 {
     let at_s = marks.iter().map(|mark| mark.at_s);
     at_s.clone().fold(f64::NEG_INFINITY, f64::max) - at_s.fold(f64::INFINITY, f64::min)

@@ -30,7 +30,6 @@ pub struct Decision {
     pub relation: Relation,
     pub support: Vec<Pair>,
     pub placement: Placement,
-    /// Median distance of the supporting pairs from the nominal arm, mm.
     pub median_mm: f64,
     pub tried: usize,
     pub rival_support: usize,

@@ -26,7 +26,6 @@ pub struct Span {
 }
 
 impl Span {
-    /// Middle of the dwell, s.
     pub fn middle_s(&self) -> f64 {
         f64::midpoint(self.arrival_s(), self.departure_s())
     }
@@ -78,7 +77,6 @@ pub struct TargetDwell {
     pub end: Stamp<Tracker>,
     /// Start and end in seconds since the tracker's first stamp.
     pub span: Span,
-    /// Median position per axis, mm.
     pub position: Vector3<f64>,
     /// Standard deviation per axis by the median absolute deviation, mm.
     pub scatter_mm: [f64; 3],

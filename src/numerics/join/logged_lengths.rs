@@ -171,7 +171,6 @@ impl<'a> Dwelling<'a> {
         Ok(median(&scatters).unwrap_or(0.0).max(own.sd_mm))
     }
 
-    /// The mean of a dwell; `None` where too few readings are left.
     fn mean(
         &self,
         own: &LengthReadings,

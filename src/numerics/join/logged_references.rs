@@ -99,7 +99,6 @@ pub(super) fn followed(
 /// The dwells by the tracker's clock, which readings of references are sorted by.
 struct Looking<'a> {
     dwells: Vec<(Stamp<Tracker>, Stamp<Tracker>)>,
-    /// Longest look between dwells, ns.
     look_ns: i64,
     settings: &'a JoinSettings,
 }

@@ -29,11 +29,9 @@ pub struct Elsewhere {
     pub stations: [usize; 2],
     /// Number of readings that agree there.
     pub readings: usize,
-    /// Median distance by which these readings moved, mm.
     pub shift_mm: f64,
     /// Angle by which the instrument turned against the base, rad.
     pub turn_rad: f64,
-    /// Median distance of the readings from the nominal arm once it is placed anew, mm.
     pub left_mm: f64,
 }
 
@@ -163,7 +161,6 @@ fn base_of(
     (median(&left)? <= gate_mm).then_some(base)
 }
 
-/// The target in the base's frame by the nominal arm, mm.
 fn at_base(own: &ReadingAtFlange, placement: &Placement) -> Point3<f64> {
     own.flange * Point3::from(placement.target_mm)
 }

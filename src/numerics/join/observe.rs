@@ -13,7 +13,6 @@ use crate::units::{NS_PER_S, Stamp, Tracker};
 #[derive(Debug, Clone)]
 pub struct Observation {
     pub first_measured: Stamp<Tracker>,
-    /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
     pub stationary_rad: f64,
     pub stationary_mm: f64,

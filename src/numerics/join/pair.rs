@@ -64,7 +64,6 @@ pub struct Evidence<'a> {
     pub target: &'a [TargetDwell],
     pub clock: ClockModel,
     pub placement: Placement,
-    /// Distance from the placement beyond which a target is another reflector, mm.
     pub gate_mm: f64,
     pub moved: &'a [(Stamp<Tracker>, Stamp<Tracker>)],
     /// Dwells closer together than this are one group, mm.

@@ -68,7 +68,6 @@ impl Dwells<'_> {
 /// The comparison of the lengths of moves.
 #[derive(Debug, Clone)]
 pub struct Ruler {
-    /// One point of each dwell of the arm, in the base frame, mm.
     points: Vec<Vector3<f64>>,
     /// Moves whose lengths differ by this or more do not agree at all, mm.
     tolerance_mm: f64,

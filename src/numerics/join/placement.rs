@@ -30,17 +30,13 @@ const STEP_DONE: f64 = 1e-3;
 /// A nominal flange (mm, base frame) and the position attained with it (mm, tracker frame).
 #[derive(Debug, Clone, Copy)]
 pub struct ReadingAtFlange {
-    /// The nominal flange in the base frame, mm.
     pub flange: Isometry3<f64>,
-    /// The target in the tracker frame, mm.
     pub attained: Vector3<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// The base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
-    /// The target in the flange frame, mm.
     pub target_mm: Vector3<f64>,
 }
 
@@ -50,7 +46,6 @@ impl Placement {
         (self.tracker_from_base * (flange * Point3::from(self.target_mm))).coords
     }
 
-    /// Distance between prediction and measurement, mm.
     pub fn distance_mm(&self, reading: &ReadingAtFlange) -> f64 {
         (reading.attained - self.predict(&reading.flange)).norm()
     }
@@ -93,7 +88,6 @@ impl Placement {
         Some(self)
     }
 
-    /// Median distance over `readings`, mm.
     pub fn median_mm(&self, readings: &[ReadingAtFlange]) -> f64 {
         let mut distances: Vec<f64> = readings.iter().map(|s| self.distance_mm(s)).collect();
         median(&mut distances)

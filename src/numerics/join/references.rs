@@ -34,7 +34,6 @@ pub struct ReferenceId(pub usize);
 /// One look at the references: a moment, and the places where those that were measured stood.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {
-    /// The moment, s.
     pub at_s: f64,
     /// The references measured and their positions in the instrument's frame, mm; none of them twice.
     pub seen: Vec<(ReferenceId, Point3<f64>)>,
@@ -59,7 +58,6 @@ pub enum Event {
     Bump {
         after: usize,
         before: usize,
-        /// Shift of the references' middle, mm.
         shift_mm: f64,
         /// Rotation, rad; 0 where rotations are not told.
         turn_rad: f64,
@@ -73,19 +71,9 @@ pub enum Event {
         turn_rad: f64,
     },
     /// One reading is of another reflector, or wrong: it is left out.
-    Stray {
-        look: usize,
-        reference: ReferenceId,
-        /// Distance from where the others put it, mm.
-        away_mm: f64,
-    },
+    Stray { look: usize, reference: ReferenceId, away_mm: f64 },
     /// One reference was moved among the others; from this look on it counts as a new one.
-    Moved {
-        look: usize,
-        reference: ReferenceId,
-        /// Distance between its places, mm.
-        by_mm: f64,
-    },
+    Moved { look: usize, reference: ReferenceId, by_mm: f64 },
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,7 +89,6 @@ pub struct Place {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sizes {
-    /// Of a reading, per axis, mm.
     pub reading_mm: f64,
     /// Of the walk's shift over a second, per axis, mm.
     pub walk_mm: f64,
@@ -403,7 +390,6 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Distance of a stray reading from where the others put it, mm.
     fn away_mm(&self, look: usize, reference: ReferenceId) -> f64 {
         let mut seen = self.looks[look].seen.iter();
         let at = seen.find(|(own, _)| *own == reference).map(|(_, at)| at);
@@ -415,7 +401,6 @@ impl<'a> Work<'a> {
         (self.shape.undone(at, &self.states[look]) - place).norm()
     }
 
-    /// Distance between the place of a reference from a look on and its place before, mm.
     fn moved_mm(&self, look: usize, reference: ReferenceId) -> f64 {
         let places = &self.shape.places;
         let before = look.checked_sub(1).map(|before| self.events.place_of(reference, before));
@@ -425,7 +410,6 @@ impl<'a> Work<'a> {
     }
 }
 
-/// Shift of the middle and angle between two motions, mm and rad.
 fn apart(a: &Motion, b: &Motion) -> (f64, f64) {
     let by = a.moved.inverse() * b.moved;
     let shift = b.moved.transform_point(&b.middle) - a.moved.transform_point(&a.middle);

@@ -35,7 +35,6 @@ pub struct StationaryRule {
     pub window_s: f64,
     /// A longer break between samples ends a stretch, s (never less than five usual sample intervals).
     pub gap_s: f64,
-    /// The least duration of a stretch, s.
     pub min_stretch_s: f64,
     /// The threshold in the columns' unit; `None` to find it from the samples.
     pub threshold: Option<f64>,

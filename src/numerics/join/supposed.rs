@@ -32,9 +32,7 @@ pub struct Supposed {
 /// A dwell of the arm and the reading that would belong to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matched {
-    /// Reported joint angles as read, rad.
     pub joints: Vec<f64>,
-    /// Measured position as read, mm.
     pub measured: Vector3<f64>,
 }
 

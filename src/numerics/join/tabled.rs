@@ -238,7 +238,6 @@ fn digits(row: &Row) -> Vec<u64> {
         .collect()
 }
 
-/// The clock of a table: that of its times.
 fn one_clock(origin: Option<Stamp<crate::units::Controller>>, timed: bool) -> ClockEstimate {
     let method = if timed {
         "one table, so one clock: nothing had to be joined"
@@ -358,7 +357,6 @@ impl<'a> Gates<'a> {
     }
 }
 
-/// The moment of a station, ns.
 fn stamp(number: usize, row: &Row, timed: bool) -> i64 {
     let by_order = round_ns(NS_PER_S * number as f64);
     row.time_ns.filter(|_| timed).unwrap_or(by_order)

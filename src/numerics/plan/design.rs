@@ -24,9 +24,7 @@ const AT_ONCE: usize = 64;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// Axis variables, rad.
     pub axes: Vec<f64>,
-    /// Covariance of one measured position there: instrument and repeatability, mm².
     pub noise: Matrix3<f64>,
 }
 

@@ -24,7 +24,6 @@ pub struct Constraints {
     /// The arm configuration, where only one is allowed; needs a six-axis arm.
     pub configuration: Option<Configuration>,
     pub least_singularity_factor: f64,
-    /// Smallest distance of a joint to its limits, rad.
     pub limit_margin_rad: f64,
     pub flange_from_target: Isometry3<f64>,
     pub keep_out: Vec<KeepOut>,
@@ -43,12 +42,10 @@ pub struct KeepOut {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineOfSight {
-    /// Position of the tracker in the base frame, mm.
     pub tracker: Point3<f64>,
     pub facing: UnitVector3<f64>,
     /// Largest angle between that direction and the direction to the tracker, rad.
     pub acceptance_rad: f64,
-    /// Least and most distance between tracker and target, mm.
     pub range_mm: [f64; 2],
     /// Distance that the beam keeps from the lines between joint origins, mm: half of the arm's thickness.
     pub link_radius_mm: f64,

@@ -39,7 +39,6 @@ pub struct Identified<'i> {
 pub struct LocatePlan {
     /// The poses to measure, in an order of short travel from home.
     pub poses: Vec<Commanded>,
-    /// Expected errors over the box with base and target from them.
     pub promise: Expected,
     /// Expected errors from fewer and from more poses, by their number.
     pub others: Vec<(usize, Expected)>,

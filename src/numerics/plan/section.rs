@@ -36,12 +36,9 @@ pub struct PlanSection {
     /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: a larger angle gives
     /// more information. Never less than `cone_deg`.
     pub candidate_cone_deg: f64,
-    /// `[plan.constraints]`: the constraints on measured poses.
     pub constraints: ConstraintsSection,
-    /// `[plan.known]`: a past session that identified this arm, instead of the expected robots.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<KnownSection>,
-    /// `[plan.expect]`: the expected robots.
     pub expect: Expect,
 }
 
@@ -138,7 +135,6 @@ pub struct LineOfSightSection {
     pub facing: [f64; 3],
     /// Largest angle between that direction and the direction to the tracker, degrees.
     pub acceptance_deg: f64,
-    /// Least and largest distance, mm.
     pub range_mm: [f64; 2],
     /// Distance that the beam keeps from the lines between joint origins, mm: half of the arm's thickness.
     pub link_radius_mm: f64,
@@ -160,7 +156,6 @@ impl Default for ConstraintsSection {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Expect {
-    /// Link lengths, mm.
     pub length_sd_mm: f64,
     /// Link angles and joint zeros, degrees.
     pub angle_sd_deg: f64,
@@ -180,7 +175,6 @@ pub struct Expect {
     pub sag_urad: f64,
     /// Difference between the real and the intended place of the target at the flange, mm.
     pub target_sd_mm: f64,
-    /// Drift of the base over a session, mm.
     pub base_drift_mm: f64,
     pub lost_share: f64,
 }

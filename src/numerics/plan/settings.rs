@@ -36,7 +36,6 @@ pub struct PlanSettings {
     pub robots: usize,
     pub whole_model_robots: usize,
     pub test_poses: usize,
-    /// The share of robots that has to meet the tolerance, and the confidence of that.
     pub robots_meet: Coverage,
     pub candidates: usize,
     /// Numbers of poses at which designs are compared; the last is the most that a session may have.

@@ -76,7 +76,6 @@ pub struct ErrorPair {
     pub station: usize,
     pub at: Point3<f64>,
     pub before: Vector3<f64>,
-    /// The error that the correction leaves.
     pub after: Vector3<f64>,
 }
 

@@ -29,7 +29,6 @@ pub use base_motion::{BaseMotion, base_motion};
 pub struct CorrectedTarget {
     pub name: String,
     pub target: Point3<f64>,
-    /// Command that was to bring the tool point there, mm.
     pub command: Point3<f64>,
     /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
     /// alike.
@@ -95,13 +94,9 @@ pub struct DrivenStation {
     pub station: usize,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
-    /// Target position of the tool point, mm.
     pub target: Point3<f64>,
-    /// Command, mm.
     pub command: Point3<f64>,
-    /// Attained position of the tool point, mm.
     pub attained: Point3<f64>,
-    /// Correction that the table states, mm.
     pub stated: Vector3<f64>,
     /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
     /// alike.

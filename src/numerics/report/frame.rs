@@ -10,7 +10,6 @@ use crate::geometry::typed::{self, Typed};
 pub struct StatedFrame {
     /// Whether the base was surveyed; fitted otherwise.
     pub is_surveyed: bool,
-    /// Where the base stands in the tracker's frame, mm.
     pub tracker_from_base: Isometry3<f64>,
     /// Standard deviation of each coordinate of its origin, mm: as stated of a surveyed base, of the fit of a fitted one; `None` where it
     /// is not stated.

@@ -68,7 +68,6 @@ pub struct Iso9283 {
     pub moment: Moment,
     /// The run whose table drove the stations; `None` where none did.
     pub driven_by: Option<String>,
-    /// Expanded uncertainty (k = 2) of one measured position, mm.
     pub expanded_uncertainty_mm: f64,
     pub figures: Vec<Figure>,
 }
@@ -244,7 +243,6 @@ fn barycentre(visits: &[Visit]) -> Point3<f64> {
     mean(visits.iter().map(|visit| visit.attained.coords)).into()
 }
 
-/// `AP_p` of some visits, mm.
 fn positioning_accuracy(visits: &[Visit]) -> f64 {
     mean(visits.iter().map(Visit::error)).norm()
 }

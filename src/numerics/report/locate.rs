@@ -155,7 +155,6 @@ pub struct Locator {
     elsewhere: Option<Elsewhere>,
     /// Standard deviation of the session's target from that of the training, per axis, mm.
     target_sd_mm: f64,
-    /// Standard deviation of the session's own scale, a share.
     scale_sd: f64,
 }
 

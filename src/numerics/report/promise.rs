@@ -26,7 +26,6 @@ pub struct Promise {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPromise {
     pub plan: String,
-    /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
     /// Radians that one unit of each joint's variable counts as; 1 beyond its end.
     pub counted: Vec<f64>,
@@ -138,7 +137,6 @@ pub fn is_same_pose(one: &[f64], other: &[f64], counted: &[f64]) -> bool {
     one.len() == other.len() && apart(one, other, counted) <= SAME_POSE_RAD
 }
 
-/// The largest difference of a joint, rad.
 fn apart(one: &[f64], other: &[f64], counted: &[f64]) -> f64 {
     let counted = counted.iter().copied().chain(std::iter::repeat(1.0));
     let joints = one.iter().zip(other).zip(counted);

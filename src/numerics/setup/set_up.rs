@@ -15,7 +15,6 @@ pub struct SetUp {
     pub reading_scale: f64,
     /// Factor on commanded positions; 1 as stated.
     pub command_scale: f64,
-    /// The frame of commands in the base frame, mm.
     pub base_from_command: Isometry3<f64>,
     /// The controller's tool at the flange, mm; `None` where it is not stated.
     pub flange_from_tool: Option<Isometry3<f64>>,

@@ -25,16 +25,8 @@ pub struct LengthInstrument {
 /// What an instrument of one length reads, and where it is in the base's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LengthTruth {
-    Distance {
-        anchor: Point3<f64>,
-        /// The reading at no distance, mm.
-        offset_mm: f64,
-    },
-    Height {
-        normal: UnitVector3<f64>,
-        /// Its distance from the base's origin along the normal, mm.
-        height_mm: f64,
-    },
+    Distance { anchor: Point3<f64>, offset_mm: f64 },
+    Height { normal: UnitVector3<f64>, height_mm: f64 },
 }
 
 impl LengthTruth {

@@ -184,7 +184,6 @@ impl<'a> Controller<'a> {
         self.drawn(count, draw)
     }
 
-    /// The listed poses, unchecked: the list is taken as reachable.
     fn listed(&self, joints: &[Vec<f64>]) -> Result<Vec<Commanded>, SimulateError> {
         check_count(joints.len() as f64)?;
         let at = |joints: &Vec<f64>| {

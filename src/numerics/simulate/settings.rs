@@ -44,7 +44,6 @@ pub enum Poses {
         upper_mm: [f64; 3],
         /// The mean orientation: fixed-axis roll, pitch, yaw, rad.
         orientation_rpy: [f64; 3],
-        /// Largest turn away from it, rad.
         cone_rad: f64,
     },
     Joints {
@@ -54,16 +53,13 @@ pub enum Poses {
     },
     /// Given joint angles, in their order: a planned session for one.
     Listed {
-        /// Reported angles of each pose, rad.
         joints: Vec<Vec<f64>>,
     },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GeometryErrors {
-    /// Lengths a, d, mm.
     pub length_sd_mm: f64,
-    /// Angles θ, α, β, rad.
     pub angle_sd_rad: f64,
 }
 
@@ -77,7 +73,6 @@ pub struct JointErrors {
     pub gear_line_rad: f64,
     /// Backlash, rad: the joint is off by half of it, against the direction of its last move.
     pub backlash_rad: f64,
-    /// Typical settling error of the controller, rad.
     pub stops_short_rad: f64,
     /// Command–feedback weight: the true angle's share of the way from reported to commanded angle, β in
     /// [`crate::method::error_model`].
@@ -95,7 +90,6 @@ pub struct Gravity {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Cell {
-    /// Origin of the base in the tracker frame, mm.
     pub tracker_from_base_mm: [f64; 3],
     /// Orientation of the base in the tracker frame: fixed-axis roll, pitch, yaw, rad.
     pub tracker_from_base_rpy: [f64; 3],
@@ -105,7 +99,6 @@ pub struct Cell {
     pub flange_from_target_rpy: [f64; 3],
     /// Standard deviation per axis of the target's true position about the known one, mm.
     pub target_sd_mm: f64,
-    /// Typical slow drift of the base over the session, mm.
     pub base_drift_mm: f64,
     /// Step by which the base jumps half way through the session, mm.
     #[serde(skip_serializing_if = "is_zero")]
@@ -131,7 +124,6 @@ pub struct TrackerErrors {
     pub transverse_mm: f64,
     /// Across the beam: part per distance, mm/mm.
     pub transverse_per_mm: f64,
-    /// Divisor that turns the permissible errors into standard deviations.
     pub divisor: f64,
     /// Scale error of the instrument, as a share of the distance; positive when it measures too long.
     #[serde(skip_serializing_if = "is_zero")]
@@ -141,7 +133,6 @@ pub struct TrackerErrors {
     pub lost_share: f64,
     /// Whether a lost beam is logged as 0 0 0 (true) or not at all.
     pub lost_as_zeros: bool,
-    /// Share of readings that are 2 to 20 mm off.
     pub outlier_share: f64,
 }
 
@@ -215,9 +206,7 @@ pub struct Clocks {
 pub struct MotionTimes {
     /// Constant part of the time of every move, s; the distance over the speed is added.
     pub move_s: f64,
-    /// Mean speed of the fastest joint, rad/s.
     pub speed_rad_s: f64,
-    /// Shortest dwell, s.
     pub dwell_s: f64,
     /// Dwells are longer by a random time up to this, s.
     pub dwell_spread_s: f64,

@@ -38,7 +38,6 @@ const TRACKER_BUMP: [[f64; 3]; 2] = [[-0.48, 0.6, 0.64], [0.0, 0.8, -0.6]];
 pub struct TrueReadingCounts {
     /// Number of readings of the target, outliers included.
     pub seen: u64,
-    /// Number of outliers among `seen`.
     pub outliers: u64,
     /// Number of moments at which the beam was lost, whether logged as zeros or not at all.
     pub lost: u64,

@@ -35,7 +35,6 @@ pub struct ArmErrors {
     /// Mass of each link and, last, of the payload; they sum to 1.
     pub masses: Vec<f64>,
     pub up: [f64; 3],
-    /// True position of the measured target in the flange frame, mm.
     pub flange_from_target_mm: [f64; 3],
     /// True orientation of the measured target in the flange frame: fixed-axis roll, pitch, yaw, rad.
     pub flange_from_target_rpy: [f64; 3],

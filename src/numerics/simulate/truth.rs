@@ -81,7 +81,6 @@ pub struct TrueStation {
     pub visit: Vec<f64>,
     /// The part of `visit` that no other visit repeats, rad.
     pub repeated: Vec<f64>,
-    /// Movement of the base in its own frame, mm.
     pub base_drift_mm: Vector3<f64>,
     /// Where a point that stands still is seen by the tracker, from where it is seen at the start.
     pub tracker_moved: Isometry3<f64>,
@@ -113,7 +112,6 @@ impl TrueStation {
         }
     }
 
-    /// Attained minus commanded position in the base frame, mm.
     pub fn error_mm(&self) -> Vector3<f64> {
         self.base_from_target.translation.vector - self.command.translation.vector
     }

@@ -126,7 +126,6 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
     problem.starts().iter().enumerate().map(middle).collect()
 }
 
-/// Command–feedback weights, for sessions that have settling errors.
 fn command_weights(
     layout: &mut Layout,
     observations: &[Observation],

@@ -19,7 +19,6 @@ pub struct FoundLine {
 /// The evidence of one station on one joint's error: `J·K·J` and `J·K·r` with the leave-one-out residual r and information K.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointEvidence {
-    /// Raw angle, rad.
     pub angle: f64,
     /// `Jᵀ K J`, rad⁻².
     pub information: f64,

@@ -61,7 +61,6 @@ pub enum Mounted {
         sd_mm: f64,
     },
     Other {
-        /// Intended pose of the target on the flange, mm.
         flange_from_target: Transform<Flange, Target>,
         sd_mm: f64,
     },
@@ -453,7 +452,6 @@ impl FullModel {
 }
 
 impl Mounting {
-    /// The prior of targets that were not there before: their intended places.
     fn prior(&self) -> Prior {
         let expected = |target: &Mounted| match target {
             Mounted::Other { flange_from_target, sd_mm } => Some(KnownTarget {

@@ -14,7 +14,6 @@ use crate::fit::problem::Unknown;
 pub struct Partition {
     /// The columns of each session alone, ascending; none where there is only one session.
     pub own: Vec<Vec<usize>>,
-    /// The columns that all sessions share, ascending.
     pub common: Vec<usize>,
 }
 

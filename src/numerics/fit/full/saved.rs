@@ -62,7 +62,6 @@ pub struct SavedFull {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub repairs_to_come: Vec<Vec<usize>>,
     pub span_stations: f64,
-    /// Degrees of freedom of the Student t that weighted stations; 0 for none.
     pub student_t: f64,
     /// Variance per axis of a session's own drift, mm².
     pub drift_variance_mm2: f64,
@@ -70,7 +69,6 @@ pub struct SavedFull {
     pub warm_up_variance_mm2: f64,
     /// The middle of each session's stations in the base frame, mm, from which its scale counts.
     pub middles_mm: Vec<[f64; 3]>,
-    /// Standard deviation of a session's own scale, as a share.
     pub scale_sd: f64,
     pub approach: Option<ApproachOffsets>,
     pub log_evidence: f64,
@@ -256,7 +254,6 @@ impl SavedFull {
         }))
     }
 
-    /// The layout; an error unless blocks, columns, joints and sessions fit together.
     fn layout(&self) -> Result<Layout, SavedError> {
         let columns = self.mean.len();
         let asked =
@@ -306,7 +303,6 @@ impl SavedFull {
         Ok(periods.clone())
     }
 
-    /// The middle of each session's stations, mm.
     fn middles(&self) -> Result<Vec<Point3<f64>>, SavedError> {
         same_length("middles", self.sessions.len(), self.middles_mm.len())?;
         Ok(self.middles_mm.iter().copied().map(Point3::from).collect())

@@ -16,7 +16,6 @@ fn is_usual_length(lengths_mm: &[f64; 2]) -> bool {
     *lengths_mm == SLIDE_LENGTH_MM
 }
 
-/// Whether the size is left at its default; then it is not written.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_usual_size(size_mm: &f64) -> bool {
     (*size_mm - SLIDE_SD_MM).abs() == 0.0
@@ -29,7 +28,6 @@ fn is_usual_size(size_mm: &f64) -> bool {
     reason = "each part of the model can be left out by itself"
 )]
 pub struct FullSettings {
-    /// Whether the full error model is fitted at all.
     pub enabled: bool,
     pub gravity: bool,
     pub gear_lines: bool,
@@ -42,9 +40,7 @@ pub struct FullSettings {
     /// within the joint's range.
     pub curve_period_turns: u32,
     pub harmonics: usize,
-    /// Expected size of each kernel of the joint curves, rad.
     pub curve_sd_rad: f64,
-    /// Lengths of the short and the long kernel of the curve of a joint that slides, mm.
     #[serde(skip_serializing_if = "is_usual_length")]
     pub slide_length_mm: [f64; 2],
     /// Expected size of each kernel of the curve of a joint that slides, and of its deflection under the weight it carries, mm.
@@ -52,12 +48,10 @@ pub struct FullSettings {
     pub slide_sd_mm: f64,
     /// Expected compliance, rad per m of lever.
     pub gravity_sd: f64,
-    /// Expected size of a gear line, rad.
     pub line_sd_rad: f64,
     /// Gain in log likelihood that a gear line needs, nats. Among the 10⁴ frequencies of an arm, noise alone
     /// reaches 9.
     pub line_threshold: f64,
-    /// Expected size of the base drift, mm.
     pub drift_sd_mm: f64,
     /// Smoothness of the base drift, stations.
     pub drift_length_stations: f64,
@@ -65,16 +59,13 @@ pub struct FullSettings {
     /// Expected size of the approach-direction offset, rad; m where the joint slides.
     pub approach_offset_sd_rad: f64,
     pub session_command_weight_sd: f64,
-    /// Expected change of a joint's curve between sessions, rad.
     pub session_curve_sd_rad: f64,
     /// Smoothness of that change, degrees.
     pub session_length_deg: f64,
     /// Standard deviation of a session's own scale, ppm: the instrument's length unit, the air, and how warm the arm is (11 to
     /// 24 ppm per kelvin). It is fixed, because a session's stations cannot separate lengths and scale; 0 for no scale.
     pub session_scale_ppm: f64,
-    /// Expected repeatability of the arm as a whole, per axis, mm.
     pub noise_mm: f64,
-    /// Expected repeatability of each joint, rad.
     pub joint_noise_rad: f64,
     /// Whether stations are weighted by a Student t of their leave-one-out residual: 0 for no, any other number for yes; its
     /// degrees of freedom are found from the residuals.

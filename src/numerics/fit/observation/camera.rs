@@ -19,7 +19,6 @@ pub struct CameraUncertainty {
     pub focal_px: f64,
     /// Standard deviation of a corner in the image along each axis, for a target seen from the front, pixels.
     pub noise_px: f64,
-    /// Distance between the outermost corners along an edge of the target, mm.
     pub target_mm: f64,
     /// Number of corners along an edge: 2 for a marker, more for a board.
     #[serde(default = "marker", skip_serializing_if = "is_marker")]
@@ -179,7 +178,6 @@ impl CameraUncertainty {
         information
     }
 
-    /// Corners along an edge, mm from its middle.
     fn places_mm(&self) -> Vec<f64> {
         let last = f64::from(self.corners.clamp(2, MOST_CORNERS) - 1);
         let place = |corner: u32| self.target_mm * (f64::from(corner) / last - 0.5);

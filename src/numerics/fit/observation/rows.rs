@@ -26,7 +26,6 @@ const GRAM_COLUMNS: usize = 16;
 pub struct Stations {
     /// The index of each station among the problem's observations.
     pub places: Vec<usize>,
-    /// Axis variables of each station, rad.
     variables: Variables,
     measured: [Vec<f64>; 3],
     /// The lower triangle of `L⁻¹`, row by row.
@@ -129,12 +128,10 @@ impl Stations {
         }
     }
 
-    /// Whitened position residual of the station `i`, predicted at `end`.
     fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
         self.whiten(i, self.away(i, end))
     }
 
-    /// Measured position of the station `i` minus the one predicted, mm.
     fn away(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|row, _| self.measured[row][i]) - end
     }

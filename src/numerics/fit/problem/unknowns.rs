@@ -63,7 +63,6 @@ pub enum Freedom {
 pub struct KnownTarget {
     /// Position along the flange's axes, mm.
     pub xyz_mm: [f64; 3],
-    /// Standard uncertainty per axis, mm.
     pub sd_mm: f64,
 }
 

@@ -26,7 +26,6 @@ pub(super) const ABOUT: About = About {
 pub struct IdentifiedGeometry {
     pub chain: Chain,
     pub frames: Vec<Frames>,
-    /// Root mean square of measured minus predicted, per axis, mm.
     pub misfit_mm: f64,
 }
 

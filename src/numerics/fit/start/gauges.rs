@@ -33,7 +33,6 @@ const LEAST_SD_MM: f64 = 1e-3;
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SeenAt {
-    /// The nominal flange in the base's frame, mm.
     pub(super) flange: Isometry3<f64>,
     pub(super) mm: f64,
 }
@@ -166,7 +165,6 @@ impl<'s> Solving<'s> {
         own
     }
 
-    /// Measured minus predicted lengths, mm.
     fn left_mm(&self) -> impl Iterator<Item = f64> {
         self.seen.iter().map(|own| {
             let place = own.flange * Point3::from(self.target);

@@ -37,7 +37,6 @@ struct Compared {
     base: Option<Isometry3<f64>>,
     /// The place of the main target on the flange, mm.
     target: Isometry3<f64>,
-    /// The share of the information that counts.
     share: f64,
 }
 
@@ -178,7 +177,6 @@ impl Posterior {
         }
     }
 
-    /// The estimate: the posterior with the prior removed.
     fn estimate(&self) -> Option<Estimate> {
         let units: Vec<f64> = self.columns.iter().map(Column::unit).collect();
         let size = units.len();

@@ -89,7 +89,6 @@ pub enum LengthRead {
 #[serde(deny_unknown_fields)]
 pub struct KnownPlace {
     pub xyz_mm: [f64; 3],
-    /// Standard uncertainty per axis, mm.
     pub sd_mm: f64,
 }
 

@@ -21,7 +21,6 @@ pub struct StationsSettings {
     /// The character between cells. Absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub separator: Option<char>,
-    /// The decimal mark. Absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
     /// The sheet of a workbook. Absent: its first one with a table.
@@ -54,7 +53,6 @@ pub struct StationsSettings {
     /// When a station was measured. Absent: stations are in the order of the rows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<TimeColumn>,
-    /// Temperature, °C.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<String>,
     /// Numbers that stand for a missing reading; so do blanks, and a position of three zeros.
@@ -97,7 +95,6 @@ pub enum TableTime {
 pub struct PoseColumns {
     pub position: [String; 3],
     pub unit: LengthUnit,
-    /// The orientation; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<OrientationColumns>,
 }
@@ -120,7 +117,6 @@ pub struct ReadingColumns {
     /// Number of samples in the reading. Absent: one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<String>,
-    /// The orientation of the target; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<OrientationColumns>,
 }

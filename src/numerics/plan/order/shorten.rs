@@ -69,7 +69,6 @@ impl Path {
         }
     }
 
-    /// Index of home among the points: after the poses.
     fn home(&self) -> usize {
         self.points.len() - 1
     }

@@ -22,7 +22,6 @@ pub struct Arrow {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vectors {
     pub name: String,
-    /// Description of the errors, in a sentence.
     pub description: String,
     pub arrows: Vec<Arrow>,
 }
@@ -81,7 +80,6 @@ fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
     numbered.filter(move |(place, _)| is_drawn(*place)).map(|(_, arrow)| arrow)
 }
 
-/// The colours of errors, by their size.
 fn colours(tolerance_mm: f64) -> Markup {
     let width = WIDTH / (LIMITS.len() + 1) as f64;
     let label = |place: usize| match LIMITS.get(place) {
@@ -226,7 +224,6 @@ impl<'s> Paper<'s> {
         }
     }
 
-    /// The table's box; nothing without one.
     fn bounds(&self, view: &View) -> Markup {
         let Some([low, high]) = self.scene.bounds else {
             return html! {};
@@ -270,7 +267,6 @@ impl<'s> Paper<'s> {
         path
     }
 
-    /// Bars for a length of work space and of error.
     fn bars(&self, view: &View) -> Markup {
         let top = NAME + self.room(view);
         let (first, second) = (top + 12.0, top + 32.0);

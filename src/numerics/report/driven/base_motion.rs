@@ -13,7 +13,6 @@ use crate::geometry::align;
 pub struct BaseMotion {
     /// The first station after the motion.
     pub from_station: usize,
-    /// Displacement at the middle of the stations after it, mm.
     pub mm: f64,
     pub rad: f64,
 }
