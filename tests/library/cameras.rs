@@ -67,7 +67,7 @@ fn exact(arm: &Arm, seed: u64, count: usize) -> (Simulated, JoinedSession) {
     settings.cell.target_sd_mm = 0.0;
     settings.cell.base_drift_mm = 0.0;
     settings.tracker = TrackerErrors::none();
-    settings.joints = JointErrors::none();
+    settings.joints = JointErrors::default();
     settings.gravity.sag_rad = 0.0;
     settings.geometry = GeometryErrors { length_sd_mm: 0.4, angle_sd_rad: 3e-4 };
     let simulated = simulate(arm, &settings).expect("in reach");

@@ -73,7 +73,7 @@ fn day(seed: u64, count: usize, realistic: bool) -> SimulateSettings {
     settings.cell.target_sd_mm = 0.0;
     settings.tracker = TrackerErrors::none();
     if !realistic {
-        settings.joints = JointErrors::none();
+        settings.joints = JointErrors::default();
         settings.gravity.sag_rad = 0.0;
         settings.cell.base_drift_mm = 0.0;
         settings.geometry = GeometryErrors { length_sd_mm: 0.4, angle_sd_rad: 3e-4 };

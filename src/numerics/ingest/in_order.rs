@@ -112,9 +112,7 @@ impl<B: Buffer> InOrder<B> {
 
     /// Takes the rows of one block of the current file, stored at `bytes` (first, one past the last), and calls `emit` with
     /// the rows of the buffer that are due.
-    ///
-    /// # Panics
-    /// When no file was begun.
+    /// Panics when no file was begun.
     pub fn push(
         &mut self,
         block: &B::Block,

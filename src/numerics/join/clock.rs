@@ -42,9 +42,7 @@ struct Mark {
 }
 
 /// Refines the clock relation on the edges of `pairs`. `sampling_s` are the two logs' usual sample intervals, s.
-///
-/// # Panics
-/// Without pairs.
+/// Panics without pairs.
 pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
     let edges = edges(dwells, pairs);
     let by_edges = edges.len() >= MIN_EDGES;

@@ -106,9 +106,7 @@ impl<'c> Design<'c> {
     }
 
     /// Conditions on a candidate.
-    ///
-    /// # Panics
-    /// When there is no such candidate, or its noise is not positive.
+    /// Panics when there is no such candidate, or its noise is not positive.
     pub fn take(&mut self, candidate: usize) -> Choice {
         let factor = self.measured(candidate).cholesky().expect("noise is positive").l();
         let inverse = factor.try_inverse().expect("a factor of a positive matrix");

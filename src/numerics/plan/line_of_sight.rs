@@ -123,9 +123,7 @@ impl Unsuitable {
 }
 
 /// Checks that the pose at these reported joint angles may be measured.
-///
-/// # Panics
-/// When the number of angles is not the number of joints.
+/// Panics when the number of angles is not the number of joints.
 pub fn verdict(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Result<(), Unsuitable> {
     within_limits(arm, joints, constraints.limit_margin_rad)?;
     in_configuration(arm, joints, constraints)?;

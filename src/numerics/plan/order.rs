@@ -44,9 +44,7 @@ pub struct Revisits {
 ///
 /// `joints` are angles (rad; mm for sliding joints), `speeds` the travel of each joint in a second. A joint whose speed is
 /// not above zero counts as one that takes no time.
-///
-/// # Panics
-/// When a pose or `home` has fewer joints than `speeds`.
+/// Panics when a pose or `home` has fewer joints than `speeds`.
 pub(super) fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) -> Vec<usize> {
     if joints.is_empty() {
         return Vec::new();

@@ -63,7 +63,7 @@ pub struct GeometryErrors {
     pub angle_sd_rad: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct JointErrors {
     /// Root mean square of the slow part of each joint's error curve (correlated over 50°), rad.
     pub slow_curve_rad: f64,
@@ -223,7 +223,7 @@ impl SimulateSettings {
             home,
             poses,
             geometry: GeometryErrors { length_sd_mm: 0.0, angle_sd_rad: 0.0 },
-            joints: JointErrors::none(),
+            joints: JointErrors::default(),
             gravity: Gravity { sag_rad: 0.0, up: [0.0, 0.0, 1.0] },
             cell: Cell::default(),
             tracker: TrackerErrors::none(),
@@ -260,20 +260,6 @@ impl SimulateSettings {
                 drift_ppm: 18.0,
             },
             ..Self::exact(seed, home, poses)
-        }
-    }
-}
-
-impl JointErrors {
-    pub const fn none() -> Self {
-        Self {
-            slow_curve_rad: 0.0,
-            fast_curve_rad: 0.0,
-            gear_line_rad: 0.0,
-            backlash_rad: 0.0,
-            stops_short_rad: 0.0,
-            nearer_command: 0.0,
-            repeatability_rad: 0.0,
         }
     }
 }

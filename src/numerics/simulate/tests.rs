@@ -61,27 +61,27 @@ fn each_ingredient_alone_moves_the_target_and_zero_switches_it_off() {
         ("angles", |s| s.geometry = GeometryErrors { length_sd_mm: 0.0, angle_sd_rad: 2e-4 }, 0.1),
         (
             "curves",
-            |s| s.joints = JointErrors { slow_curve_rad: 1e-4, ..JointErrors::none() },
+            |s| s.joints = JointErrors { slow_curve_rad: 1e-4, ..JointErrors::default() },
             0.05,
         ),
         (
             "fast curves",
-            |s| s.joints = JointErrors { fast_curve_rad: 1e-4, ..JointErrors::none() },
+            |s| s.joints = JointErrors { fast_curve_rad: 1e-4, ..JointErrors::default() },
             0.05,
         ),
         (
             "gear lines",
-            |s| s.joints = JointErrors { gear_line_rad: 1e-4, ..JointErrors::none() },
+            |s| s.joints = JointErrors { gear_line_rad: 1e-4, ..JointErrors::default() },
             0.05,
         ),
         (
             "backlash",
-            |s| s.joints = JointErrors { backlash_rad: 1e-4, ..JointErrors::none() },
+            |s| s.joints = JointErrors { backlash_rad: 1e-4, ..JointErrors::default() },
             0.03,
         ),
         (
             "stops short",
-            |s| s.joints = JointErrors { stops_short_rad: 1e-4, ..JointErrors::none() },
+            |s| s.joints = JointErrors { stops_short_rad: 1e-4, ..JointErrors::default() },
             0.05,
         ),
         ("sag", |s| s.gravity.sag_rad = 3e-4, 0.1),

@@ -104,9 +104,7 @@ pub struct Layout {
 
 impl Layout {
     /// An empty layout; joint curves repeat after `period_turns` turns.
-    ///
-    /// # Panics
-    /// When `period_turns` is 0.
+    /// Panics when `period_turns` is 0.
     pub fn new(period_turns: u32) -> Self {
         assert!(period_turns > 0, "a curve repeats after a turn or more");
         Self {

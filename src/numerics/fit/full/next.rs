@@ -470,9 +470,7 @@ impl Mounting {
 
     /// The starting frames for a session's stations: those of `past` where nothing was moved, otherwise those that its
     /// `stations` determine.
-    ///
-    /// # Panics
-    /// When they are not of as many sources and targets.
+    /// Panics when they are not of as many sources and targets.
     pub fn starts(&self, past: &Frames, stations: &Frames) -> Frames {
         let source = |source, now: &Placed| match now {
             Placed::Same => *past.tracker_from_base(source),

@@ -138,11 +138,6 @@ impl CovarianceColumns {
     pub fn columns(&self) -> &[String] {
         &self.0
     }
-
-    /// Whether it has the orientation's part.
-    pub fn is_of_pose(&self) -> bool {
-        self.0.len() > 6
-    }
 }
 
 impl TryFrom<Vec<String>> for CovarianceColumns {
