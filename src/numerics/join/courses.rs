@@ -68,8 +68,7 @@ pub(super) struct Stop<'a> {
 
 /// The origin of the looks of a session.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Origin<'a> {
-    pub file: &'a str,
+pub(super) struct Origin {
     pub is_timed: bool,
     pub is_logged: bool,
 }
@@ -116,16 +115,16 @@ pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec
 pub(super) fn courses(
     stops: &[Stop<'_>],
     references: &[(String, StandsOn)],
-    origin: &Origin<'_>,
+    origin: &Origin,
 ) -> (Vec<ReferenceCourse>, Vec<RowReject>) {
     let names: Arc<[String]> = references.iter().map(|(name, _)| name.clone()).collect();
-    let mut rejects = twice(stops, &names, origin.file);
+    let mut rejects = twice(stops, &names);
     let mut courses = Vec::new();
     for on in [StandsOn::Base, StandsOn::Floor] {
         let stands = |id: ReferenceId| references.get(id.0).is_some_and(|(_, own)| *own == on);
         let looks = looks(stops, stands);
         let Some(followed) = follow(&looks) else {
-            rejects.extend(alone(stops, stands, on, origin.file));
+            rejects.extend(alone(stops, stands, on));
             continue;
         };
         let seen = looks.iter().map(|look| look.seen.len());
@@ -144,7 +143,7 @@ pub(super) fn courses(
             is_timed: origin.is_timed,
             is_logged: origin.is_logged,
         };
-        rejects.extend(strays(&course, stops, origin.file));
+        rejects.extend(strays(&course, stops));
         courses.push(course);
     }
     (courses, rejects)
@@ -185,19 +184,8 @@ fn looks(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool) -> Vec<Look> 
     stops.iter().map(look).collect()
 }
 
-fn reject(stop: &Stop<'_>, line: u64, reason: String, file: &str) -> RowReject {
-    RowReject {
-        kind: RowItem::Reference,
-        file: file.to_owned(),
-        line,
-        column: None,
-        station: stop.row,
-        reason,
-    }
-}
-
 /// Second readings of a reference in one look.
-fn twice(stops: &[Stop<'_>], names: &[String], file: &str) -> Vec<RowReject> {
+fn twice(stops: &[Stop<'_>], names: &[String]) -> Vec<RowReject> {
     let of_stop = |stop: &Stop<'_>| {
         let mut seen = BTreeMap::new();
         let mut again = Vec::new();
@@ -207,7 +195,7 @@ fn twice(stops: &[Stop<'_>], names: &[String], file: &str) -> Vec<RowReject> {
                 let name = &names[own.reference.0];
                 let reason =
                     format!("reference {name:?} was read at line {first} of the same station");
-                again.push(reject(stop, own.line, reason, file));
+                again.push(RowReject::of(RowItem::Reference, own.line, stop.row, reason));
             }
         }
         again
@@ -216,23 +204,19 @@ fn twice(stops: &[Stop<'_>], names: &[String], file: &str) -> Vec<RowReject> {
 }
 
 /// The readings of references that are too few to follow.
-fn alone(
-    stops: &[Stop<'_>],
-    stands: impl Fn(ReferenceId) -> bool,
-    on: StandsOn,
-    file: &str,
-) -> Vec<RowReject> {
+fn alone(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool, on: StandsOn) -> Vec<RowReject> {
     let reason = format!(
         "references on the {} were read in one row only: there is no motion to follow",
         on.word()
     );
     let own = stops.iter().flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
     let own = own.filter(|(_, own)| stands(own.reference));
-    own.map(|(stop, own)| reject(stop, own.line, reason.clone(), file)).collect()
+    own.map(|(stop, own)| RowReject::of(RowItem::Reference, own.line, stop.row, reason.clone()))
+        .collect()
 }
 
 /// The stray readings of a course, as rejects.
-fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowReject> {
+fn strays(course: &ReferenceCourse, stops: &[Stop<'_>]) -> Vec<RowReject> {
     let stray = |event: &Event| match *event {
         Event::Stray { look, reference, away_mm } => {
             let stop = &stops[look];
@@ -242,7 +226,8 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>], file: &str) -> Vec<RowRe
                 "reference {:?} is {away_mm:.2} mm from where the others and its own readings put it",
                 course.names[reference.0]
             );
-            Some(reject(stop, own.map_or(stop.line, |own| own.line), reason, file))
+            let line = own.map_or(stop.line, |own| own.line);
+            Some(RowReject::of(RowItem::Reference, line, stop.row, reason))
         }
         Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
     };

@@ -71,7 +71,7 @@ pub(super) fn followed(
     let names: Vec<_> = references.iter().map(|own| (own.name.clone(), own.on)).collect();
     let looks = looks(&joined.stations, &joined.clock.model, &runs);
     let stops: Vec<Stop<'_>> = (1..).zip(&looks).map(|(line, own)| own.stop(line)).collect();
-    let origin = Origin { file: "", is_timed: true, is_logged: true };
+    let origin = Origin { is_timed: true, is_logged: true };
     joined.read_references = read(&stops, &names);
     let (mut courses, rejects) = courses(&stops, &names, &origin);
     let left_out = rejects.into_iter().filter_map(|reject| {

@@ -94,26 +94,35 @@ pub struct Rows {
     pub rejects: Vec<RowReject>,
 }
 
+impl RowReject {
+    /// A whole item; the file is stated once for all of a table.
+    pub(super) const fn of(
+        kind: RowItem,
+        line: u64,
+        station: Option<usize>,
+        reason: String,
+    ) -> Self {
+        Self { kind, file: String::new(), line, column: None, station, reason }
+    }
+}
+
 impl Rows {
     /// These rows with the poses of a camera on the flange, which measures a target in the cell: each reading becomes the camera's pose in
     /// the target's frame, so that the target's frame is the instrument's and the camera is what sits at the flange. Readings without an
     /// orientation are left out.
     #[must_use]
     pub fn of_camera_on_flange(mut self) -> Self {
-        let file = &self.file;
         for row in &mut self.rows {
             let readings = std::mem::take(&mut row.readings);
             for reading in readings {
                 match reading.value.inverted() {
                     Some(value) => row.readings.push(RowReading { value, ..reading }),
-                    None => self.rejects.push(RowReject {
-                        kind: RowItem::Reading,
-                        file: file.clone(),
-                        line: reading.line,
-                        column: None,
-                        station: None,
-                        reason: "a position without an orientation: of a camera on the flange it says nothing".to_owned(),
-                    }),
+                    None => self.rejects.push(RowReject::of(
+                        RowItem::Reading,
+                        reading.line,
+                        None,
+                        "a position without an orientation: of a camera on the flange it says nothing".to_owned(),
+                    )),
                 }
             }
         }
@@ -125,20 +134,20 @@ impl Rows {
 pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let Rows { file, rows, apart, references, mut rejects } = rows;
     let (rows, timed) = in_order(rows);
-    let (mut rows, copies) = without_copies(rows, &file);
+    let (mut rows, copies) = without_copies(rows);
     let mut missing = rejects.iter().filter(|own| own.kind == RowItem::Reading).count() as u64;
     missing += copies.iter().map(|(_, readings)| *readings as u64).sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
-    let followed = follow(&mut rows, &apart, &references, timed, &file);
+    let followed = follow(&mut rows, &apart, &references, timed);
     rejects.extend(followed.rejects);
-    let unmoved = take_out(&mut rows, &followed.left_out, &file);
+    let unmoved = take_out(&mut rows, &followed.left_out);
     let unpaired = unmoved.len() as u64;
     rejects.extend(unmoved);
     let gates = Gates::new(&rows, arm, settings);
     let judged = rows.iter().enumerate();
     let judged = judged.map(|(number, row)| {
         let moved = followed.left_out.contains_key(&number);
-        gates.judged(number, row, timed, &file, moved)
+        gates.judged(number, row, timed, moved)
     });
     let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
     let far = far.concat();
@@ -150,6 +159,7 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let kept = stations.iter().map(|station| station.measured().len() as u64).sum();
     let unpaired = unpaired + far.len() as u64;
     rejects.extend(far);
+    rejects.iter_mut().for_each(|own| own.file.clone_from(&file));
     rejects.sort_by_key(|own| own.line);
     Joined {
         clock: one_clock(stations.first().map(|station| station.start), timed),
@@ -166,20 +176,15 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
 
 /// Takes the readings of places in rows whose motion is not known out of them, as rejects. Lengths stay: they are read in the base's
 /// frame, from what does not move in it.
-fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>, file: &str) -> Vec<RowReject> {
+fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>) -> Vec<RowReject> {
     let mut rejects = Vec::new();
     for (place, reason) in left_out {
         let readings = rows[*place].readings.drain(..);
         let (lengths, places): (Vec<RowReading>, Vec<RowReading>) =
             readings.partition(|reading| reading.value.kind().is_length());
         rows[*place].readings = lengths;
-        rejects.extend(places.into_iter().map(|reading| RowReject {
-            kind: RowItem::Reading,
-            file: file.to_owned(),
-            line: reading.line,
-            column: None,
-            station: Some(*place),
-            reason: reason.clone(),
+        rejects.extend(places.into_iter().map(|reading| {
+            RowReject::of(RowItem::Reading, reading.line, Some(*place), reason.clone())
         }));
     }
     rejects
@@ -199,7 +204,7 @@ fn is_timed(rows: &[Row]) -> bool {
 }
 
 /// The rows without those that repeat an earlier one to the last digit; for each of them its reject and number of readings.
-fn without_copies(rows: Vec<Row>, file: &str) -> (Vec<Row>, Vec<(RowReject, usize)>) {
+fn without_copies(rows: Vec<Row>) -> (Vec<Row>, Vec<(RowReject, usize)>) {
     let mut first: HashMap<Vec<u64>, u64> = HashMap::with_capacity(rows.len());
     let (mut kept, mut copies) = (Vec::with_capacity(rows.len()), Vec::new());
     for row in rows {
@@ -208,16 +213,10 @@ fn without_copies(rows: Vec<Row>, file: &str) -> (Vec<Row>, Vec<(RowReject, usiz
             kept.push(row);
             continue;
         }
-        let reject = RowReject {
-            kind: RowItem::Row,
-            file: file.to_owned(),
-            line: row.line,
-            column: None,
-            station: None,
-            reason: format!(
-                "a copy of line {line}: joints, readings and time are the same to the last digit"
-            ),
-        };
+        let reason = format!(
+            "a copy of line {line}: joints, readings and time are the same to the last digit"
+        );
+        let reject = RowReject::of(RowItem::Row, row.line, None, reason);
         copies.push((reject, row.readings.len()));
     }
     (kept, copies)
@@ -303,7 +302,6 @@ impl<'a> Gates<'a> {
         number: usize,
         row: &Row,
         timed: bool,
-        file: &str,
         moved: bool,
     ) -> (Station, Vec<RowReject>) {
         let flange = *self.arm.flange(&row.joints).isometry();
@@ -314,17 +312,14 @@ impl<'a> Gates<'a> {
         for reading in &row.readings {
             match self.too_far(&flange, reading) {
                 None => readings.push(read(reading, row, at)),
-                Some(away_mm) => far.push(RowReject {
-                    kind: RowItem::Reading,
-                    file: file.to_owned(),
-                    line: reading.line,
-                    column: None,
-                    station: Some(number),
-                    reason: elsewhere.map_or_else(
-                        || format!("{away_mm:.0} mm from the nominal arm's position: another reflector or a wrong number"),
-                        |own| format!("instrument_moved: {away_mm:.0} mm from the nominal arm's position: {}", own.words()),
-                    ),
-                }),
+                Some(away_mm) => {
+                    let away = format!("{away_mm:.0} mm from the nominal arm's position");
+                    let reason = elsewhere.map_or_else(
+                        || format!("{away}: another reflector or a wrong number"),
+                        |own| format!("instrument_moved: {away}: {}", own.words()),
+                    );
+                    far.push(RowReject::of(RowItem::Reading, reading.line, Some(number), reason));
+                }
             }
         }
         let pairing = match (&readings[..], &far[..]) {
@@ -395,13 +390,12 @@ fn follow(
     apart: &[ApartRow],
     references: &[(String, StandsOn)],
     timed: bool,
-    file: &str,
 ) -> RowReferences {
     if references.is_empty() {
         return RowReferences::default();
     }
     let stops = stops(rows, apart, timed);
-    let origin = Origin { file, is_timed: timed, is_logged: false };
+    let origin = Origin { is_timed: timed, is_logged: false };
     let (mut courses, rejects) = courses(&stops, references, &origin);
     let read = read_references(&stops, references);
     let mut left_out = BTreeMap::new();
