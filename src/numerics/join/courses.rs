@@ -115,7 +115,7 @@ pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec
 pub(super) fn courses(
     stops: &[Stop<'_>],
     references: &[(String, StandsOn)],
-    origin: &Origin,
+    origin: Origin,
 ) -> (Vec<ReferenceCourse>, Vec<RowReject>) {
     let names: Arc<[String]> = references.iter().map(|(name, _)| name.clone()).collect();
     let mut rejects = twice(stops, &names);

@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use super::average::{kept, mean_and_scatter, robust_sigma};
 use super::disposition::{Disposition, Dispositions, Why};
 use super::pair::nearest;
-use super::readings::Seen;
+use super::readings::{Seen, pieces};
 use super::{
     JoinError, JoinInput, JoinReject, JoinSettings, Joined, MeanLength, Pairing, Reading,
     ReadingCounts, SourceId, Station, TargetId, Value,
@@ -25,8 +25,6 @@ use super::{
 use crate::figures::median;
 use crate::ingest::{LengthRead, LengthSource, Poses, is_length};
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
-
-const PIECE: usize = 4096;
 
 #[derive(Debug)]
 pub struct LengthReadings {
@@ -221,13 +219,9 @@ struct Settled {
 
 /// Runs of rows that are no readings; the readings have to be in order of time.
 fn missing(own: &LengthReadings) -> Result<Vec<Range<usize>>, JoinError> {
-    let (count, mut latest) = (own.readings.count(), Stamp::from_ns(i64::MIN));
     let mut runs: Vec<Range<usize>> = Vec::new();
-    for first in (0..count).step_by(PIECE) {
-        let rows = first..(first + PIECE).min(count);
-        let readings = own.readings.read(rows.clone())?;
-        let seen = Seen { rows, readings };
-        latest = seen.check_order(latest)?;
+    for seen in pieces(&*own.readings) {
+        let seen = seen?;
         let rows = seen.rows.clone();
         for row in rows.filter(|&row| !own.is_reading(seen.position(row)[0])) {
             match runs.last_mut() {

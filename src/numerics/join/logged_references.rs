@@ -16,7 +16,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, robust_sigma};
 use super::courses::{Origin, Stop, courses, read, taken_out, undo};
-use super::readings::Seen;
+use super::readings::pieces;
 use super::references::ReferenceId;
 use super::tabled::RowReference;
 use super::{JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, Station, Unmeasured};
@@ -31,7 +31,6 @@ const NEAR_NS: i64 = 1_000_000_000;
 const FEW: usize = 5;
 /// Readings that agree within this never scatter, mm: instruments write whole micrometres.
 const RESOLUTION_MM: f64 = 2e-3;
-const PIECE: usize = 4096;
 
 /// When a reading was taken: during the dwell of a station, or in a half minute after one (before the first: counted back from it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,7 +72,7 @@ pub(super) fn followed(
     let stops: Vec<Stop<'_>> = (1..).zip(&looks).map(|(line, own)| own.stop(line)).collect();
     let origin = Origin { is_timed: true, is_logged: true };
     joined.read_references = read(&stops, &names);
-    let (mut courses, rejects) = courses(&stops, &names, &origin);
+    let (mut courses, rejects) = courses(&stops, &names, origin);
     let left_out = rejects.into_iter().filter_map(|reject| {
         let run = runs.get(usize::try_from(reject.line).ok()?.checked_sub(1)?)?;
         Some(run.reject(reject.reason))
@@ -139,13 +138,8 @@ impl<'a> Looking<'a> {
         own: &ReferenceReadings,
     ) -> Result<(Vec<Run>, Vec<JoinReject>), JoinError> {
         let mut gathering = Gathering::new(reference, self.settings.mad_factor);
-        let count = own.readings.count();
-        let mut latest = Stamp::from_ns(i64::MIN);
-        for first in (0..count).step_by(PIECE) {
-            let rows = first..(first + PIECE).min(count);
-            let readings = own.readings.read(rows.clone())?;
-            let seen = Seen { rows, readings };
-            latest = seen.check_order(latest)?;
+        for seen in pieces(&*own.readings) {
+            let seen = seen?;
             for row in seen.rows.clone() {
                 let at = seen.stamp(row);
                 if seen.is_measured(row) {

@@ -71,10 +71,8 @@ impl<'a> Readings<'a> {
 
     fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         self.missing = Missing::default();
-        let (count, mut latest) = (self.poses.count(), Stamp::from_ns(i64::MIN));
-        for first in (0..count).step_by(PIECE) {
-            let seen = self.read(first..(first + PIECE).min(count))?;
-            latest = seen.check_order(latest)?;
+        for seen in pieces(self.poses) {
+            let seen = seen?;
             self.missing.extend(&seen);
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
             let measured: Vec<[f64; 3]> = seen.measured().map(|row| seen.position(row)).collect();
@@ -117,12 +115,22 @@ impl<'a> Readings<'a> {
     }
 }
 
+/// All readings, some at a time; an error where they are not in order of time.
+pub(super) fn pieces(
+    readings: &dyn Poses<Tracker>,
+) -> impl Iterator<Item = Result<Seen, JoinError>> {
+    let (count, mut latest) = (readings.count(), Stamp::from_ns(i64::MIN));
+    (0..count).step_by(PIECE).map(move |first| {
+        let rows = first..(first + PIECE).min(count);
+        let seen = Seen { readings: readings.read(rows.clone())?, rows };
+        latest = seen.check_order(latest)?;
+        Ok(seen)
+    })
+}
+
 impl Seen {
     /// Checks that stamps do not decrease, from `latest` on; returns the last one.
-    pub(super) fn check_order(
-        &self,
-        mut latest: Stamp<Tracker>,
-    ) -> Result<Stamp<Tracker>, JoinError> {
+    fn check_order(&self, mut latest: Stamp<Tracker>) -> Result<Stamp<Tracker>, JoinError> {
         let samples = "readings";
         for (row, &stamp) in self.rows.clone().zip(&self.readings.stamps) {
             if stamp < latest {

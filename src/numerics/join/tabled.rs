@@ -159,7 +159,9 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let kept = stations.iter().map(|station| station.measured().len() as u64).sum();
     let unpaired = unpaired + far.len() as u64;
     rejects.extend(far);
-    rejects.iter_mut().for_each(|own| own.file.clone_from(&file));
+    for reject in &mut rejects {
+        reject.file.clone_from(&file);
+    }
     rejects.sort_by_key(|own| own.line);
     Joined {
         clock: one_clock(stations.first().map(|station| station.start), timed),
@@ -396,7 +398,7 @@ fn follow(
     }
     let stops = stops(rows, apart, timed);
     let origin = Origin { is_timed: timed, is_logged: false };
-    let (mut courses, rejects) = courses(&stops, references, &origin);
+    let (mut courses, rejects) = courses(&stops, references, origin);
     let read = read_references(&stops, references);
     let mut left_out = BTreeMap::new();
     let measured = |place: usize| !rows[place].readings.is_empty();

@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
 
-use super::{LOOK_NS, Looking, NEAR_NS, Run, Seen, When};
+use super::{LOOK_NS, Looking, NEAR_NS, Run, When};
 use crate::figures::median;
 use crate::ingest::{Poses, PosesError, StandsOn, TargetReadings};
-use crate::join::readings::{Readings, is_measurement};
+use crate::join::readings::{Readings, Seen, is_measurement};
 use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
 use crate::join::{
     JoinError, JoinInput, JoinReject, JoinSettings, Joined, Pairing, ReferenceReadings, Unmeasured,

@@ -116,7 +116,7 @@ fn a_bump_of_the_instrument_takes_no_lengths_out() {
         row.readings.push(RowReading { source: SourceId(1), value: length, ..row.readings[0] });
     }
     let left_out = BTreeMap::from([(5, "the instrument was bumped".to_owned())]);
-    let rejects = take_out(&mut rows, &left_out, "measured.csv");
+    let rejects = take_out(&mut rows, &left_out);
     assert_eq!(rejects.len(), 1);
     assert_eq!((rejects[0].station, rejects[0].line), (Some(5), rows[5].line));
     assert_eq!(rows[5].readings.len(), 1);
