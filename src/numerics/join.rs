@@ -77,7 +77,6 @@ pub use reading::{
     TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
-pub use tabled::{RowItem, RowReject};
 
 /// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
@@ -278,6 +277,32 @@ pub struct JoinReject {
     /// Whether they are readings of a reference, not of a target.
     pub is_of_reference: bool,
     pub reason: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RowReject {
+    pub kind: RowItem,
+    pub file: String,
+    pub line: u64,
+    /// The column at fault; `None` where it is none of them.
+    pub column: Option<String>,
+    /// Number of the station that the row became; `None` where it became none.
+    pub station: Option<usize>,
+    pub reason: String,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RowItem {
+    Row,
+    Reading,
+    Reference,
+}
+
+impl RowReject {
+    /// A whole item; the file is stated once for all of a table.
+    const fn of(kind: RowItem, line: u64, station: Option<usize>, reason: String) -> Self {
+        Self { kind, file: String::new(), line, column: None, station, reason }
+    }
 }
 
 #[derive(Debug)]

@@ -11,9 +11,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::mislabelled::SwappedThroughout;
 use super::observation::{MeasuredOrientation, Mounted, Noise, Observation};
-use super::suspects::Suspect;
+use super::suspects::{Suspect, SwappedThroughout};
 use super::{FitSettings, Freedom, Loss, identify};
 use crate::figures::median;
 use crate::join::Unmeasured;

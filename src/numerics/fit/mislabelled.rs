@@ -13,13 +13,12 @@
 //! A reading's own target is believed unless another explains three times as much: what cannot be distinguished stays as it is named.
 
 use std::collections::BTreeMap;
-use std::fmt;
 
 use nalgebra::{Point3, Vector3};
 
 use super::frames::Frames;
 use super::observation::{Noise, Observation};
-use super::suspects::Suspect;
+use super::suspects::{Against, Suspect, Swap, SwappedThroughout};
 use super::{FitSettings, Freedom, Loss, identify};
 use crate::figures::median;
 use crate::join::{TargetId, Unmeasured};
@@ -35,57 +34,6 @@ const LEAST_AWAY_MM: f64 = 5.0;
 const EXPLAINS: f64 = 1.0 / 3.0;
 /// Targets whose places are all permuted; of more, two are exchanged at a time.
 const MOST_PERMUTED: usize = 6;
-
-#[derive(Debug, Clone, PartialEq)]
-pub struct Swap {
-    /// The target that is named, and the one that was read, where the two differ.
-    pub read: Vec<(TargetId, TargetId)>,
-    pub given_mm: f64,
-    pub swapped_mm: f64,
-    /// Misfit of the next best assignment but the given one, mm; `None` where there is no other.
-    pub runner_up_mm: Option<f64>,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub struct SwappedThroughout {
-    pub session: usize,
-    pub swap: Swap,
-    pub against: Against,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Against {
-    Places,
-    Distances,
-    FirstSession,
-}
-
-impl fmt::Display for Against {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Places => "the places in [fit.targets]",
-            Self::Distances => "[fit] target_distances",
-            Self::FirstSession => "the places in the first session",
-        })
-    }
-}
-
-impl Swap {
-    pub fn words(&self, name: impl Fn(TargetId) -> String) -> String {
-        let read = self.read.iter();
-        let read: Vec<String> = read
-            .map(|(named, read)| format!("what is named {} is {}", name(*named), name(*read)))
-            .collect();
-        let runner_up =
-            self.runner_up_mm.map_or_else(String::new, |mm| format!(", next best {mm:.2} mm"));
-        format!(
-            "{}: {:.2} mm as named, {:.2} mm so{runner_up}",
-            read.join(", "),
-            self.given_mm,
-            self.swapped_mm
-        )
-    }
-}
 
 /// Readings that are not of the target they name, in the order of sessions and stations; an error where targets are swapped throughout a
 /// session.

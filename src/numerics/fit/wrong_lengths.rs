@@ -15,9 +15,8 @@ use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::mislabelled::SwappedThroughout;
 use super::observation::{Noise, Observation};
-use super::suspects::Suspect;
+use super::suspects::{Suspect, SwappedThroughout};
 use super::{Calibration, FitSettings, Freedom, Loss, SourceId, identify};
 use crate::figures::median;
 use crate::join::Unmeasured;

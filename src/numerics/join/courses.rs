@@ -13,11 +13,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::Value;
 use super::references::{Event, Followed, Look, Motion, ReferenceId, follow};
-use super::tabled::{RowItem, RowReference, RowReject};
+use super::{RowItem, RowReject, Value};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::units::NS_PER_S;
@@ -54,6 +54,13 @@ pub struct ReadReference {
     pub looks: usize,
     /// The first and the last station at or beside which it was read; `None` where it never was.
     pub between: Option<[usize; 2]>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RowReference {
+    pub reference: ReferenceId,
+    pub line: u64,
+    pub position: Point3<f64>,
 }
 
 /// One row that references may have been read in, or one look of logs.

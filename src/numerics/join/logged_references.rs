@@ -15,10 +15,9 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, robust_sigma};
-use super::courses::{Origin, Stop, courses, read, taken_out, undo};
+use super::courses::{Origin, RowReference, Stop, courses, read, taken_out, undo};
 use super::readings::pieces;
 use super::references::ReferenceId;
-use super::tabled::RowReference;
 use super::{JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, Station, Unmeasured};
 use crate::figures::median;
 use crate::units::{ClockModel, Stamp, Tracker};

@@ -10,8 +10,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use nalgebra::{Isometry3, Point3, Vector3};
-use serde::{Deserialize, Serialize};
+use nalgebra::{Isometry3, Vector3};
 
 use super::moved::{Elsewhere, stretches};
 use super::pair::placed;
@@ -21,12 +20,12 @@ use super::{
     Station, TargetId, Thresholds, Unmeasured, Value,
 };
 use crate::ingest::StandsOn;
-use crate::join::references::ReferenceId;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
 
-pub use super::courses::{LookAt, ReadReference, ReferenceCourse};
+pub use super::courses::{LookAt, ReadReference, ReferenceCourse, RowReference};
 use super::courses::{Origin, Stop, courses, read as read_references, taken_out, undo};
+pub use super::{RowItem, RowReject};
 
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,13 +47,6 @@ pub struct ApartRow {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RowReference {
-    pub reference: ReferenceId,
-    pub line: u64,
-    pub position: Point3<f64>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowReading {
     pub source: SourceId,
     pub target: TargetId,
@@ -62,25 +54,6 @@ pub struct RowReading {
     pub line: u64,
     pub value: Value,
     pub samples: usize,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RowReject {
-    pub kind: RowItem,
-    pub file: String,
-    pub line: u64,
-    /// The column at fault; `None` where it is none of them.
-    pub column: Option<String>,
-    /// Number of the station that the row became; `None` where it became none.
-    pub station: Option<usize>,
-    pub reason: String,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum RowItem {
-    Row,
-    Reading,
-    Reference,
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -92,18 +65,6 @@ pub struct Rows {
     /// Name of each reference, and what it stands on.
     pub references: Vec<(String, StandsOn)>,
     pub rejects: Vec<RowReject>,
-}
-
-impl RowReject {
-    /// A whole item; the file is stated once for all of a table.
-    pub(super) const fn of(
-        kind: RowItem,
-        line: u64,
-        station: Option<usize>,
-        reason: String,
-    ) -> Self {
-        Self { kind, file: String::new(), line, column: None, station, reason }
-    }
 }
 
 impl Rows {
