@@ -5,7 +5,6 @@
 //! gives the same plan.
 
 mod cell;
-mod checks;
 mod known;
 mod locating;
 mod so_far;
@@ -16,8 +15,9 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::configuration::files::{Files, Source};
-use super::configuration::{ConfigurationError, ConfigurationErrorKind, files, placed, usable};
+use super::configuration::checks::{told, wrong_unless};
+use super::configuration::files::{self, Files, Source};
+use super::configuration::{ConfigurationError, ConfigurationErrorKind, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::store::Place;
@@ -31,9 +31,9 @@ use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
 use crate::page::plan::{self as page, Content};
 use crate::plan::section::PlanSection;
+use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
-
 use cell::Placed;
 pub use known::{KnownError, KnownMisfit};
 pub use locating::Located;
@@ -232,7 +232,7 @@ impl Stated {
             reason: "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base",
         };
         let section = file.plan.clone().ok_or_else(|| missing.at(path))?;
-        checks::check(path, &section, read.arm.joints().len())?;
+        check(path, &section, read.arm.joints().len())?;
         let settings = Placed::new(path, file, &section)?.settings(&read.arm, file, &section)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let base_from_command = file.commanded.as_ref().map(|commanded| {
@@ -288,4 +288,26 @@ fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
         ..Ending::default()
     };
     ending.replacing(replaces)
+}
+
+const MOST_POSES: usize = 2000;
+
+/// Finds the first invalid value of the section, for an arm of `joints` joints.
+fn check(path: &Path, section: &PlanSection, joints: usize) -> Result<(), ConfigurationError> {
+    let angles = section.home_deg.len();
+    let home = wrong_unless(
+        angles == joints,
+        "[plan] home_deg",
+        format!("{angles} angles"),
+        format!("one angle for each of the arm's {joints} joints, degrees"),
+    );
+    let least = if section.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES };
+    let sizes = least..=MOST_POSES;
+    let poses = wrong_unless(
+        section.poses.iter().all(|poses| sizes.contains(poses)),
+        "[plan] poses",
+        format!("{:?}", section.poses),
+        format!("numbers of poses, each from {least} to {MOST_POSES}, for example [25, 50, 100]"),
+    );
+    home.and(poses).map_err(|wrong| told(path, wrong))
 }

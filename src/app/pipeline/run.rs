@@ -41,6 +41,7 @@ use crate::report::compared::Pairs;
 pub use error::RunError;
 pub(super) use inputs::{input, is_of_session, work};
 pub use known::Known;
+pub(super) use known::files_of;
 use publish::publish;
 use results::{Found, Results};
 pub(super) use session::session;

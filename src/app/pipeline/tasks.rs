@@ -6,13 +6,11 @@
 
 pub mod plans;
 
-use std::path::PathBuf;
-
 use serde::{Deserialize, Serialize};
 
-use super::configuration::{Recorded, SessionFiles, Tree, WorkPiece};
+use super::configuration::{SessionFiles, Tree, WorkPiece};
 use super::fleet::{Fleet, FleetPiece};
-use super::run::{Done, Known, run_piece};
+use super::run::{Done, Known, files_of, run_piece};
 use crate::manifest::VERSION;
 use crate::progress::Progress;
 
@@ -113,13 +111,7 @@ fn task(own: FleetPiece<'_>, id: String) -> Task {
 
 /// Size of a session's files, bytes; those whose size is not known count nothing.
 fn size(tree: &Tree, session: &SessionFiles) -> u64 {
-    let recorded = match &session.recorded {
-        Recorded::Logs(logs) => logs.controller.iter().chain(&logs.tracker).collect(),
-        Recorded::Table(table) => vec![&table.path],
-        Recorded::Joined(_) => Vec::new(),
-    };
-    let of_file = |path: &PathBuf| tree.size(path).unwrap_or(0);
-    recorded.into_iter().chain(&session.corrected).map(of_file).sum()
+    files_of(session).map(|path| tree.size(path).unwrap_or(0)).sum()
 }
 
 /// Does the task of that id among the pieces of a fleet, unless it is known as done and current.

@@ -127,11 +127,8 @@ impl Planning {
         let overrides = Overrides {
             robot: Some(self.work.robot.clone()),
             sessions: vec![session.to_owned()],
-            test: Vec::new(),
             lake: Some(self.lake.named()),
-            from_joined: false,
-            from_estimates: false,
-            from_grids: false,
+            ..Overrides::default()
         };
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration.pieces.iter().flat_map(|piece| &piece.training).next();

@@ -316,7 +316,7 @@ fn of_session(tree: &Tree, session: &SessionFiles) -> Option<Vec<String>> {
     Some(texts)
 }
 
-fn files_of(session: &SessionFiles) -> impl Iterator<Item = &PathBuf> {
+pub(in crate::pipeline) fn files_of(session: &SessionFiles) -> impl Iterator<Item = &PathBuf> {
     let recorded = match &session.recorded {
         Recorded::Logs(logs) => logs.controller.iter().chain(&logs.tracker).collect(),
         Recorded::Table(table) => vec![&table.path],

@@ -9,7 +9,6 @@ mod known;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use known::{Judged, Known, Scope, rows_now};
 use rayon::prelude::*;
 
 use super::VerifyError;
@@ -19,6 +18,7 @@ use crate::io::lake::{
 };
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
+use known::{Judged, Known, Scope, rows_now};
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FilesOfLake {

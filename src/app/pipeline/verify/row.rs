@@ -1,11 +1,10 @@
-//! A row of `runs` compared with itself, its file, its place, and later rows.
+//! A row of `runs` compared with itself, its file, its place, later rows, and the results of stages that it names.
 
 use std::io::Read as _;
 
 use serde_json::Value;
 
-use super::claim::Claim;
-use super::claim::Register;
+use super::claim::{Claim, Register};
 use super::selection::PastRun;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;

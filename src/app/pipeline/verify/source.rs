@@ -57,9 +57,7 @@ impl Source {
             sessions: claim.run.sessions.clone(),
             test: claim.run.test_sessions.clone(),
             lake: Some(lake.to_owned()),
-            from_joined: false,
-            from_estimates: false,
-            from_grids: false,
+            ..Overrides::default()
         };
         let configuration = sought.load(pipeline, &overrides).map_err(|error| match error {
             ConfigurationError::Session { session, reason, .. } => of_session(&session, &reason),
