@@ -7,20 +7,25 @@
 //!
 //! 1. Judge each row: numbers must be finite, quaternions must not be zero (`rows`).
 //! 2. Convert the rows kept to rad and mm and normalise quaternions, in the [`Buffer`] of the stream.
-//! 3. Order them by stamp (stable), count duplicate and backward stamps, and emit those that no later one can come before
-//!    ([`InOrder`]).
+//! 3. Order them by stamp (stable), leave out those that were logged before with equal stamp and content, count other duplicate and
+//!    backward stamps, and emit those that no later one can come before ([`InOrder`]).
+//! 4. Where stamps are no times, a clock stepped (`clock_steps`) or a topic has a second publisher (`publishers`), the logs are read again
+//!    with that known, or the session is refused.
 
 mod angles;
+mod clock_steps;
 pub mod covariances;
 mod decoded;
 mod in_order;
 mod pose_samples;
 mod poses;
+mod publishers;
 mod rows;
 mod settings;
 mod summary;
 
 pub use angles::JointAngles;
+pub use clock_steps::Amendments;
 pub use covariances::LoggedCovariance;
 pub use decoded::{DecodedJoints, DecodedPoses, DecodedTemperatures};
 pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, TemperatureBuffer};
@@ -79,6 +84,8 @@ pub enum LossKind {
     /// they hold messages.
     Missing,
     Nothing,
+    /// Nothing is lost, and the reason says how stamps of a topic are read.
+    Stamps,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,6 +127,21 @@ impl LogReject {
     /// Whether bytes of the file are lost. False for messages that were read or not found, and for bytes without messages.
     pub fn is_damage(&self) -> bool {
         self.loss == LossKind::Bytes
+    }
+
+    /// A remark on the stamps of a topic, by which nothing is lost.
+    fn of_stamps(reason: String) -> Self {
+        Self {
+            file: String::new(),
+            topic: None,
+            byte_start: 0,
+            byte_end: 0,
+            time_span_ns: None,
+            clock: SpanClock::Log,
+            messages: Some(0),
+            loss: LossKind::Stamps,
+            reason,
+        }
     }
 
     /// Counts one more message, logged at `time_ns`.

@@ -114,13 +114,14 @@ fn stamps_of<C>(poses: &PoseSamples<C>) -> Vec<i64> {
 
 fn check_counts(found: &WholeSession, stream: &str, stamps_ns: &[i64]) {
     let count = |name: &str| found.counts.get(&format!("{stream}.{name}")).copied();
-    let [messages, kept, rejected, repeated] =
-        ["messages", "kept", "rejected", "duplicate_stamps"].map(|name| count(name).unwrap_or(0));
-    assert_eq!(messages, kept + rejected, "{stream}");
+    let [messages, kept, rejected, repeated, equal_stamps] =
+        ["messages", "kept", "rejected", "repeated", "duplicate_stamps"]
+            .map(|name| count(name).unwrap_or(0));
+    assert_eq!(messages, kept + rejected + repeated, "{stream}");
     assert_eq!(kept, stamps_ns.len() as u64, "{stream}");
     assert!(stamps_ns.is_sorted(), "{stream}");
     let equal = stamps_ns.windows(2).filter(|pair| pair[0] == pair[1]);
-    assert_eq!(repeated, equal.count() as u64, "{stream}");
+    assert_eq!(equal_stamps, equal.count() as u64, "{stream}");
 }
 
 /// Reads the files, and writes the table of their samples; what was found, and how many files were begun.

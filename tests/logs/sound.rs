@@ -96,14 +96,18 @@ fn joints_are_found_by_name_in_each_message() {
         reasons,
         [
             (Some(1), "a joint angle is not a finite number"),
-            (Some(1), "joint \"a\" is missing from the message"),
             (Some(1), "joint \"a\" is twice in the message"),
             (Some(1), "joint \"b\" is missing from the message"),
             (Some(1), "the message has another number of positions than of joint names"),
+            (
+                Some(1),
+                "the message states no position of the arm's joints: another device's, or velocities alone"
+            ),
         ]
     );
     assert_eq!(found.counts["joints.messages"], 9);
-    assert_eq!((found.counts["joints.kept"], found.counts["joints.rejected"]), (4, 5));
+    assert_eq!((found.counts["joints.kept"], found.counts["joints.rejected"]), (4, 4));
+    assert_eq!(found.counts["joints.not_of_arm"], 1);
 }
 
 #[test]

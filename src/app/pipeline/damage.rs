@@ -10,6 +10,8 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::io::tables::counts::{NOT_OF_ARM, REPEATED, SECOND};
+
 /// Names of a session's logs in its counts and in messages.
 const LOGS: [(&str, &str); 3] =
     [("controller", "the controller's log"), ("tracker", "the tracker's log"), ("log", "the log")];
@@ -115,21 +117,33 @@ struct Counted {
     of: String,
     read: u64,
     kept: u64,
+    rejected: BTreeMap<String, u64>,
+}
+
+impl Counted {
+    /// Messages without those that nothing is wrong with.
+    fn wanted(&self) -> u64 {
+        let beside = [NOT_OF_ARM, REPEATED, SECOND].map(|name| self.rejected.get(name).copied());
+        self.read.saturating_sub(beside.into_iter().flatten().sum())
+    }
+
+    fn rejected(&self) -> u64 {
+        self.wanted().saturating_sub(self.kept)
+    }
 }
 
 /// Topics of which more than this share of messages was rejected, as text; `counts` is in the form of a row of `runs`.
 pub(super) fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
     let counts: Vec<Counted> = serde_json::from_str(counts).unwrap_or_default();
     let beyond = |counted: &&Counted| {
-        let rejected = counted.read.saturating_sub(counted.kept);
-        counted.stage == "ingest" && rejected as f64 > allowed * counted.read as f64
+        counted.stage == "ingest" && counted.rejected() as f64 > allowed * counted.wanted() as f64
     };
-    let words = |Counted { of, read, kept, .. }: &Counted| {
-        let rejected = read - kept;
+    let words = |counted: &Counted| {
+        let (of, rejected, read) = (&counted.of, counted.rejected(), counted.wanted());
         format!(
             "{rejected} of {read} {of} were rejected ({:.2} %), more than [input] max_rejected_share = {allowed} allows; \
              see table rejects",
-            percent(rejected, *read)
+            percent(rejected, read)
         )
     };
     counts.iter().filter(beyond).map(words).collect()
@@ -171,7 +185,7 @@ mod tests {
 
     #[test]
     fn rejected_messages_count_by_topic() {
-        let counts = r#"[{"stage": "ingest", "of": "joint messages", "read": 100, "kept": 95, "rejected": {"x": 5}},
+        let counts = r#"[{"stage": "ingest", "of": "joint messages", "read": 300, "kept": 95, "rejected": {"x": 5, "repeated": 100, "not_of_arm": 100}},
             {"stage": "ingest", "of": "reading messages", "read": 100, "kept": 94, "rejected": {"x": 6}},
             {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 91}}]"#;
         let beyond = rejected_beyond(counts, 0.05);

@@ -10,6 +10,7 @@ use super::words::references;
 use crate::figures::expanded;
 use crate::fit::{Identifiability, Model};
 use crate::grid::{Tolerance, notices_mm};
+use crate::ingest::LossKind;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
@@ -67,8 +68,19 @@ pub(super) fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<Stri
         Some(format!("{}: check the set-up: {finding}", session.name))
     });
     let lost = sessions().flat_map(|session| damage::words(&session.name, &session.counts));
+    let stamps = sessions().flat_map(|session| {
+        let stamps = session.log_rejects.iter().filter(|own| own.loss == LossKind::Stamps);
+        stamps.map(|own| {
+            let topic = own.topic.as_deref().unwrap_or_default();
+            format!("{}: topic {topic:?}: {}", session.name, own.reason)
+        })
+    });
     let open = outcome.frame.open_words().into_iter();
-    open.chain(set_up).chain(lost).chain(references::warned(outcome, least_mm)).collect()
+    open.chain(set_up)
+        .chain(lost)
+        .chain(stamps)
+        .chain(references::warned(outcome, least_mm))
+        .collect()
 }
 
 /// The sessions, when they were measured, and their stations.

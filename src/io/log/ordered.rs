@@ -11,8 +11,8 @@ use super::replay::JointSink;
 use super::spilled::{SpilledPoses, SpillingPoses};
 use super::streams::{Part, Stream};
 use crate::ingest::{
-    Buffer, InOrder, JointBuffer, Mapping, PoseBuffer, StreamSummary, TemperatureBuffer,
-    TemperatureSamples,
+    Amendments, Buffer, InOrder, JointBuffer, Mapping, PoseBuffer, StreamSummary,
+    TemperatureBuffer, TemperatureSamples,
 };
 use crate::table::ROW_GROUP_ROWS;
 use crate::units::{Controller, Stamp, Tracker};
@@ -59,9 +59,9 @@ where
     }
 
     fn work(&mut self) {
-        for (rows, bytes) in self.waiting.drain(..) {
+        for (mut rows, bytes) in self.waiting.drain(..) {
             let emit = |buffer: &B, rows| self.to.emit(buffer, rows);
-            self.in_order.push(&rows, bytes, emit);
+            self.in_order.push(&mut rows, bytes, emit);
             self.spare.push(rows);
         }
     }
@@ -97,13 +97,19 @@ pub struct Ordered {
 }
 
 impl<'s> SessionStreams<'s> {
-    /// Streams before anything is read; joint samples will go to `joints`, and `buffered` samples of a stream are
-    /// buffered.
-    pub fn new(mapping: &Mapping, buffered: usize, joints: &'s mut dyn JointSink) -> Self {
+    /// Streams before anything is read; joint samples will go to `joints`, and `buffered` samples of a stream are buffered. Stamps are
+    /// amended by what an earlier reading found.
+    pub fn new(
+        mapping: &Mapping,
+        (buffered, amendments): (usize, &Amendments),
+        joints: &'s mut dyn JointSink,
+    ) -> Self {
         let (controller, tracker) = (&mapping.controller, &mapping.tracker);
-        let of_joints = JointBuffer::of(mapping);
+        let of_joints = JointBuffer::of(mapping).unwrapping(&amendments.wrapped);
         let of_joints = InOrder::new(of_joints, &controller.topic, JOINTS_TOGETHER, buffered);
-        let of_poses = |buffer, topic| InOrder::new(buffer, topic, TOGETHER, buffered);
+        let of_joints = of_joints.amended(amendments);
+        let of_poses =
+            |buffer, topic| InOrder::new(buffer, topic, TOGETHER, buffered).amended(amendments);
         let commands = mapping.commanded.as_ref().map(|commanded| {
             let in_order = of_poses(PoseBuffer::commands(commanded), &commanded.topic);
             OrderedStream::new(in_order, SpillingPoses::default())
@@ -115,7 +121,7 @@ impl<'s> SessionStreams<'s> {
         let temperatures = tracker.temperature.as_ref().map(|topic| {
             // All of them are buffered: they stay in memory in any case.
             let in_order = InOrder::new(TemperatureBuffer::default(), topic, TOGETHER, usize::MAX);
-            OrderedStream::new(in_order, TemperatureSamples::default())
+            OrderedStream::new(in_order.amended(amendments), TemperatureSamples::default())
         });
         let lengths = tracker.lengths.iter().map(|own| {
             let in_order = of_poses(PoseBuffer::lengths(own), &own.topic);

@@ -2,9 +2,10 @@
 //! of time; memory grows with the dwells, not with the log. Joint samples go into the detector ([`Finder`]) and to any
 //! other receiver; commanded poses and readings are spilled to disk.
 //!
-//! A second replay is needed where messages are further out of order than the buffer reaches, with all samples
-//! buffered; and where the detector finds the stationary threshold too late, with that threshold alone
-//! ([`stationary_of`]). Dwells and samples are always those of a single replay, to the last bit.
+//! A second replay is needed where stamps are no times, a clock stepped, a second publisher says nothing or joints are wrapped, with
+//! that known ([`Amendments`]); where messages are further out of order than the buffer reaches, with all samples buffered; and where
+//! the detector finds the stationary threshold too late, with that threshold alone ([`stationary_of`]). Dwells and samples are always
+//! those of a single replay, to the last bit.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -13,7 +14,7 @@ use super::ordered::{Ordered, SessionStreams};
 use super::session::{ReadFiles, SessionLogs};
 use super::streams::Stream;
 use super::{Limits, LogError};
-use crate::ingest::{BUFFERED, LogReject, Mapping, Poses};
+use crate::ingest::{Amendments, BUFFERED, LogReject, Mapping, Poses};
 use crate::join::stationary::{Finder, StationaryRule, stationary_of};
 use crate::join::{JoinInput, LengthReadings, ReferenceReadings};
 use crate::progress::Progress;
@@ -53,7 +54,14 @@ pub fn read_session(
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, LogError> {
-    let mut source = LogSource { logs, mapping, limits, progress, buffered: BUFFERED };
+    let mut source = LogSource {
+        logs,
+        mapping,
+        limits,
+        progress,
+        buffered: BUFFERED,
+        amendments: Amendments::default(),
+    };
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
     let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {
@@ -63,6 +71,7 @@ pub fn read_session(
     })?;
     let Replayed { ordered, files } = replayed;
     let (mut counts, mut rejects) = (files.counts, files.rejects);
+    rejects.extend(source.amendments.rejects());
     for (stream, summary) in ordered.summaries {
         summary.add_to(stream.name(), &mut counts, &mut rejects);
     }
@@ -106,6 +115,8 @@ struct LogSource<'a> {
     progress: &'a dyn Progress,
     /// Number of samples of each stream that are buffered to be put in order of time.
     buffered: usize,
+    /// What the stamps have to be read with, by an earlier replay.
+    amendments: Amendments,
 }
 
 struct Replayed {
@@ -116,7 +127,18 @@ struct Replayed {
 impl LogSource<'_> {
     /// Gives all joint samples to `joints`, in order of time.
     fn replay(&mut self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
-        let replayed = self.replay_buffered(joints)?;
+        let mut replayed = self.replay_buffered(joints)?;
+        if self.amendments.is_empty() {
+            for (_, summary) in &replayed.ordered.summaries {
+                self.amendments.extend(summary.amendments().clone());
+            }
+            if !self.amendments.is_empty() {
+                drop(replayed);
+                joints.restart();
+                replayed = self.replay_buffered(joints)?;
+            }
+        }
+        replayed.check(self.mapping)?;
         let mut summaries = replayed.ordered.summaries.iter();
         if summaries.all(|(_, summary)| summary.is_in_order()) {
             return Ok(replayed);
@@ -129,27 +151,38 @@ impl LogSource<'_> {
         );
         self.buffered = usize::MAX;
         joints.restart();
-        self.replay_buffered(joints)
+        let replayed = self.replay_buffered(joints)?;
+        replayed.check(self.mapping)?;
+        Ok(replayed)
     }
 
     /// One replay with `buffered` samples in the buffer; its summaries state whether that was enough.
     fn replay_buffered(&self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
-        let streams = Mutex::new(SessionStreams::new(self.mapping, self.buffered, joints));
+        let streams = Mutex::new(SessionStreams::new(
+            self.mapping,
+            (self.buffered, &self.amendments),
+            joints,
+        ));
         let files = self.logs.read(self.mapping, self.limits, &streams, self.progress)?;
         let streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let ordered = streams.finish()?;
-        let mut targets = self.mapping.tracker.target_count();
-        for (stream, summary) in &ordered.summaries {
+        Ok(Replayed { ordered: streams.finish()?, files })
+    }
+}
+
+impl Replayed {
+    fn check(&self, mapping: &Mapping) -> Result<(), LogError> {
+        let mut targets = mapping.tracker.target_count();
+        for (stream, summary) in &self.ordered.summaries {
             // References, whose readings come after those of the targets, are measured now and then, or not at all.
             let is_reference = *stream == Stream::Readings && targets == 0;
             if stream.is_needed() && !is_reference {
-                summary.check(&files.rejects)?;
+                summary.check(&self.files.rejects)?;
             }
             if *stream == Stream::Readings {
                 targets = targets.saturating_sub(1);
             }
         }
-        Ok(Replayed { ordered, files })
+        Ok(())
     }
 }
 

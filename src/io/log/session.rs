@@ -277,6 +277,7 @@ fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
         let undecoded = streams.undecoded.get(stream).copied().unwrap_or(0);
         count(format!("{}.rejected", stream.name()), undecoded);
     }
+    count("joints.not_of_arm".to_owned(), streams.not_of_arm);
 }
 
 #[cfg(test)]

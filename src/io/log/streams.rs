@@ -64,6 +64,8 @@ pub struct Streams<'m, 's> {
     session: &'m Mutex<SessionStreams<'s>>,
     pub messages: BTreeMap<Stream, u64>,
     pub undecoded: BTreeMap<Stream, u64>,
+    /// Messages of the joints' topic that are not of the arm: they are no rejects.
+    pub not_of_arm: u64,
 }
 
 impl<'m, 's> Streams<'m, 's> {
@@ -83,6 +85,7 @@ impl<'m, 's> Streams<'m, 's> {
             session,
             messages: BTreeMap::new(),
             undecoded: BTreeMap::new(),
+            not_of_arm: 0,
         }
     }
 
@@ -271,7 +274,10 @@ impl Visitor for Streams<'_, '_> {
         }
         for ((place, fault), tally) in std::mem::take(&mut part.faults) {
             let wanted = self.wanted.get(place);
-            if let Some(wanted) = wanted {
+            let is_of_arm = fault != RowFault::NotOfArm;
+            if !is_of_arm {
+                self.not_of_arm += tally.messages.unwrap_or(0);
+            } else if let Some(wanted) = wanted {
                 *self.undecoded.entry(wanted.stream).or_default() += tally.messages.unwrap_or(0);
             }
             rejects.push(LogReject {
@@ -282,7 +288,7 @@ impl Visitor for Streams<'_, '_> {
                 time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
                 clock: SpanClock::Log,
                 messages: tally.messages,
-                loss: LossKind::Unusable,
+                loss: if is_of_arm { LossKind::Unusable } else { LossKind::Nothing },
                 reason: self.describe(place, fault),
             });
         }

@@ -33,6 +33,12 @@ const STREAMS: [(&str, &str); 7] = [
     ("references", "readings of references"),
 ];
 
+/// Messages that are left out though nothing is wrong with the others: of another device on the joints' topic, logged before with equal
+/// stamp and content, and of a second publisher that always states the same.
+pub const NOT_OF_ARM: &str = "not_of_arm";
+pub const REPEATED: &str = "repeated";
+pub const SECOND: &str = "second_publisher";
+
 /// Messages of each stream that the pipeline file maps, where logs were read.
 fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
     let sum = |name: String| -> Option<u64> {
@@ -46,14 +52,19 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
             of,
             read: sum(format!("{stream}.messages"))?,
             kept: sum(format!("{stream}.kept")).unwrap_or(0),
-            rejected: nonzero([(
-                match stream {
-                    "rows" => "not_usable",
-                    "references" => "stray",
-                    _ => "not_decoded_or_not_finite",
-                },
-                sum(format!("{stream}.rejected")).unwrap_or(0),
-            )]),
+            rejected: nonzero([
+                (
+                    match stream {
+                        "rows" => "not_usable",
+                        "references" => "stray",
+                        _ => "not_decoded_or_not_finite",
+                    },
+                    sum(format!("{stream}.rejected")).unwrap_or(0),
+                ),
+                (NOT_OF_ARM, sum(format!("{stream}.{NOT_OF_ARM}")).unwrap_or(0)),
+                (REPEATED, sum(format!("{stream}.{REPEATED}")).unwrap_or(0)),
+                (SECOND, sum(format!("{stream}.{SECOND}")).unwrap_or(0)),
+            ]),
         })
     };
     STREAMS.into_iter().filter_map(stream).collect()

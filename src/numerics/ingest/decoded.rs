@@ -8,6 +8,8 @@ pub struct DecodedJoints {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
     pub angles: JointAngles,
+    /// Recorder's time of each row, ns; here and below.
+    pub logged: Vec<i64>,
 }
 
 /// Poses or points in the unit of the log; columns of equal length.
@@ -20,6 +22,7 @@ pub struct DecodedPoses {
     pub orientations: Option<Vec<[f64; 4]>>,
     /// Covariances as logged, in the log's unit of length and rad; absent where the message type has none.
     pub covariances: Option<Vec<LoggedCovariance>>,
+    pub logged: Vec<i64>,
 }
 
 /// Temperatures; columns of equal length.
@@ -27,4 +30,5 @@ pub struct DecodedPoses {
 pub struct DecodedTemperatures {
     pub stamps: Vec<i64>,
     pub celsius: Vec<f64>,
+    pub logged: Vec<i64>,
 }

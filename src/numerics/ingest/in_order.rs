@@ -20,19 +20,37 @@ pub use joints::JointBuffer;
 pub use poses::PoseBuffer;
 pub use temperatures::TemperatureBuffer;
 
-use super::LogReject;
+use super::clock_steps::Runs;
+use super::publishers::Publishers;
 use super::rows::{Place, Rows};
 use super::summary::{StreamCounts, StreamSummary};
+use super::{Amendments, LogReject, SpanClock};
 
 /// Samples of one stream that are not emitted yet, in the crate's units.
 pub trait Buffer {
     /// The columns that the rows of a block are decoded into.
     type Block;
+    /// A content that leaves that of the samples around it by more than this, and comes back, is another publisher's.
+    const JUMP: f64 = f64::INFINITY;
     fn stamps_of(block: &Self::Block) -> &[i64];
+    /// The same for writing, and the recorder's time of each row, ns.
+    fn times_of(block: &mut Self::Block) -> (&mut [i64], &[i64]);
+    fn clock(&self) -> SpanClock;
+    /// Works on the first samples, which are in order of time, before they are emitted.
+    fn settle(&mut self, _count: usize) {}
+    /// Joints that are reported in half a turn to both sides, and went further.
+    fn wrapped(&self) -> Vec<usize> {
+        Vec::new()
+    }
+    /// Makes readings that are not numbers missing ones.
+    fn zero_lost(&self, _: &mut Self::Block) {}
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
     /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
     fn stamps(&self) -> &[i64];
+    /// The numbers that distinguish a sample from others with its stamp.
+    fn content(&self, row: usize) -> &[f64];
+    /// Keeps the samples with these numbers, in this order.
     fn reorder(&mut self, order: &[usize]);
     fn evict(&mut self, count: usize);
     /// Further counts of the whole stream, as (name, number).
@@ -57,6 +75,10 @@ pub struct InOrder<B> {
     unsorted: bool,
     /// The number of samples emitted, and the last one's stamp, ns.
     emitted: (usize, Option<i64>),
+    last_content: Vec<f64>,
+    /// What is known of the stamps from reading the logs before.
+    amendments: Amendments,
+    publishers: Publishers,
     /// Whether a sample belonged before one already emitted.
     late: bool,
     alike: bool,
@@ -72,6 +94,7 @@ struct FileRows {
     kept: Range<usize>,
     /// Stamps of its rows; `None` without rows.
     span: Option<Span>,
+    runs: Runs,
 }
 
 /// Stamps of decoded rows, ns; spans are compared by the earliest stamp, then by the latest.
@@ -94,6 +117,9 @@ impl<B: Buffer> InOrder<B> {
             buffered,
             unsorted: false,
             emitted: (0, None),
+            last_content: Vec::new(),
+            amendments: Amendments::default(),
+            publishers: Publishers::default(),
             late: false,
             alike: true,
             counts: StreamCounts::default(),
@@ -102,11 +128,22 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
+    /// The same with what is known of the stamps from reading the logs before.
+    #[must_use]
+    pub fn amended(self, amendments: &Amendments) -> Self {
+        Self { amendments: amendments.clone(), ..self }
+    }
+
     /// Begins a file: the blocks that follow are of it.
     pub fn begin_file(&mut self, name: &str) {
         if self.files.last().is_none_or(|file| file.name != name) {
             let kept = self.emitted.0 + self.buffer.stamps().len();
-            self.files.push(FileRows { name: name.to_owned(), kept: kept..kept, span: None });
+            self.files.push(FileRows {
+                name: name.to_owned(),
+                kept: kept..kept,
+                span: None,
+                runs: Runs::default(),
+            });
         }
     }
 
@@ -115,15 +152,17 @@ impl<B: Buffer> InOrder<B> {
     /// Panics when no file was begun.
     pub fn push(
         &mut self,
-        block: &B::Block,
+        block: &mut B::Block,
         bytes: (u64, u64),
         mut emit: impl FnMut(&B, Range<usize>),
     ) {
-        let stamps = B::stamps_of(block);
-        let Some(span) = Span::of(stamps) else {
-            return;
-        };
+        self.buffer.zero_lost(block);
         let file = self.files.last_mut().expect("begun before its blocks");
+        let (stamps, logged) = B::times_of(block);
+        let of = (&*file.name, &*self.topic, self.buffer.clock());
+        self.amendments.amend(of, (file.runs.rows(), bytes.0), stamps, logged);
+        file.runs.push(bytes.0, stamps, logged);
+        let span = Span::of(stamps);
         let place = Place { file: &file.name, topic: &self.topic, bytes };
         let rows = self.buffer.judge(block, &place);
         let before = self.buffer.stamps().len();
@@ -131,13 +170,19 @@ impl<B: Buffer> InOrder<B> {
         let edge = self.buffer.stamps().get(before.saturating_sub(1)..=before);
         self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
         file.kept.end += self.buffer.stamps().len() - before;
-        let backward = file.add(span);
+        let backward = span.is_some_and(|span| file.add(span));
         self.counts.kept += rows.kept as u64;
         self.counts.rejected += rows.rejected as u64;
         self.counts.backward_stamps += rows.backward_stamps as u64 + u64::from(backward);
         self.rejects.extend(rows.rejects);
-        let due = self.buffer.stamps().len().saturating_sub(self.buffered);
-        self.emit(due / self.piece * self.piece, &mut emit);
+        if self.due() > 0 {
+            self.emit(Self::due, &mut emit);
+        }
+    }
+
+    /// Number of samples that are emitted now.
+    fn due(&self) -> usize {
+        self.buffer.stamps().len().saturating_sub(self.buffered) / self.piece * self.piece
     }
 
     pub fn finish(mut self, mut emit: impl FnMut(&B, Range<usize>)) -> StreamSummary {
@@ -145,7 +190,14 @@ impl<B: Buffer> InOrder<B> {
         let spans: Vec<Span> = self.files.iter().filter_map(|file| file.span).collect();
         let files_in_order = spans.is_sorted_by(|a, b| a.earliest < b.earliest);
         self.unsorted |= !files_in_order;
-        self.emit(self.buffer.stamps().len(), &mut emit);
+        self.emit(|own| own.buffer.stamps().len(), &mut emit);
+        let mut amendments = Amendments { wrapped: self.buffer.wrapped(), ..Amendments::default() };
+        for file in &self.files {
+            let found = file.runs.found(&file.name, &self.topic, self.buffer.clock());
+            amendments.extend(found);
+        }
+        let silent = self.publishers.silent().cloned();
+        amendments.silent.extend(silent.map(|content| (self.topic.clone(), content)));
         let files = self.files_by_time();
         let by_time: Vec<Span> = files.iter().filter_map(|file| file.span).collect();
         let back = |pair: &&[Span]| pair[1].first < pair[0].last;
@@ -158,6 +210,8 @@ impl<B: Buffer> InOrder<B> {
                 ..self.counts
             },
             further: self.buffer.further_counts(),
+            amendments,
+            publishers: self.publishers.words(),
             in_order: all_buffered || (files_in_order && !self.late),
             topic: self.topic,
             rejects: self.rejects,
@@ -172,17 +226,22 @@ impl<B: Buffer> InOrder<B> {
         files
     }
 
-    fn emit(&mut self, count: usize, emit: &mut impl FnMut(&B, Range<usize>)) {
+    /// Emits the earliest samples of the buffer, as many as `count` says once they are in order.
+    fn emit(&mut self, count: impl Fn(&Self) -> usize, emit: &mut impl FnMut(&B, Range<usize>)) {
+        self.sort();
+        self.drop_repeated();
+        let count = count(self);
         if count == 0 {
             return;
         }
-        self.sort();
+        self.buffer.settle(count);
         let stamps = &self.buffer.stamps()[..count];
+        self.publishers.push(stamps, |row| self.buffer.content(row), B::JUMP);
         let (first, last) = (stamps[0], stamps[count - 1]);
         let (emitted, before) = self.emitted;
         self.late |= before.is_some_and(|before| first < before);
-        let repeated = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        self.counts.duplicate_stamps += repeated as u64 + u64::from(before == Some(first));
+        let equal = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
+        self.counts.duplicate_stamps += equal as u64 + u64::from(before == Some(first));
         // Once the logs have to be read a second time, further samples are of no use.
         if self.alike && !self.late {
             for from in (0..count).step_by(self.piece) {
@@ -190,7 +249,43 @@ impl<B: Buffer> InOrder<B> {
             }
         }
         self.emitted = (emitted + count, Some(last));
+        self.last_content = self.buffer.content(count - 1).to_vec();
         self.buffer.evict(count);
+    }
+
+    /// Leaves out samples that were logged before with equal stamp and content, and those of a publisher that always states the same
+    /// beside another.
+    fn drop_repeated(&mut self) {
+        let (buffer, stamps) = (&self.buffer, self.buffer.stamps());
+        let is_repeated = stamps.windows(2).any(|pair| pair[0] == pair[1]);
+        if !is_repeated && self.emitted.1 != stamps.first().copied() {
+            return;
+        }
+        let silent = self.amendments.silent.iter().find(|own| own.0 == self.topic);
+        let (mut kept, mut repeated) = (Vec::with_capacity(stamps.len()), 0);
+        for (row, &stamp) in stamps.iter().enumerate() {
+            let content = buffer.content(row);
+            let earlier = kept.iter().rev().take_while(|&&own: &&usize| stamps[own] == stamp);
+            let is_again = self.emitted.1 == Some(stamp) && self.last_content == content
+                || earlier.clone().any(|&own| buffer.content(own) == content);
+            let others = || earlier.count() > 0 || stamps.get(row + 1) == Some(&stamp);
+            let is_silent = silent.is_some_and(|own| own.1 == content) && others();
+            match (is_again, is_silent) {
+                (true, _) => repeated += 1,
+                (_, true) => self.counts.second_publisher += 1,
+                (false, false) => kept.push(row),
+            }
+        }
+        self.counts.repeated += repeated;
+        let dropped = stamps.len() - kept.len();
+        if dropped > 0 {
+            self.counts.kept -= dropped as u64;
+            self.buffer.reorder(&kept);
+            let end = self.emitted.0 + kept.len();
+            for file in &mut self.files {
+                file.kept = file.kept.start.min(end)..file.kept.end.min(end);
+            }
+        }
     }
 
     /// Sorts the buffer by stamp; equal stamps stay in the order of the files.
@@ -230,11 +325,12 @@ impl FileRows {
 
 impl Span {
     fn of(stamps: &[i64]) -> Option<Self> {
+        let times = || stamps.iter().copied().filter(|&stamp| stamp != i64::MIN);
         Some(Self {
-            earliest: *stamps.iter().min()?,
-            latest: *stamps.iter().max()?,
-            first: *stamps.first()?,
-            last: *stamps.last()?,
+            earliest: times().min()?,
+            latest: times().max()?,
+            first: times().next()?,
+            last: times().next_back()?,
         })
     }
 }
@@ -280,6 +376,7 @@ mod tests {
             rejected: (rows.len() - kept.len()) as u64,
             backward_stamps: count(&rows, |a, b| b < a),
             duplicate_stamps: count(&kept, |a, b| a == b),
+            ..StreamCounts::default()
         };
         (kept, counts)
     }
@@ -298,8 +395,9 @@ mod tests {
             in_order.begin_file(&format!("{number}"));
             for (rows, at) in file.chunks(block).zip(0..) {
                 let (stamps, celsius) = rows.iter().copied().unzip();
-                let block = DecodedTemperatures { stamps, celsius };
-                in_order.push(&block, (at, at + 1), &mut emit);
+                let logged = vec![0; rows.len()];
+                let mut block = DecodedTemperatures { stamps, celsius, logged };
+                in_order.push(&mut block, (at, at + 1), &mut emit);
             }
         }
         let summary = in_order.finish(&mut emit);
@@ -348,6 +446,39 @@ mod tests {
             let both = (often(buffered, true), often(buffered, false));
             assert!(both.0 > 100 && both.1 > 100, "{buffered}: {both:?}");
         }
+    }
+
+    #[test]
+    fn what_was_logged_twice_is_one_sample() {
+        let twice: File = (0..60).flat_map(|k| [(k, k as f64); 2]).collect();
+        let once: File = (0..60).map(|k| (k, k as f64)).collect();
+        for buffered in [0, 7, usize::MAX] {
+            let (found, summary) = emitted(std::slice::from_ref(&twice), buffered, 11);
+            assert!(found == once && summary.is_in_order());
+            assert_eq!((summary.counts.kept, summary.counts.repeated), (60, 60));
+            assert_eq!(summary.publishers, None);
+        }
+    }
+
+    #[test]
+    fn two_publishers_are_distinguished() {
+        let own = |k: i64| 0.1 * (k as f64 * 0.01).sin();
+        let of = |rows: &dyn Fn(i64) -> [(i64, f64); 2]| {
+            emitted(&[(0..400).flat_map(rows).collect()], usize::MAX, 50).1
+        };
+        let silent = of(&|k| [(20 * k, own(k)), (20 * k, 7.0)]);
+        assert_eq!(silent.amendments.silent, [("/t".to_owned(), vec![7.0])]);
+        let other = of(&|k| [(20 * k, own(k)), (20 * k, own(k + 3))]);
+        assert!(other.amendments.silent.is_empty());
+        assert!(other.publishers.is_some_and(|what| what.contains("the stamp of another")));
+        // Stamps of a tenth of the rate.
+        let coarse = of(&|k| [(k / 5, own(2 * k)), (k / 5, own(2 * k + 1))]);
+        assert_eq!((coarse.publishers, coarse.amendments.silent.len()), (None, 0));
+        let copy = of(&|k| [(20 * k, own(k)), (20 * k + 3, own(k))]);
+        assert!(copy.publishers.is_some_and(|what| what.contains("repeat the one before")));
+        // Two samples at a time, as some drivers send them.
+        let bursts = of(&|k| [(20 * k, own(2 * k)), (20 * k + 3, own(2 * k + 1))]);
+        assert_eq!(bursts.publishers, None);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 
-use super::LoggedCovariance;
 use super::rows::RowFault;
+use super::{DecodedPoses, LoggedCovariance};
 use crate::geometry::PoseCovariance;
 
 pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
@@ -26,6 +26,23 @@ pub(super) fn fault(
     let reads_something = position.iter().any(|&x| x != 0.0);
     let zero = quaternion.iter().all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
     (reads_something && zero).then_some(RowFault::ZeroQuaternion)
+}
+
+/// Makes readings that are not numbers, as some instruments log while the beam is lost, the zeros that others log: the join has to see
+/// and count them.
+pub(super) fn zero_lost(block: &mut DecodedPoses) {
+    for row in 0..block.positions.len() {
+        if !block.positions[row].iter().any(|x| x.is_nan()) {
+            continue;
+        }
+        block.positions[row] = [0.0; 3];
+        if let Some(orientation) = block.orientations.as_mut().and_then(|all| all.get_mut(row)) {
+            *orientation = [0.0; 4];
+        }
+        if let Some(covariance) = block.covariances.as_mut().and_then(|all| all.get_mut(row)) {
+            *covariance = LoggedCovariance::Position([0.0; 9]);
+        }
+    }
 }
 
 pub(super) fn scale<const N: usize>(column: &mut [[f64; N]], factor: f64) {

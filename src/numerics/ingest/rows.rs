@@ -7,6 +7,7 @@ use super::{JointAngles, LogReject, LossKind, SpanClock};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum RowFault {
+    Stamp,
     Angle,
     Position,
     Orientation,
@@ -36,6 +37,7 @@ impl RowFault {
 impl fmt::Display for RowFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Stamp => "the stamp is 0 or far from those of the other messages: the publisher did not set it",
             Self::Angle => "a joint angle is not a finite number",
             Self::Position => "a coordinate of the position is not a finite number",
             Self::Orientation => "a component of the orientation is not a finite number",
@@ -77,6 +79,8 @@ impl Rows {
         clock: SpanClock,
         fault: impl Fn(usize) -> Option<RowFault>,
     ) -> Self {
+        let is_time = |row: usize| stamps[row] != i64::MIN;
+        let fault = |row| if is_time(row) { fault(row) } else { Some(RowFault::Stamp) };
         let faults: Vec<_> =
             (0..stamps.len()).filter_map(|row| fault(row).map(|fault| (row, fault))).collect();
         let backward_stamps = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
@@ -133,7 +137,11 @@ fn rejects(
             loss: LossKind::Unusable,
             reason: fault.to_string(),
         });
-        reject.widen(stamps[row]);
+        if fault == RowFault::Stamp {
+            reject.messages = reject.messages.map(|count| count + 1);
+        } else {
+            reject.widen(stamps[row]);
+        }
     }
     found.into_values().collect()
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
-use super::LogReject;
+use super::{Amendments, LogReject};
 
 /// Numbers of rows of a stream: kept, rejected, and with irregular stamps.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -13,10 +13,14 @@ pub(super) struct StreamCounts {
     pub rejected: u64,
     pub backward_stamps: u64,
     pub duplicate_stamps: u64,
+    /// Left out, because a row with equal stamp and content came before.
+    pub repeated: u64,
+    /// Left out, because they are of a publisher that always states the same beside another.
+    pub second_publisher: u64,
 }
 
 /// The outcome of all messages of one stream, once they are read.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct StreamSummary {
     pub(super) topic: String,
     /// The files that have the topic, earliest first.
@@ -29,6 +33,10 @@ pub struct StreamSummary {
     /// Whether all rows have the same columns.
     pub(super) alike: bool,
     pub(super) in_order: bool,
+    /// What the logs have to be read with.
+    pub(super) amendments: Amendments,
+    /// What distinguishes two publishers of the topic; `None` of one.
+    pub(super) publishers: Option<String>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -48,12 +56,21 @@ pub enum IngestError {
          ignore_orientation = true for [tracker]"
     )]
     Mixed { file: String, topic: String },
+    #[error(
+        "{file}: topic {topic:?} carries the messages of two publishers: {what}; stop one of them, or let it publish on a topic of its own"
+    )]
+    TwoPublishers { file: String, topic: String, what: String },
 }
 
 impl StreamSummary {
     /// Whether the samples were emitted in order: none was further out of order than the buffer reaches.
     pub const fn is_in_order(&self) -> bool {
         self.in_order
+    }
+
+    /// What the logs have to be read again with.
+    pub const fn amendments(&self) -> &Amendments {
+        &self.amendments
     }
 
     /// Checks that there are samples, that stamps are set and that all have the same columns; `undecoded` are the rejects of
@@ -66,6 +83,9 @@ impl StreamSummary {
         let decoded = self.counts.kept + self.counts.rejected;
         if decoded > 1 && !self.stamped {
             return Err(IngestError::StampsUnset { file, topic, messages: decoded });
+        }
+        if let Some(what) = self.publishers.clone() {
+            return Err(IngestError::TwoPublishers { file, topic, what });
         }
         if self.counts.kept > 0 {
             return Ok(());
@@ -97,6 +117,8 @@ impl StreamSummary {
         };
         add("kept", self.counts.kept);
         add("rejected", self.counts.rejected);
+        add("repeated", self.counts.repeated);
+        add("second_publisher", self.counts.second_publisher);
         add("duplicate_stamps", self.counts.duplicate_stamps);
         add("backward_stamps", self.counts.backward_stamps);
         for (name, count) in self.further {

@@ -14,7 +14,7 @@ use crate::ingest::{
 };
 use crate::log::block::Tally;
 use crate::log::record::MessageRecord;
-use crate::message::{MessageFault, Row, Texts, Value};
+use crate::message::{MessageFault, Row, Text, Texts, Value};
 
 /// Numbers are places: of a joint in the arm, or of a wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
@@ -25,6 +25,10 @@ pub enum RowFault {
     JointMissing(usize),
     #[error("joint")]
     JointTwice(usize),
+    #[error(
+        "the message states no position of the arm's joints: another device's, or velocities alone"
+    )]
+    NotOfArm,
     #[error("the message has another number of positions than of joint names")]
     UnequalArrays,
     #[error("field")]
@@ -102,6 +106,9 @@ struct JointOrder {
     seen_in: Option<u64>,
 }
 
+/// Stamp and recorder's time of a message, ns.
+type Times = (i64, i64);
+
 #[derive(Clone, Copy)]
 pub(super) struct Values<'m> {
     row: &'m Row,
@@ -114,16 +121,19 @@ impl Part {
         self.readings.resize_with(targets, DecodedPoses::default);
         self.lengths.resize_with(lengths, DecodedPoses::default);
         self.joints.stamps.clear();
+        self.joints.logged.clear();
         self.joints.angles.clear(joints);
         let lengths = self.lengths.iter_mut();
         let poses = self.readings.iter_mut().chain(lengths);
         for poses in poses.chain([&mut self.commands]) {
             poses.stamps.clear();
+            poses.logged.clear();
             poses.positions.clear();
             poses.orientations = None;
             poses.covariances = None;
         }
         self.temperatures.stamps.clear();
+        self.temperatures.logged.clear();
         self.temperatures.celsius.clear();
         self.faults.clear();
         self.messages = [0; 5];
@@ -143,6 +153,7 @@ impl Reader {
         recipe.reader.read(message.payload, row)?;
         let values = Values { row, payload: message.payload };
         let (stamp, mut first) = self.stamp(message, values)?;
+        let times = (stamp, i64::try_from(message.log_time).unwrap_or(i64::MAX));
         if let Some(frame) = &recipe.frame {
             values.check_frame(first, frame)?;
             first += 1;
@@ -154,17 +165,20 @@ impl Reader {
         match (recipe.meaning, self.stream) {
             (Meaning::NamedAngles, _) => {
                 part.order.read(values, first, joint_names, &mut part.joints)?;
-                part.joints.stamps.push(stamp);
+                part.joints.stamps.push(times.0);
+                part.joints.logged.push(times.1);
             }
             (Meaning::Angles, _) => {
                 push_angles(&mut part.joints, values, first)?;
-                part.joints.stamps.push(stamp);
+                part.joints.stamps.push(times.0);
+                part.joints.logged.push(times.1);
             }
             (Meaning::Temperature, _) => {
                 part.temperatures.celsius.push(values.number(first)?);
-                part.temperatures.stamps.push(stamp);
+                part.temperatures.stamps.push(times.0);
+                part.temperatures.logged.push(times.1);
             }
-            (Meaning::Lengths, _) => self.push_lengths(values, first, stamp, &mut part.lengths)?,
+            (Meaning::Lengths, _) => self.push_lengths(values, first, times, &mut part.lengths)?,
             (Meaning::Pose { orientation, covariance }, stream) => {
                 let poses = if stream == Stream::Commands {
                     &mut part.commands
@@ -172,11 +186,11 @@ impl Reader {
                     let place = self.target(values, target)?;
                     part.readings.get_mut(place).ok_or(RowFault::OtherTarget)?
                 };
-                push_pose(poses, stamp, values, first, orientation, covariance)?;
+                push_pose(poses, times, values, first, orientation, covariance)?;
             }
             (Meaning::Poses { orientation, covariance }, _) => {
                 let columns = ElementColumns { values, first, orientation, covariance };
-                self.push_elements(&columns, target, stamp, &mut part.readings)?;
+                self.push_elements(&columns, target, times, &mut part.readings)?;
             }
         }
         Ok(())
@@ -198,7 +212,7 @@ impl Reader {
         &self,
         values: Values<'_>,
         first: usize,
-        stamp: i64,
+        times: Times,
         lengths: &mut [DecodedPoses],
     ) -> Result<(), RowFault> {
         let read = (first..).take(self.lengths.len());
@@ -206,7 +220,7 @@ impl Reader {
         let read = read.collect::<Result<Vec<f64>, RowFault>>()?;
         for (place, length) in self.lengths.iter().zip(read) {
             let own = lengths.get_mut(*place).ok_or(RowFault::OtherTarget)?;
-            push_row(own, stamp, [length, 0.0, 0.0], None);
+            push_row(own, times, [length, 0.0, 0.0], None);
         }
         Ok(())
     }
@@ -233,7 +247,7 @@ impl Reader {
         &self,
         columns: &ElementColumns<'_>,
         slot: usize,
-        stamp: i64,
+        times: Times,
         readings: &mut [DecodedPoses],
     ) -> Result<(), RowFault> {
         let names = Names::of(columns.values.get(slot)).ok_or(RowFault::NoArray(slot))?;
@@ -251,7 +265,7 @@ impl Reader {
         }
         for (place, row) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_element(poses, stamp, row);
+            push_element(poses, times, row);
         }
         Ok(())
     }
@@ -276,13 +290,13 @@ impl Reader {
 
 fn push_element(
     poses: &mut DecodedPoses,
-    stamp: i64,
+    times: Times,
     (position, orientation, covariance): Element,
 ) {
     if let Some(covariance) = covariance {
         poses.covariances.get_or_insert_default().push(covariance);
     }
-    push_row(poses, stamp, position, orientation);
+    push_row(poses, times, position, orientation);
 }
 
 fn stamp_of(time: u64) -> Result<i64, RowFault> {
@@ -370,6 +384,9 @@ impl JointOrder {
         let (names, angles) = (values.get(first), values.get(first + 1));
         let names = names.texts().ok_or(RowFault::NoArray(first))?;
         let angles = angles.numbers().ok_or(RowFault::NoArray(first + 1))?;
+        if angles.is_empty() {
+            return Err(RowFault::NotOfArm);
+        }
         if names.len() != angles.len() {
             return Err(RowFault::UnequalArrays);
         }
@@ -418,7 +435,12 @@ impl JointOrder {
                 .filter(|(_, name)| name.is_some_and(|name| name.is(joint)));
             match (found.next(), found.next()) {
                 (Some((index, _)), None) => self.places.push(index),
-                (None, _) => return Err(RowFault::JointMissing(place)),
+                (None, _) => {
+                    let is_joint = |name: Text<'_>| joints.iter().any(|joint| name.is(joint));
+                    let is_of_arm = names.iter().flatten().any(is_joint);
+                    let fault = RowFault::JointMissing(place);
+                    return Err(if is_of_arm { fault } else { RowFault::NotOfArm });
+                }
                 (Some(_), Some(_)) => return Err(RowFault::JointTwice(place)),
             }
         }
@@ -438,7 +460,7 @@ fn push_angles(
 
 fn push_pose(
     poses: &mut DecodedPoses,
-    stamp: i64,
+    times: Times,
     values: Values<'_>,
     first: usize,
     orientation: bool,
@@ -453,13 +475,13 @@ fn push_pose(
         let own = logged_covariance(values, slot)?;
         poses.covariances.get_or_insert_default().push(own);
     }
-    push_row(poses, stamp, position, quaternion);
+    push_row(poses, times, position, quaternion);
     Ok(())
 }
 
 fn push_row(
     poses: &mut DecodedPoses,
-    stamp: i64,
+    times: Times,
     position: [f64; 3],
     quaternion: Option<[f64; 4]>,
 ) {
@@ -467,7 +489,8 @@ fn push_row(
         poses.orientations.get_or_insert_default().push(quaternion);
     }
     poses.positions.push(position);
-    poses.stamps.push(stamp);
+    poses.stamps.push(times.0);
+    poses.logged.push(times.1);
 }
 
 /// Rows of three, or of rows of six: x y z and three rotations.

@@ -1,5 +1,6 @@
 //! The buffer of joint angles.
 
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use super::super::rows::{Place, RowFault, Rows};
@@ -11,7 +12,19 @@ pub struct JointBuffer {
     factors: Vec<f64>,
     stamps: Vec<i64>,
     angles: JointAngles,
+    /// Whether each joint is unwrapped.
+    unwrapped: Vec<bool>,
+    /// Whether each joint jumped by a turn, and its largest angle.
+    turned: Vec<(bool, f64)>,
+    /// Stamp and angles of the last sample that is in order.
+    last: Option<(i64, Vec<f64>)>,
 }
+
+/// A jump by more than this in less than [`AT_ONCE_NS`] is one by a whole turn, rad: from one end of (−π, π] to the other.
+const TURN: f64 = 4.7;
+const AT_ONCE_NS: i64 = 250_000_000;
+/// The largest angle of a joint that is reported in (−π, π], rad.
+const HALF_TURN: f64 = PI + 1e-3;
 
 impl JointBuffer {
     pub fn of(mapping: &Mapping) -> Self {
@@ -19,7 +32,19 @@ impl JointBuffer {
             factors: mapping.factors(),
             stamps: Vec::new(),
             angles: JointAngles::of(mapping.joints.len()),
+            unwrapped: vec![false; mapping.joints.len()],
+            turned: vec![(false, 0.0); mapping.joints.len()],
+            last: None,
         }
+    }
+
+    /// The same with joints that an earlier reading found to be reported in (−π, π] beyond its ends.
+    #[must_use]
+    pub fn unwrapping(mut self, joints: &[usize]) -> Self {
+        for (joint, unwrapped) in self.unwrapped.iter_mut().enumerate() {
+            *unwrapped = joints.contains(&joint);
+        }
+        self
     }
 
     /// Stamps (ns) of some samples, and their angles (rad; mm where a joint slides) row after row.
@@ -30,9 +55,19 @@ impl JointBuffer {
 
 impl Buffer for JointBuffer {
     type Block = DecodedJoints;
+    /// Half a degree.
+    const JUMP: f64 = 0.01;
 
     fn stamps_of(block: &DecodedJoints) -> &[i64] {
         &block.stamps
+    }
+
+    fn times_of(block: &mut DecodedJoints) -> (&mut [i64], &[i64]) {
+        (&mut block.stamps, &block.logged)
+    }
+
+    fn clock(&self) -> SpanClock {
+        SpanClock::Controller
     }
 
     fn judge(&self, block: &DecodedJoints, place: &Place<'_>) -> Rows {
@@ -54,6 +89,34 @@ impl Buffer for JointBuffer {
         &self.stamps
     }
 
+    fn settle(&mut self, count: usize) {
+        for row in 0..count {
+            let (stamp, own) = (self.stamps[row], self.angles.row_mut(row));
+            let (before, last) = self.last.get_or_insert_with(|| (stamp, own.to_vec()));
+            let is_at_once = (0..AT_ONCE_NS).contains(&stamp.saturating_sub(*before));
+            for (joint, angle) in own.iter_mut().enumerate() {
+                let (turned, largest) = &mut self.turned[joint];
+                if self.unwrapped[joint] {
+                    *angle -= TAU * ((*angle - last[joint]) / TAU).round();
+                }
+                *turned |= is_at_once && (*angle - last[joint]).abs() > TURN;
+                *largest = largest.max(angle.abs());
+            }
+            *before = stamp;
+            last.copy_from_slice(own);
+        }
+    }
+
+    fn wrapped(&self) -> Vec<usize> {
+        let turned = self.turned.iter().enumerate();
+        let turned = turned.filter(|(_, (turned, largest))| *turned && *largest <= HALF_TURN);
+        turned.map(|(joint, _)| joint).collect()
+    }
+
+    fn content(&self, row: usize) -> &[f64] {
+        self.angles.row(row)
+    }
+
     fn reorder(&mut self, order: &[usize]) {
         self.stamps = reordered(&self.stamps, order);
         self.angles = self.angles.picked(order);
@@ -62,5 +125,42 @@ impl Buffer for JointBuffer {
     fn evict(&mut self, count: usize) {
         self.stamps.drain(..count);
         self.angles.evict(count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settled(angles: &[f64], unwrapped: bool) -> JointBuffer {
+        let mut own = JointBuffer {
+            factors: vec![1.0],
+            stamps: (0..).zip(angles).map(|(row, _)| 20_000_000 * row).collect(),
+            angles: JointAngles::of(1),
+            unwrapped: vec![unwrapped],
+            turned: vec![(false, 0.0)],
+            last: None,
+        };
+        own.angles.append(angles);
+        // In two pieces.
+        own.settle(angles.len() / 2);
+        let rest = own.angles.all()[angles.len() / 2..].to_vec();
+        own.evict(angles.len() / 2);
+        own.settle(rest.len());
+        own
+    }
+
+    #[test]
+    fn a_joint_that_is_reported_in_half_a_turn_to_both_sides_is_unwrapped() {
+        let truth = |row: i32| 2.5 + 0.02 * f64::from(row);
+        let reported: Vec<f64> =
+            (0..200).map(|row| (truth(row) + PI).rem_euclid(TAU) - PI).collect();
+        assert_eq!(settled(&reported, false).wrapped(), [0]);
+        let own = settled(&reported, true);
+        assert!((own.angles.all()[99] - truth(199)).abs() < 1e-12);
+        assert!(own.wrapped().is_empty());
+        // One that goes further than half a turn is not reported so, whatever it jumps by.
+        let far: Vec<f64> = (0..200).map(|row| if row < 100 { -2.9 } else { 3.4 }).collect();
+        assert!(settled(&far, false).wrapped().is_empty());
     }
 }

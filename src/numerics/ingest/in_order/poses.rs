@@ -111,6 +111,20 @@ impl Buffer for PoseBuffer {
         &block.stamps
     }
 
+    fn times_of(block: &mut DecodedPoses) -> (&mut [i64], &[i64]) {
+        (&mut block.stamps, &block.logged)
+    }
+
+    fn clock(&self) -> SpanClock {
+        self.clock
+    }
+
+    fn zero_lost(&self, block: &mut DecodedPoses) {
+        if self.clock == SpanClock::Tracker {
+            poses::zero_lost(block);
+        }
+    }
+
     fn judge(&self, block: &DecodedPoses, place: &Place<'_>) -> Rows {
         let orientations = self.orientations(block);
         let lacks = self.inverted && orientations.is_none();
@@ -170,6 +184,10 @@ impl Buffer for PoseBuffer {
 
     fn stamps(&self) -> &[i64] {
         &self.stamps
+    }
+
+    fn content(&self, row: usize) -> &[f64] {
+        &self.positions[row]
     }
 
     fn reorder(&mut self, order: &[usize]) {

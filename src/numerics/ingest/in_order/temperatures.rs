@@ -21,9 +21,18 @@ impl TemperatureBuffer {
 
 impl Buffer for TemperatureBuffer {
     type Block = DecodedTemperatures;
+    const JUMP: f64 = 50.0;
 
     fn stamps_of(block: &DecodedTemperatures) -> &[i64] {
         &block.stamps
+    }
+
+    fn times_of(block: &mut DecodedTemperatures) -> (&mut [i64], &[i64]) {
+        (&mut block.stamps, &block.logged)
+    }
+
+    fn clock(&self) -> SpanClock {
+        SpanClock::Tracker
     }
 
     fn judge(&self, block: &DecodedTemperatures, place: &Place<'_>) -> Rows {
@@ -40,6 +49,10 @@ impl Buffer for TemperatureBuffer {
 
     fn stamps(&self) -> &[i64] {
         &self.stamps
+    }
+
+    fn content(&self, row: usize) -> &[f64] {
+        &self.celsius[row..=row]
     }
 
     fn reorder(&mut self, order: &[usize]) {
