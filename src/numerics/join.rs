@@ -7,7 +7,8 @@
 //!    positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
 //! 3. [`decide`]: the relation under which the nominal arm ([`placement`]) agrees with the measured positions of the target.
-//! 4. [`clock`]: offset and drift on the matched edges.
+//! 4. [`clock`]: offset and drift on the matched edges; `clock_steps`: steps of a clock; `frozen`: readings that repeat the last one
+//!    while the arm moves are left out, and steps 1 to 4 are done again.
 //! 5. [`settle`]: the settling time of the target. [`pair`], [`average`]: a verdict for each dwell, means after settling;
 //!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
@@ -23,6 +24,7 @@ pub mod began;
 #[cfg(test)]
 mod bump_tests;
 pub mod clock;
+mod clock_steps;
 pub mod command;
 mod courses;
 pub mod decide;
@@ -31,6 +33,7 @@ pub mod dwell;
 mod error;
 #[cfg(test)]
 mod fault_tests;
+mod frozen;
 mod logged_lengths;
 mod logged_references;
 pub mod moved;
@@ -50,7 +53,7 @@ pub mod stationary;
 pub mod supposed;
 pub mod tabled;
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
@@ -70,6 +73,8 @@ use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
 pub use began::{Began, began};
+pub use clock_steps::ClockStep;
+pub use disposition::REPEATED;
 pub use error::JoinError;
 pub use logged_lengths::LengthReadings;
 pub use reading::{
@@ -243,6 +248,9 @@ pub struct ClockEstimate {
     pub matched_edges: usize,
     pub edge_rms_ns: f64,
     pub method: String,
+    /// Steps of a clock that both logs together show, in order of time.
+    #[serde(default)]
+    pub steps: Vec<ClockStep>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -334,14 +342,31 @@ pub struct JoinInput {
 /// Every dwell of the arm becomes a station with a verdict, every reading gets a disposition: `counts` sums to the number of
 /// readings, and `rejects` names all that were not kept.
 pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joined, JoinError> {
+    join_without(input, arm, settings, &[])
+}
+
+/// The join without some readings of the main target, which repeat others.
+fn join_without(
+    input: &JoinInput,
+    arm: &Arm,
+    settings: &JoinSettings,
+    repeated: &[Range<usize>],
+) -> Result<Joined, JoinError> {
     observe::check_joints(&input.joints, arm)?;
     observe::check_temperatures(&input.temperatures)?;
     let targets = Targets::of(input, settings)?;
-    let readings = Readings::find(&*targets.main, settings)?;
-    let seen = observe::observe(&readings, &input.joints, arm, settings)?;
-    let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
+    let main = frozen::Without { own: &*targets.main, rows: repeated };
+    let readings = Readings::find(&main, settings)?;
+    let mut seen = observe::observe(&readings, &input.joints, arm, settings)?;
+    let occasions: Vec<_> = seen.arm.iter().map(occasion).collect();
+    let (decision, steps) = clock_steps::decided(&mut seen, settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(input.joints.span_ns.0);
     let (mut clock, relation, by_edges) = estimate_clock(&seen, &decision, origin);
+    clock.steps = steps;
+    let again = frozen::repeated(&readings, &seen, relation, &decision.placement)?;
+    if repeated.is_empty() && !again.is_empty() {
+        return join_without(input, arm, settings, &again);
+    }
     let others = Other::all(&targets.others, settings)?;
     if !others.is_empty() && !by_edges {
         clock.model = others::centred(clock.model, &seen.arm, &seen.target, &others);
@@ -365,9 +390,17 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         settings,
     };
     let mut dispositions = first_dispositions(&readings, &seen.target);
-    let mut stations = stations(&*input.commands, &seen.arm, &evidence, &mut dispositions)?;
+    let mut stations = stations(
+        command::in_force(&*input.commands, &occasions)?,
+        &seen.arm,
+        &evidence,
+        &mut dispositions,
+    )?;
     for rows in readings.missing() {
         dispositions.set(rows, Disposition::Missing);
+    }
+    for rows in repeated {
+        dispositions.set(rows.clone(), Disposition::Repeated);
     }
     let (mut counts, mut rejects) =
         (dispositions.counts(), dispositions.rejects(|row| readings.stamp(row))?);
@@ -401,7 +434,12 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     };
     let followed =
         logged_references::followed(targets.restored(joined), &input.references, settings)?;
-    logged_lengths::added(followed, input, settings)
+    let mut joined = logged_lengths::added(followed, input, settings)?;
+    // Stations keep the stamps of their log, whichever clock stepped.
+    for (station, own) in joined.stations.iter_mut().zip(&occasions) {
+        (station.start, station.end) = (own.start, own.end);
+    }
+    Ok(joined)
 }
 
 /// The stretches of a session at which the instrument or the base stood elsewhere, and their first and last moments.
@@ -456,6 +494,7 @@ fn estimate_clock(
         matched_edges: refined.matched,
         edge_rms_ns: refined.rms_s * NS_PER_S,
         method: method(decision, refined.by_edges),
+        steps: Vec::new(),
     };
     (estimate, relation, refined.by_edges)
 }
@@ -482,19 +521,17 @@ fn first_dispositions(readings: &Readings<'_>, dwells: &[TargetDwell]) -> Dispos
     dispositions
 }
 
+/// A dwell by the controller's own clock, which stamps commands too.
+const fn occasion(dwell: &ArmDwell) -> command::Occasion {
+    command::Occasion { start: dwell.start, end: dwell.end, flange: dwell.flange }
+}
+
 fn stations(
-    commands: &dyn Poses<Controller>,
+    commands: Vec<Option<Command>>,
     dwells: &[ArmDwell],
     evidence: &pair::Evidence,
     dispositions: &mut Dispositions,
 ) -> Result<Vec<Station>, JoinError> {
-    let occasion = |dwell: &ArmDwell| command::Occasion {
-        start: dwell.start,
-        end: dwell.end,
-        flange: dwell.flange,
-    };
-    let occasions: Vec<_> = dwells.iter().map(occasion).collect();
-    let commands = command::in_force(commands, &occasions)?;
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
         let (pairing, reading) = evidence.verdict(dwell, dispositions)?;
         Ok(Station {

@@ -14,6 +14,8 @@ pub enum Disposition {
     Moving,
     Unpaired(Why),
     Missing,
+    /// The last reading again while the arm moved.
+    Repeated,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +29,10 @@ pub enum Why {
     TooFew,
 }
 
+/// The reason of readings that are the last one again while the arm moved.
+pub const REPEATED: &str =
+    "repeated: the reading before it again, while the arm moved: the beam was lost";
+
 impl Disposition {
     const fn reason(self) -> &'static str {
         match self {
@@ -35,6 +41,7 @@ impl Disposition {
             Self::Outlier => "outlier: beyond mad_factor from the median of its dwell",
             Self::Moving => "moving: the target was not stationary",
             Self::Missing => "missing: zeros or not a number, no measurement",
+            Self::Repeated => REPEATED,
             Self::Unpaired(Why::NoArmDwell) => {
                 "unpaired: the target was stationary, but the arm was not, or the controller's log does not reach there"
             }
@@ -119,7 +126,7 @@ impl Dispositions {
                 Disposition::Outlier => &mut counts.outlier,
                 Disposition::Moving => &mut counts.moving,
                 Disposition::Unpaired(_) => &mut counts.unpaired,
-                Disposition::Missing => &mut counts.missing,
+                Disposition::Missing | Disposition::Repeated => &mut counts.missing,
             } += rows.len() as u64;
         }
         counts

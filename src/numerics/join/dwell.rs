@@ -40,6 +40,16 @@ impl Span {
         self.left_s.unwrap_or(self.end_s)
     }
 
+    /// The span so much later, s.
+    pub(super) fn later(self, by_s: f64) -> Self {
+        Self {
+            start_s: self.start_s + by_s,
+            end_s: self.end_s + by_s,
+            arrived_s: self.arrived_s.map(|at_s| at_s + by_s),
+            left_s: self.left_s.map(|at_s| at_s + by_s),
+        }
+    }
+
     fn of(stretch: &StationaryStretch, stationary: &Stationary) -> Self {
         let origin = stationary.span_ns.0;
         let seconds = |stamp_ns: i64| stamp_ns.saturating_sub(origin) as f64 / NS_PER_S;

@@ -438,3 +438,59 @@ fn a_bad_arm_a_far_target_lost_beams_and_wrong_reflectors_at_once() {
         assert_eq!((joined.stations.len(), paired(&joined)), (80, expected), "seed {seed}");
     }
 }
+
+#[test]
+fn readings_that_repeat_the_last_one_while_the_arm_moves_are_lost() {
+    let scene = Scene::random(50, 71);
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    // The beam is lost in dwell 10 and back in dwell 12; the readings in the middle of dwell 30 are equal.
+    for (from_s, until_s) in
+        [(starts_s[10] + 0.5, starts_s[12] + 0.5), (starts_s[30] + 0.3, starts_s[30] + 0.7)]
+    {
+        let mut last = None;
+        for (stamp, position) in
+            recording.readings.stamps.iter().zip(&mut recording.readings.positions)
+        {
+            if (from_s..until_s).contains(&scene.controller_s(stamp.ns())) {
+                *position = *last.get_or_insert(*position);
+            }
+        }
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(joined.stations[11].pairing, Pairing::Unmeasured(Unmeasured::NoReadings));
+    assert_eq!(paired(&joined), 49);
+    let repeated = joined.rejects.iter().filter(|own| own.reason == REPEATED);
+    // 3.6 s at 20 Hz without the first of them.
+    let readings = repeated.map(|own| own.readings).sum::<u64>();
+    assert!((70..=72).contains(&readings), "{readings}");
+}
+
+#[test]
+fn a_clock_that_jumps_on_is_found_and_taken_out() {
+    for (by_s, from) in [(1, 30), (20, 47), (-37, 30)] {
+        let scene = Scene::random(60, 72);
+        let mut recording = scene.record(&ur10());
+        let from_s = scene.starts_s()[from] - 0.4;
+        let by_ns = 1_000_000_000 * i64::from(by_s);
+        // The tracker's clock, or the controller's.
+        for stamp in recording.readings.stamps.iter_mut().filter(|_| by_s > 0) {
+            let is_behind = scene.controller_s(stamp.ns()) > from_s;
+            *stamp = stamp.plus_ns(if is_behind { by_ns } else { 0 });
+        }
+        for stamp in recording.joints.stamps.iter_mut().filter(|_| by_s < 0) {
+            let is_behind = (stamp.ns() - scene.origin_ns) as f64 / 1e9 > from_s;
+            *stamp = stamp.plus_ns(if is_behind { -by_ns } else { 0 });
+        }
+        let joined = join_recorded(&recording, &ur10(), &JoinSettings::default());
+        let joined = joined.unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(paired(&joined), 60, "{by_s} s");
+        let own = recording.joints.stamps.iter().position(|own| *own == joined.stations[59].end);
+        assert!(own.is_some(), "a station has the stamps of its log");
+        let [step] = &joined.clock.steps[..] else { panic!("{:?}", joined.clock.steps) };
+        assert_eq!(step.station, from);
+        assert!((step.by_s - f64::from(by_s)).abs() < 0.03, "{step:?}");
+    }
+    let scene = Scene::random(60, 72);
+    assert!(scene.joined(&scene.record(&ur10())).clock.steps.is_empty());
+}

@@ -7,6 +7,8 @@
 //! 3. the best places of each block grow outwards to the whole log, their offset and drift refitted as they grow;
 //! 4. the relations with the best scores over the whole log are passed on; geometry decides between them.
 
+use std::ops::Range;
+
 use nalgebra::{Point3, Vector3};
 
 use super::average::median;
@@ -15,6 +17,9 @@ use super::dwell::{ArmDwell, Span, TargetDwell};
 /// Dwells in a block: enough for its moves to be unique, few enough for drift not to matter.
 const BLOCK_DWELLS: usize = 40;
 const BLOCKS: usize = 4;
+/// Blocks, and places of each, in which the offset may differ.
+const MANY_BLOCKS: usize = 16;
+const BEST_PLACES: usize = 3;
 /// The most places of a block that are grown, and the most relations that are passed on.
 const PLACES_PER_BLOCK: usize = 64;
 const RELATIONS: usize = 16;
@@ -98,7 +103,7 @@ impl Ruler {
 pub(super) fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
     let session_middle_s = dwells.session_middle_s();
     let mut grown: Vec<(f64, Relation)> = Vec::new();
-    for block in blocks(dwells.target.len()) {
+    for block in blocks(dwells.target.len(), BLOCK_DWELLS, BLOCKS) {
         for offset_s in places(dwells, block.clone(), ruler) {
             // Another block has grown to this place already.
             let here_s = dwells.target[block.start].span.start_s - offset_s;
@@ -117,18 +122,29 @@ pub(super) fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
     best_distinct(grown, RELATIONS, ahead)
 }
 
+/// The best offsets of many blocks of target dwells, each for itself, s.
+pub(super) fn block_offsets(dwells: Dwells, ruler: &Ruler) -> Vec<(Range<usize>, f64)> {
+    let length = BLOCK_DWELLS.min(dwells.target.len() / 4).max(2 * super::MIN_PAIRS);
+    let blocks = blocks(dwells.target.len(), length, MANY_BLOCKS).into_iter();
+    let best = blocks.flat_map(|block| {
+        let offsets = places(dwells, block.clone(), ruler).into_iter().take(BEST_PLACES);
+        offsets.map(move |offset_s| (block.clone(), offset_s))
+    });
+    best.collect()
+}
+
 /// Blocks of target dwells, spread evenly over the log.
-fn blocks(targets: usize) -> Vec<std::ops::Range<usize>> {
-    let length = targets.min(BLOCK_DWELLS);
+fn blocks(targets: usize, length: usize, count: usize) -> Vec<Range<usize>> {
+    let length = targets.min(length);
     let free = targets - length;
-    let count = if free == 0 { 1 } else { BLOCKS };
+    let count = if free == 0 { 1 } else { count };
     let mut firsts: Vec<usize> = (0..count).map(|k| free * k / (count - 1).max(1)).collect();
     firsts.dedup();
     firsts.into_iter().map(|first| first..first + length).collect()
 }
 
 /// The offsets (s) under which the block agrees best with the arm's dwells, best first.
-fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f64> {
+fn places(dwells: Dwells, block: Range<usize>, ruler: &Ruler) -> Vec<f64> {
     let part = Dwells { target: &dwells.target[block], ..dwells };
     let ends = [0, part.target.len() / 2, part.target.len() - 1];
     let least = (part.target.len().min(part.arm.len()) / 2).max(super::MIN_PAIRS);
@@ -220,7 +236,7 @@ fn usual_move_mm(targets: &[TargetDwell]) -> f64 {
 }
 
 /// Extends a block's offset to the whole log: pairs within a reach that doubles, offset and drift refitted each time.
-fn grow(dwells: Dwells, block: std::ops::Range<usize>, offset_s: f64) -> Relation {
+fn grow(dwells: Dwells, block: Range<usize>, offset_s: f64) -> Relation {
     let target_s = |index: usize| dwells.target[index].span.middle_s();
     let centre_s = f64::midpoint(target_s(block.start), target_s(block.end - 1)) - offset_s;
     let mut reach_s = (target_s(block.end - 1) - target_s(block.start)).max(1.0);

@@ -26,6 +26,7 @@ pub struct Readings<'a> {
     /// Stretches in rows of the readings.
     stationary: Stationary,
     missing: Missing,
+    equal: Equal,
 }
 
 #[derive(Debug)]
@@ -57,6 +58,7 @@ impl<'a> Readings<'a> {
             poses: readings,
             stationary: Stationary::default(),
             missing: Missing::default(),
+            equal: Equal::default(),
         };
         let rule = settings.target_rule();
         (seen.stationary, ()) = stationary_of(3, &rule, |finder| seen.replay(finder))?;
@@ -70,15 +72,22 @@ impl<'a> Readings<'a> {
     }
 
     fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
-        self.missing = Missing::default();
+        (self.missing, self.equal) = (Missing::default(), Equal::default());
         for seen in pieces(self.poses) {
             let seen = seen?;
             self.missing.extend(&seen);
+            seen.rows.clone().for_each(|row| self.equal.push(row, seen.position(row)));
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
             let measured: Vec<[f64; 3]> = seen.measured().map(|row| seen.position(row)).collect();
             finder.push(&stamps, measured.as_flattened());
         }
+        self.equal.finish();
         Ok(())
+    }
+
+    /// Runs of rows with equal readings.
+    pub fn equal(&self) -> &[Range<usize>] {
+        &self.equal.runs
     }
 
     pub fn count(&self) -> usize {
@@ -192,6 +201,37 @@ impl Missing {
         // The number of measurements before a run is its end less the missing rows up to there.
         let runs = self.runs.partition_point(|run| run.end - run.missing <= measured);
         measured + self.runs[..runs].last().map_or(0, |run| run.missing)
+    }
+}
+
+/// Runs of equal readings, found as readings come.
+#[derive(Debug, Default)]
+struct Equal {
+    runs: Vec<Range<usize>>,
+    run: Range<usize>,
+    last: [f64; 3],
+}
+
+impl Equal {
+    /// Readings in a run at least.
+    const LEAST: usize = 3;
+
+    fn push(&mut self, row: usize, position: [f64; 3]) {
+        let is_same = self.last.map(f64::to_bits) == position.map(f64::to_bits);
+        let is_equal = self.run.end == row && is_same && is_measurement(&position);
+        if is_equal {
+            self.run.end += 1;
+        } else {
+            self.finish();
+            (self.run, self.last) = (row..row + 1, position);
+        }
+    }
+
+    fn finish(&mut self) {
+        let run = std::mem::take(&mut self.run);
+        if run.len() >= Self::LEAST {
+            self.runs.push(run);
+        }
     }
 }
 

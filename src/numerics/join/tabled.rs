@@ -217,6 +217,7 @@ fn one_clock(origin: Option<Stamp<crate::units::Controller>>, timed: bool) -> Cl
         matched_edges: 0,
         edge_rms_ns: 0.0,
         method: method.to_owned(),
+        steps: Vec::new(),
     }
 }
 

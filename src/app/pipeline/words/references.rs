@@ -5,6 +5,7 @@ mod silent;
 use crate::join::moved::Elsewhere;
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
+use crate::join::{ClockStep, Joined, REPEATED};
 use crate::judgement::{JoinedSession, Outcome};
 use crate::units::{NS_PER_S, SLIDE_MM_PER_RAD};
 
@@ -35,10 +36,20 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<S
     let silent = sessions().flat_map(|session| {
         let words = silent::warned(&session.joined);
         let elsewhere = session.joined.elsewhere.iter().map(Elsewhere::words);
-        let named = elsewhere.chain(words);
+        let steps = session.joined.clock.steps.iter().map(ClockStep::words);
+        let named = elsewhere.chain(steps).chain(repeated(&session.joined)).chain(words);
         named.map(|words| format!("{}: {words}", session.name)).collect::<Vec<_>>()
     });
     each(outcome).flat_map(of_course).chain(silent).collect()
+}
+
+/// A remark on readings that were logged again while the beam was lost; `None` without any.
+fn repeated(joined: &Joined) -> Option<String> {
+    let readings = joined.rejects.iter().filter(|own| own.reason == REPEATED);
+    let readings: u64 = readings.map(|own| own.readings).sum();
+    (readings > 0).then(|| {
+        format!("{readings} readings are the one before them again while the arm moved: the beam was lost, and they are left out")
+    })
 }
 
 fn each<'o>(

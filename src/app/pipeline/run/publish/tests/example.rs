@@ -240,6 +240,7 @@ fn clock() -> ClockEstimate {
         matched_edges: 80,
         edge_rms_ns: 2e6,
         method: "by hand".to_owned(),
+        steps: Vec::new(),
     }
 }
 

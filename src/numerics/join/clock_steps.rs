@@ -1,0 +1,213 @@
+//! Steps of a clock that only both logs together show: a jump of one clock looks like a pause of its log.
+//!
+//! 1. Blocks of the target's dwells are placed among the arm's ([`super::pattern`]), each with an offset of its own, and base and target are
+//!    fitted to the block that agrees best with the nominal arm.
+//! 2. The offsets that the dwells have one after the other are those with the most pairs near the arm, where a change of the offset costs
+//!    as much as [`CHANGE`] pairs (Viterbi).
+//! 3. A change that explains more pairs than one offset does, and by more than chance, is a step: the arm's dwells behind it are moved by
+//!    it. What is left of it, the edges of the dwells tell.
+
+use serde::{Deserialize, Serialize};
+
+use super::decide::{Decision, decide, reading};
+use super::dwell::ArmDwell;
+use super::observe::Observation;
+use super::pattern::{Dwells, Pair, Relation, Ruler, block_offsets, overlaps};
+use super::placement::{Placement, ReadingAtFlange};
+use super::{JoinError, clock};
+use crate::figures::median;
+use crate::units::{Controller, NS_PER_S, Stamp, WallTime, round_ns};
+
+/// Pairs that a change of the offset has to explain.
+const CHANGE: usize = 6;
+/// Pairs by which offsets that change have to explain more than one alone.
+const GAIN: usize = 12;
+/// Smaller changes are drift, s.
+const LEAST_S: f64 = 0.25;
+/// Share of the dwells that are paired where nothing has to be explained.
+const ENOUGH: f64 = 0.95;
+/// Reach of support, in median distances of the best block, and its limits, mm.
+const REACH: f64 = 6.0;
+const REACH_MM: (f64, f64) = (2.0, 10.0);
+
+/// A step of one of the clocks in the middle of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ClockStep {
+    /// The first station behind it, and the last moment of the one before it.
+    pub station: usize,
+    pub at: Stamp<Controller>,
+    /// By how much more the tracker is ahead behind it, s.
+    pub by_s: f64,
+}
+
+impl ClockStep {
+    pub fn words(&self) -> String {
+        // A clock that is set back was found in the order of its log.
+        let (clock, by_s) =
+            if self.by_s < 0.0 { ("controller", -self.by_s) } else { ("tracker", self.by_s) };
+        let at = WallTime::of_clock_ns(self.at.ns())
+            .map_or_else(String::new, |at| format!(", behind {at} UTC of the controller's clock"));
+        format!(
+            "the {clock}'s clock stepped by {by_s:+.3} s before station {}{at}: the step is taken out where the logs are joined",
+            self.station
+        )
+    }
+}
+
+/// A change of the offset between the clocks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Change {
+    /// The first dwell of the arm behind it.
+    arm: usize,
+    /// By how much more the tracker is ahead behind it, s.
+    by_s: f64,
+}
+
+/// Whether so many pairs leave dwells unexplained.
+fn leaves_some(dwells: Dwells, pairs: usize) -> bool {
+    let most = dwells.arm.len().min(dwells.target.len());
+    (pairs as f64) < ENOUGH * most as f64
+}
+
+/// The decision on a session's clocks; where one of them stepped, the dwells of the arm behind the step are moved by it.
+pub(super) fn decided(
+    seen: &mut Observation,
+    gate_mm: f64,
+) -> Result<(Decision, Vec<ClockStep>), JoinError> {
+    let alone = decide(seen.dwells(), gate_mm);
+    let pairs = alone.as_ref().map_or(0, |own| own.support.len());
+    if !leaves_some(seen.dwells(), pairs) {
+        return Ok((alone?, Vec::new()));
+    }
+    let mut changes = changes(seen.dwells(), pairs);
+    if changes.is_empty() {
+        return Ok((alone?, Vec::new()));
+    }
+    let before = seen.arm.clone();
+    take_out(&changes, &mut seen.arm);
+    let Ok(first) = decide(seen.dwells(), gate_mm) else {
+        seen.arm = before;
+        return Ok((alone?, Vec::new()));
+    };
+    let refined = clock::refine(seen.dwells(), &first.support, seen.sampling_s);
+    let left = left(&changes, seen.dwells(), &first.support, refined.relation);
+    take_out(&left, &mut seen.arm);
+    for (change, left) in changes.iter_mut().zip(&left) {
+        change.by_s += left.by_s;
+    }
+    let step = |change: &Change| ClockStep {
+        station: change.arm,
+        at: before[change.arm.saturating_sub(1)].end,
+        by_s: change.by_s,
+    };
+    Ok((decide(seen.dwells(), gate_mm)?, changes.iter().map(step).collect()))
+}
+
+/// The changes of the offset in a session; `pairs` are explained by one offset alone.
+fn changes(dwells: Dwells, pairs: usize) -> Vec<Change> {
+    let offsets = block_offsets(dwells, &Ruler::at_flange(dwells));
+    let best = offsets.iter().filter_map(|(rows, offset_s)| {
+        let block = Dwells { target: &dwells.target[rows.clone()], ..dwells };
+        let placed = near(block, *offset_s);
+        let placement = Placement::fit(&placed)?;
+        let median_mm = placement.median_mm(&placed);
+        (2 * placed.len() >= block.target.len()).then_some((median_mm, placement))
+    });
+    let Some((median_mm, placement)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return Vec::new();
+    };
+    let reach_mm = (REACH * median_mm).clamp(REACH_MM.0, REACH_MM.1);
+    let offsets: Vec<f64> = offsets.into_iter().map(|(_, offset_s)| offset_s).collect();
+    let supported: Vec<Vec<Option<Pair>>> =
+        offsets.iter().map(|&offset_s| supported(dwells, offset_s, &placement, reach_mm)).collect();
+    let path = best_path(&supported, dwells.target.len());
+    let explained: Vec<(usize, Pair)> = path
+        .iter()
+        .enumerate()
+        .filter_map(|(target, &own)| Some((own, supported[own][target]?)))
+        .collect();
+    let half = dwells.arm.len().min(dwells.target.len()) / 2;
+    if explained.len() < (pairs + GAIN).max(half) {
+        return Vec::new();
+    }
+    let change = |pair: &[(usize, Pair)]| {
+        let [(before, _), (own, first)] = [pair[0], pair[1]];
+        let by_s = offsets[own] - offsets[before];
+        (by_s.abs() >= LEAST_S).then_some(Change { arm: first.arm, by_s })
+    };
+    explained.windows(2).filter_map(change).collect()
+}
+
+fn near(dwells: Dwells, offset_s: f64) -> Vec<ReadingAtFlange> {
+    let pairs = overlaps(dwells, Relation { offset_s, drift: 0.0 });
+    pairs.iter().map(|&pair| reading(dwells, pair)).collect()
+}
+
+/// For each dwell of the target the pair that agrees with the arm under an offset.
+fn supported(
+    dwells: Dwells,
+    offset_s: f64,
+    placement: &Placement,
+    reach_mm: f64,
+) -> Vec<Option<Pair>> {
+    let mut found = vec![None; dwells.target.len()];
+    for pair in overlaps(dwells, Relation { offset_s, drift: 0.0 }) {
+        if placement.distance_mm(&reading(dwells, pair)) <= reach_mm {
+            found[pair.target] = Some(pair);
+        }
+    }
+    found
+}
+
+/// For each dwell the place of its offset, on the path with the most support less the cost of its changes.
+fn best_path(supported: &[Vec<Option<Pair>>], dwells: usize) -> Vec<usize> {
+    let mut scores = vec![0_usize; supported.len()];
+    let mut from: Vec<Vec<usize>> = Vec::with_capacity(dwells);
+    let gains = |dwell: usize| supported.iter().map(move |own| usize::from(own[dwell].is_some()));
+    for dwell in 0..dwells {
+        let best = (0..scores.len()).rev().max_by_key(|&own| scores[own]).unwrap_or(0);
+        let changed = scores[best].saturating_sub(CHANGE);
+        let mut came = Vec::with_capacity(scores.len());
+        for ((own, score), gain) in scores.iter_mut().enumerate().zip(gains(dwell)) {
+            came.push(if *score >= changed { own } else { best });
+            *score = (*score).max(changed) + gain;
+        }
+        from.push(came);
+    }
+    let mut own = (0..scores.len()).rev().max_by_key(|&own| scores[own]).unwrap_or(0);
+    let mut path = vec![0; dwells];
+    for dwell in (0..dwells).rev() {
+        path[dwell] = own;
+        own = from[dwell][own];
+    }
+    path
+}
+
+/// Moves the dwells of the arm behind each change by it, as if the clocks had not stepped.
+fn take_out(changes: &[Change], arm: &mut [ArmDwell]) {
+    for change in changes {
+        for dwell in &mut arm[change.arm..] {
+            let by_ns = round_ns(change.by_s * NS_PER_S);
+            dwell.span = dwell.span.later(change.by_s);
+            (dwell.start, dwell.end) = (dwell.start.plus_ns(by_ns), dwell.end.plus_ns(by_ns));
+        }
+    }
+}
+
+/// What is left of each change once it is taken out: by how much more the tracker is ahead in the pairs behind it, up to the next change,
+/// than under `relation`, and so before it, s.
+fn left(changes: &[Change], dwells: Dwells, pairs: &[Pair], relation: Relation) -> Vec<Change> {
+    let ahead_s = |pair: &Pair| {
+        let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
+        target.middle_s() - relation.to_tracker(arm.middle_s())
+    };
+    let ends = changes.iter().map(|change| change.arm).chain([usize::MAX]);
+    let starts = std::iter::once(0).chain(changes.iter().map(|change| change.arm));
+    let parts = starts.zip(ends).map(|(start, end)| {
+        let own = pairs.iter().filter(|pair| (start..end).contains(&pair.arm));
+        median(&own.map(ahead_s).collect::<Vec<f64>>()).unwrap_or(0.0)
+    });
+    let parts: Vec<f64> = parts.collect();
+    let own = changes.iter().zip(parts.windows(2));
+    own.map(|(change, pair)| Change { by_s: pair[1] - pair[0], ..*change }).collect()
+}
