@@ -14,6 +14,7 @@ pub mod memory;
 pub mod message;
 pub mod robot;
 pub mod schema;
+mod stated;
 pub mod station_table;
 pub mod store;
 pub mod system;

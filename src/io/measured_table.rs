@@ -265,7 +265,7 @@ impl Form {
         let given = [
             ("separator", "lines of cells", self.separator.is_some() && !is_text),
             ("sheet", "a spreadsheet", self.sheet.is_some() && !is_sheet),
-            ("header", "lines of cells and sheets", self.header.is_some() && !is_text),
+            ("header", "lines of cells and sheets", self.header.is_some() && !is_text && !is_sheet),
         ];
         match given.into_iter().find(|(_, _, wrong)| *wrong) {
             Some((key, wanted, _)) => {

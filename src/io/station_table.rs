@@ -56,8 +56,8 @@ pub fn read(
     let own = own_rows(&table, settings, whose).map_err(at)?;
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let read = rows::rows(&table, &columns, settings, &own, slides, file);
-    if read.rows.rows.is_empty() {
-        return Err(at(StationTableErrorKind::nothing(own.len(), read.rows.rejects.first())));
+    if read.rows.rows.is_empty() || read.rows.rejects.len() > rows::MOST_REJECTS {
+        return Err(at(StationTableErrorKind::nothing(own.len(), &read.rows)));
     }
     Ok(StationTable { remarks: table.remarks().to_vec(), ..read })
 }

@@ -2,7 +2,7 @@
 //! is opened to list them; `task` does one, on any machine that reaches the sessions and the lake. Neither takes the
 //! lake's lock.
 
-use std::io::{BufRead as _, stdin};
+use std::io::{BufRead as _, Read as _, stdin};
 use std::path::PathBuf;
 
 use clap::Args;
@@ -198,12 +198,17 @@ fn told(ended: &Ended, bars: &Bars) -> u8 {
     messages::result(line, bars).map_or(FAULT, |()| code)
 }
 
+/// Most bytes of a task on standard input.
+const LONGEST_TASK: u64 = 1 << 16;
+
 fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
     if let Some(id) = &args.id {
         return Ok((id.clone(), args.robot.clone()));
     }
     let mut line = String::new();
-    stdin().lock().read_line(&mut line).map_err(|error| format!("standard input: {error}"))?;
+    // A line of `posegrid tasks` has some hundred bytes.
+    let mut input = stdin().lock().take(LONGEST_TASK);
+    input.read_line(&mut line).map_err(|error| format!("standard input: {error}"))?;
     let task: Result<Task, _> = serde_json::from_str(&line);
     let task = task.map_err(|error| {
         format!(

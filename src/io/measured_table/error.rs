@@ -73,6 +73,8 @@ pub enum MeasuredTableErrorKind {
     LongName { counted: &'static str, line: u64 },
     #[error("it cannot be read as a spreadsheet: {0}")]
     Spreadsheet(String),
+    #[error("no sheet that is shown holds a table; hidden ones are read where sheet = … names them: {}", .0.join(", "))]
+    Hidden(Vec<String>),
     #[error("it is {0}, which is not read; save it as .xlsx or .csv")]
     OtherBook(&'static str),
     #[error("unpacked it has more than {limit} bytes, the limit; {advice}")]

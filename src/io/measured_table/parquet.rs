@@ -19,6 +19,7 @@ use super::{
     Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
 };
 use crate::input::Bound;
+use crate::stated;
 
 pub(super) fn read(
     bytes: Vec<u8>,
@@ -42,6 +43,13 @@ fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
 }
 
 fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKind> {
+    stated::check_levels(&bytes).map_err(wrong)?;
+    let values = bound.of_values();
+    let too_large =
+        || MeasuredTableErrorKind::Unpacked { limit: values.bytes, advice: values.advice };
+    if stated::decoded_bytes(&bytes, bytes.clone(), values.bytes).map_err(wrong)? > values.bytes {
+        return Err(too_large());
+    }
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let reader =
         ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options).map_err(wrong)?;
@@ -50,17 +58,13 @@ fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKi
         return Err(MeasuredTableErrorKind::TooManyCells);
     }
     let schema = Arc::clone(reader.schema());
-    let values = bound.of_values();
     let (mut batches, mut size) = (Vec::new(), 0_u64);
     // A few bytes of a file can stand for many rows: their size is summed as they are read.
     for batch in reader.build().map_err(wrong)? {
         let batch = batch.map_err(wrong)?;
         size = size.saturating_add(batch.get_array_memory_size() as u64);
         if size > values.bytes {
-            return Err(MeasuredTableErrorKind::Unpacked {
-                limit: values.bytes,
-                advice: values.advice,
-            });
+            return Err(too_large());
         }
         batches.push(batch);
     }

@@ -170,13 +170,14 @@ where
     cells
 }
 
-/// The sheet that a person names, or each until one has a table; an error where there is none of that name.
+/// The sheet that a person names, or each that is shown until one has a table; an error where there is none of that name.
 pub(super) fn chosen<'n>(
     names: &'n [String],
+    hidden: &[String],
     form: &Form,
 ) -> Result<Vec<&'n String>, MeasuredTableErrorKind> {
     let Some(wanted) = &form.sheet else {
-        return Ok(names.iter().collect());
+        return Ok(names.iter().filter(|name| !hidden.contains(name)).collect());
     };
     match names.iter().find(|name| *name == wanted) {
         Some(name) => Ok(vec![name]),
@@ -186,21 +187,48 @@ pub(super) fn chosen<'n>(
     }
 }
 
-/// Checks that a packed file is not larger than the bound when it is unpacked, whatever it states.
+/// Most bytes of the styles of a workbook: each of its 65,490 cell formats takes some hundred.
+const MOST_STYLES: u64 = 8 << 20;
+
+/// Checks that a packed file is not larger than the bound when it is unpacked, and holds as many texts as it states.
 pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredTableErrorKind> {
     let mut archive = ZipArchive::new(io::Cursor::new(bytes)).map_err(|error| packed(&error))?;
-    let mut rest = bound.bytes;
+    let (mut rest, mut unpacked) = (bound.bytes, Vec::new());
     for entry in 0..archive.len() {
         let entry = archive.by_index(entry).map_err(|error| packed(&error))?;
-        let mut entry = entry.take(rest.saturating_add(1));
-        let found = io::copy(&mut entry, &mut io::sink());
+        let name = entry.name().unwrap_or_default().to_lowercase();
+        unpacked.clear();
+        let found = entry.take(rest.saturating_add(1)).read_to_end(&mut unpacked);
         let found =
-            found.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))?;
+            found.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))? as u64;
         rest = rest
             .checked_sub(found)
             .ok_or(MeasuredTableErrorKind::Unpacked { limit: bound.bytes, advice: bound.advice })?;
+        if name.ends_with("styles.xml") && found > MOST_STYLES {
+            let (limit, advice) = (MOST_STYLES, "its styles alone; save it without formats");
+            return Err(MeasuredTableErrorKind::Unpacked { limit, advice });
+        }
+        let stated = || stated_texts(&unpacked).is_some_and(|stated| stated > found);
+        if name.ends_with("sharedstrings.xml") && stated() {
+            let problem = "it states more texts than it has bytes for; save it anew";
+            return Err(MeasuredTableErrorKind::Spreadsheet(problem.to_owned()));
+        }
     }
     Ok(())
+}
+
+/// The largest number of texts that a part of a workbook states; room for so many is made before they are read.
+fn stated_texts(part: &[u8]) -> Option<u64> {
+    const KEY: &[u8] = b"uniqueCount";
+    let keys = part.windows(KEY.len()).enumerate().filter(|(_, own)| *own == KEY);
+    let stated = keys.map(|(at, _)| {
+        let behind = part[at + KEY.len()..].iter().take(64);
+        let digits = behind.skip_while(|byte| !byte.is_ascii_digit());
+        digits.take_while(|byte| byte.is_ascii_digit()).fold(0_u64, |number, byte| {
+            number.saturating_mul(10).saturating_add(u64::from(byte - b'0'))
+        })
+    });
+    stated.max()
 }
 
 fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use calamine::{DataRef, ExcelDateTime, Reader as _, Xlsx, XlsxError};
+use calamine::{DataRef, ExcelDateTime, Reader as _, SheetVisible, Xlsx, XlsxError};
 
 use super::sheet::{self, Sheet, SheetCell};
 use super::tree::MOST_NODES;
@@ -31,7 +31,9 @@ pub(super) fn panicked(panic: &(dyn Any + Send)) -> MeasuredTableErrorKind {
 fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     let mut book: Xlsx<_> = Xlsx::new(Cursor::new(bytes)).map_err(|error| wrong(&error))?;
     let names = book.sheet_names();
-    for name in sheet::chosen(&names, form)? {
+    let hidden = book.sheets_metadata().iter().filter(|own| own.visible != SheetVisible::Visible);
+    let hidden: Vec<String> = hidden.map(|own| own.name.clone()).collect();
+    for name in sheet::chosen(&names, &hidden, form)? {
         let sheet = match rows(&mut book, name) {
             // A chart has a sheet of its own, without cells.
             Err(XlsxError::NotAWorksheet(_)) if form.sheet.is_none() => continue,
@@ -46,7 +48,10 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
             return sheet.table(form, &names);
         }
     }
-    Err(MeasuredTableErrorKind::Empty)
+    match hidden.is_empty() {
+        true => Err(MeasuredTableErrorKind::Empty),
+        false => Err(MeasuredTableErrorKind::Hidden(hidden)),
+    }
 }
 
 fn wrong(error: &XlsxError) -> MeasuredTableErrorKind {

@@ -1,7 +1,7 @@
 use thiserror::Error;
 
 use crate::at::At;
-use crate::join::RowReject;
+use crate::join::tabled::Rows;
 use crate::measured_table::{ColumnError, MeasuredTableErrorKind};
 
 pub type StationTableError = At<StationTableErrorKind>;
@@ -20,15 +20,16 @@ pub enum StationTableErrorKind {
     Empty { key: String, value: String },
     #[error("it has no row of a station")]
     NoRows,
-    #[error("none of its {rows} rows can be used; the first, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |column| format!(", column {column:?}")))]
-    NothingKept { rows: usize, line: u64, column: Option<String>, reason: String },
+    #[error("{kept} of its {rows} rows can be used; the first other, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |column| format!(", column {column:?}")))]
+    NothingKept { rows: usize, kept: usize, line: u64, column: Option<String>, reason: String },
 }
 
 impl StationTableErrorKind {
-    /// The error of a table without a usable row, by the first one that was left out.
-    pub(super) fn nothing(rows: usize, first: Option<&RowReject>) -> Self {
-        first.map_or(Self::NoRows, |first| Self::NothingKept {
+    /// The error of a table of too few rows that can be used, by the first one that was left out.
+    pub(super) fn nothing(rows: usize, read: &Rows) -> Self {
+        read.rejects.first().map_or(Self::NoRows, |first| Self::NothingKept {
             rows,
+            kept: read.rows.len(),
             line: first.line,
             column: first.column.clone(),
             reason: first.reason.clone(),

@@ -20,6 +20,15 @@ use crate::units::round_ns;
 /// A quaternion or matrix further from a rotation than this is none.
 const ROTATION: f64 = 0.01;
 
+/// Numbers of this size, of any quantity in any unit, would only overflow the fits; logs have the same limit.
+const WILDEST: f64 = 1e9;
+
+/// No time since 1970 in ns is as large: that of the year 2262.
+const LATEST_NS: f64 = 9.2e18;
+
+/// Most rows and readings of a table that are left out: each takes some hundred bytes, and more are no table of stations.
+pub(super) const MOST_REJECTS: usize = 100_000;
+
 struct Reader<'a> {
     table: &'a MeasuredTable,
     columns: &'a Columns,
@@ -68,8 +77,8 @@ pub(super) fn rows(
         rejects: Vec::new(),
     };
     let broken = broken(table, settings);
-    for (line, reason) in &broken {
-        reader.reject(RowItem::Row, *line, Fault::of(reason.clone()));
+    for row in &broken {
+        reader.reject(RowItem::Row, row.line, Fault::of(row.reason.to_string()));
     }
     let rows = match columns.target {
         None => reader.wide(own),
@@ -91,10 +100,11 @@ pub(super) fn rows(
 
 /// Rows with too few or too many cells, by line; where rows name their sessions, these name none. Repeated headers and
 /// comments are no rows at all.
-fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<(u64, String)> {
+fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<RowLeftOut> {
     let left_out = table.left_out().iter().filter(|_| settings.session.is_none());
-    let is_row = |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. });
-    left_out.filter(is_row).map(|row| (row.line, row.reason.to_string())).collect()
+    let is_row =
+        |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. } | LeftOutFor::NoObject);
+    left_out.filter(is_row).copied().collect()
 }
 
 impl Reader<'_> {
@@ -316,7 +326,12 @@ impl Reader<'_> {
             }
         };
         match self.table.cell(row, column) {
-            Cell::Number(number) if number.is_finite() => Ok(Some(round_ns(factor * number))),
+            Cell::Number(number) if (factor * number).abs() < LATEST_NS => {
+                Ok(Some(round_ns(factor * number)))
+            }
+            Cell::Number(number) if number.is_finite() => {
+                Err(Fault::in_column(Some(column), &format!("{number:e} is no time since 1970")))
+            }
             Cell::Number(_) | Cell::Blank => Err(Fault::in_column(Some(column), "it has no time")),
             Cell::Text(text) => {
                 Err(Fault::in_column(Some(column), &format!("{text:?} is no number")))
@@ -518,7 +533,10 @@ impl Reader<'_> {
 
     fn value(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
         match sum.value(self.table, row, &self.settings.missing) {
-            Cellular::Number(number) => Ok(number),
+            Cellular::Number(number) if number.abs() < WILDEST => Ok(number),
+            Cellular::Number(number) => Err(Fault::of(format!(
+                "{number:e} is beyond the reach of any arm or instrument: a cell that was damaged or mistyped"
+            ))),
             Cellular::Missing(column) => {
                 let words = match self.table.cell(row, column) {
                     Cell::Number(number) if number.is_finite() => {
@@ -536,7 +554,11 @@ impl Reader<'_> {
         }
     }
 
+    /// Notes what is left out; of more than [`MOST_REJECTS`] the table is refused.
     fn reject(&mut self, kind: RowItem, line: u64, fault: Fault) {
+        if self.rejects.len() > MOST_REJECTS {
+            return;
+        }
         let column = fault.column.map(|column| self.table.columns()[column].clone());
         self.rejects.push(RowReject {
             kind,

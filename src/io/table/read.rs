@@ -19,6 +19,7 @@ use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::input::{self, Bound};
 use crate::manifest::RunKey;
 use crate::schema::{ColumnSchema, Role, TableSchema};
+use crate::stated;
 
 struct Entries(Vec<(String, String)>);
 
@@ -167,6 +168,14 @@ fn decode(
     check_form(&file).map_err(|kind| kind.at(path))?;
     let parquet = |source| FileErrorKind::Parquet(source).at(path);
     let values = |source| FileErrorKind::Values(source).at(path);
+    let (limit, advice) = (bound.bytes, bound.advice);
+    let too_large = || FileErrorKind::TooLarge { limit, advice }.at(path);
+    if limit < u64::MAX {
+        let again = file.try_clone().map_err(|source| FileErrorKind::Open(source).at(path))?;
+        if stated::decoded_bytes(&file, again, limit).map_err(parquet)? > limit {
+            return Err(too_large());
+        }
+    }
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let reader =
         ParquetRecordBatchReaderBuilder::try_new_with_options(file, options).map_err(parquet)?;
@@ -181,9 +190,8 @@ fn decode(
     for batch in reader.build().map_err(parquet)? {
         let batch = batch.map_err(values)?;
         bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
-        if bytes > bound.bytes {
-            let (limit, advice) = (bound.bytes, bound.advice);
-            return Err(FileErrorKind::TooLarge { limit, advice }.at(path));
+        if bytes > limit {
+            return Err(too_large());
         }
         batches.push(batch);
     }
@@ -225,7 +233,7 @@ fn check_form(file: &File) -> Result<(), FileErrorKind> {
     if end != MAGIC || start.len() < 3 * MAGIC.len() {
         return Err(FileErrorKind::CutOff);
     }
-    Ok(())
+    stated::check_levels(file).map_err(FileErrorKind::Parquet)
 }
 
 /// The first bytes of a file, some hundred where it has them, and its last four.
