@@ -1,9 +1,10 @@
-//! A robot file of either kind → [`RobotFile`]: TOML as it is written, or a chain of a URDF, which begins with `<`
-//! ([`urdf`]). [`written`] states a robot file as TOML, [`poses`] reads joint positions, and [`ready`] holds the robot
-//! files of the program.
+//! A robot file of any kind → [`RobotFile`]: TOML as it is written, a chain of a URDF, which begins with `<` ([`urdf`]), or
+//! the calibration file of a UR in YAML ([`ur_calibration`]). [`written`] states a robot file as TOML, [`poses`] reads joint
+//! positions, and [`ready`] holds the robot files of the program.
 
 pub mod poses;
 pub mod ready;
+mod ur_calibration;
 pub mod urdf;
 pub mod written;
 
@@ -13,6 +14,7 @@ use std::path::Path;
 use thiserror::Error;
 
 use super::input::{self, Bound, toml_problem};
+use super::measured_table::decode;
 use crate::kinematics::RobotFile;
 use urdf::UrdfError;
 
@@ -41,8 +43,10 @@ pub enum RobotFault {
     Toml(Box<toml::de::Error>),
     #[error(transparent)]
     Urdf(#[from] Box<UrdfError>),
+    #[error("{0}")]
+    Calibration(String),
     #[error(
-        "base and tip name links of a URDF, and this robot file is TOML, whose chain is the arm: take them out"
+        "base and tip name links of a URDF, and the chain of this robot file is the arm: take them out"
     )]
     NoLinks,
     #[error(
@@ -60,8 +64,13 @@ fn counted(count: usize) -> String {
 }
 
 pub fn text(path: &Path) -> io::Result<String> {
-    let is_toml = path.extension().is_some_and(|ending| ending == "toml");
-    input::text(path, if is_toml { Bound::SETTINGS } else { Bound::URDF })
+    if path.extension().is_some_and(|ending| ending == "toml") {
+        return input::text(path, Bound::SETTINGS);
+    }
+    // XML may state another encoding than UTF-8.
+    let bytes = input::bytes(path, Bound::URDF)?;
+    let decoded = decode(&bytes).map_err(|fault| io::Error::other(fault.to_string()))?;
+    Ok(decoded.text.into_owned())
 }
 
 pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, RobotFault> {
@@ -69,7 +78,11 @@ pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, Robo
         let (file, left_out) = urdf::read(path, text, selection)?;
         Read { file, left_out: Some(left_out) }
     } else {
-        let file = toml::from_str(text).map_err(|source| RobotFault::Toml(Box::new(source)))?;
+        let file = if has_ending(path, &["yaml", "yml"]) {
+            ur_calibration::read(path, text).map_err(RobotFault::Calibration)?
+        } else {
+            toml::from_str(text).map_err(|source| RobotFault::Toml(Box::new(source)))?
+        };
         if selection.base.is_some() || selection.tip.is_some() {
             return Err(RobotFault::NoLinks);
         }
@@ -82,10 +95,13 @@ pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, Robo
 }
 
 fn is_urdf(path: &Path, text: &str) -> bool {
-    let endings = ["urdf", "xacro", "xml"];
-    let ending = path.extension().and_then(|ending| ending.to_str());
     let begins = text.trim_start_matches('\u{feff}').trim_start();
-    begins.starts_with('<') || ending.is_some_and(|own| endings.contains(&own))
+    begins.starts_with('<') || has_ending(path, &["urdf", "xacro", "xml"])
+}
+
+fn has_ending(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    ending.is_some_and(|own| endings.contains(&own))
 }
 
 fn rename(file: &mut RobotFile, names: &[String]) -> Result<(), RobotFault> {

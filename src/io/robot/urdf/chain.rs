@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 
 use super::error::UrdfError;
 use super::joint::{Following, mm};
-use super::tree::{Ends, Joint, Step, Tree};
+use super::tree::{Ends, Joint, Step, Tree, refuse_xacro};
 use crate::geometry::Placement;
 use crate::kinematics::robot_file::Mimic;
 use crate::kinematics::{Convention, JointFile, JointKind, RobotFile};
@@ -30,10 +30,11 @@ pub(super) fn robot_file(
             most: MOST_JOINTS,
         });
     }
-    let mut remarks = Vec::new();
+    let mut remarks = cut_off(steps)?;
     let mut joints = Vec::with_capacity(steps.len());
     let mut left = None;
     for step in steps {
+        refuse_xacro(step.joint.node)?;
         let kind = step.joint.kind()?;
         let mut joint =
             JointFile { name: step.joint.name.to_owned(), kind, ..JointFile::default() };
@@ -65,6 +66,31 @@ pub(super) fn robot_file(
         joint: joints,
     };
     Ok((file, remarks))
+}
+
+/// Least effect of an angle whose digits were cut off that is worth a remark, mm at the tip.
+const SEEN_MM: f64 = 0.01;
+
+/// Remarks on angles that are nearly right ones, each with its largest effect at the tip.
+fn cut_off(steps: &[Step<'_, '_, '_>]) -> Result<Vec<String>, UrdfError> {
+    let (mut reach_mm, mut remarks) = (0.0, Vec::new());
+    for step in steps.iter().rev() {
+        let origin = step.joint.origin()?;
+        if let Some((angle, missed)) = origin.cut_off()
+            && missed * reach_mm >= SEEN_MM
+        {
+            remarks.push(format!(
+                "joint {:?} (line {}): an angle of {angle} rad misses a right one by {missed:.1e} rad, which is up to {:.2} mm at \
+                 the tip; give it with all its digits, 1.5707963267948966, if a right angle is meant",
+                step.joint.name,
+                step.joint.line(),
+                missed * reach_mm
+            ));
+        }
+        reach_mm += origin.length_mm();
+    }
+    remarks.reverse();
+    Ok(remarks)
 }
 
 /// States the joint's origin and axis; gives what is left of an inverted joint for the next one.

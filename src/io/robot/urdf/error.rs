@@ -7,6 +7,10 @@ pub enum UrdfError {
     )]
     Xml { line: u32, column: u32, problem: String },
     #[error(
+        "line {line}: the prefix {prefix:?} is declared nowhere; write xmlns:{prefix}=\"{prefix}\" into <robot …>"
+    )]
+    Prefix { line: u32, prefix: String },
+    #[error(
         "line {line}: {found:?} is xacro, from which a URDF is still to be made: `xacro my.urdf.xacro > my.urdf`, then give my.urdf"
     )]
     Xacro { line: u32, found: String },
@@ -62,7 +66,7 @@ pub enum UrdfError {
     #[error("line {line}: joint {joint:?}: {key} = {found:?}, but it has to be {wanted}")]
     Number { line: u32, joint: String, key: String, found: String, wanted: &'static str },
     #[error("line {line}: joint {joint:?}: {problem}")]
-    Rotation { line: u32, joint: String, problem: &'static str },
+    Form { line: u32, joint: String, problem: &'static str },
     #[error("line {line}: joint {joint:?} has {found}; {remedy}")]
     Limits { line: u32, joint: String, found: String, remedy: &'static str },
     #[error(
@@ -80,10 +84,8 @@ pub enum UrdfError {
 impl UrdfError {
     pub(super) fn of_xml(error: &roxmltree::Error) -> Self {
         let at = error.pos();
-        if let roxmltree::Error::UnknownNamespace(prefix, _) = error
-            && prefix == "xacro"
-        {
-            return Self::Xacro { line: at.row, found: "xacro:".to_owned() };
+        if let roxmltree::Error::UnknownNamespace(prefix, _) = error {
+            return Self::Prefix { line: at.row, prefix: printable(prefix) };
         }
         let problem = error.to_string();
         let place = format!(" at {}:{}", at.row, at.col);
@@ -95,7 +97,7 @@ impl UrdfError {
     }
 }
 
-fn printable(text: &str) -> String {
+pub(crate) fn printable(text: &str) -> String {
     let letter = |letter: char| {
         if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() }
     };

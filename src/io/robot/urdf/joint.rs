@@ -1,11 +1,13 @@
 //! The numbers of a joint, in the file's m and rad.
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
 use super::error::UrdfError;
 use super::tree::{Joint, expanded};
-use super::{attribute, child, line};
+use super::{attribute, line};
 use crate::geometry::{EulerOrder, Placement};
 use crate::kinematics::JointKind;
 use crate::units::MM_PER_M;
@@ -14,6 +16,11 @@ use crate::units::MM_PER_M;
 const FAR_M: f64 = 50.0;
 /// An angle larger than two turns, rad, is one in degrees.
 const TWO_TURNS_RAD: f64 = 12.6;
+/// A limit beyond this, five turns, rad, is one in degrees.
+const MANY_TURNS_RAD: f64 = 31.5;
+/// An angle as near to a right one as this, rad, and not nearer than [`EXACT_RAD`], is one whose digits were cut off.
+const CUT_OFF_RAD: f64 = 5e-3;
+const EXACT_RAD: f64 = 1e-7;
 /// The first version whose origins may state quaternions.
 const WITH_QUATERNIONS: (u32, u32) = (1, 1);
 
@@ -68,6 +75,25 @@ impl Origin {
         placement
     }
 
+    /// Its distance from the origin of the parent, mm.
+    pub(crate) fn length_mm(&self) -> f64 {
+        Vector3::from(self.xyz_m).norm() * MM_PER_M
+    }
+
+    /// An angle of few digits that is nearly a right one, or two, and by how much it misses, rad.
+    pub(crate) fn cut_off(&self) -> Option<(f64, f64)> {
+        let Turn::Rpy(angles) = self.turn else {
+            return None;
+        };
+        let missed = angles.map(|angle| {
+            let right = (angle / FRAC_PI_2).round() * FRAC_PI_2;
+            let is_short = (angle * 1e5).round() / 1e5 == angle;
+            (angle, if is_short && right != 0.0 { (angle - right).abs() } else { 0.0 })
+        });
+        let largest = missed.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        largest.filter(|(_, missed)| (EXACT_RAD..CUT_OFF_RAD).contains(missed))
+    }
+
     /// The placement as an isometry, mm.
     pub(crate) fn isometry(&self) -> Isometry3<f64> {
         let turn = match self.turn {
@@ -78,7 +104,7 @@ impl Origin {
     }
 }
 
-impl<'a> Joint<'a, '_> {
+impl<'a, 'i> Joint<'a, 'i> {
     /// Its kind; an error where an arm has none such.
     pub(crate) fn kind(&self) -> Result<JointKind, UrdfError> {
         let found = attribute(self.node, "type").unwrap_or_default();
@@ -97,7 +123,7 @@ impl<'a> Joint<'a, '_> {
 
     /// Its origin; that of its parent link where it states none.
     pub(crate) fn origin(&self) -> Result<Origin, UrdfError> {
-        let Some(origin) = child(self.node, "origin") else {
+        let Some(origin) = self.part("origin")? else {
             return Ok(Origin::NOWHERE);
         };
         let xyz_m = self.numbers(origin, "xyz", "three numbers in m")?;
@@ -132,7 +158,7 @@ impl<'a> Joint<'a, '_> {
         let unit = UnitQuaternion::try_new(quaternion, 1e-9);
         match (problem, unit) {
             (None, Some(unit)) => Ok(Turn::Quaternion(unit)),
-            (problem, _) => Err(UrdfError::Rotation {
+            (problem, _) => Err(UrdfError::Form {
                 line: line(origin),
                 joint: self.name.to_owned(),
                 problem: problem.unwrap_or("quat_xyzw is zero; give a rotation"),
@@ -152,8 +178,7 @@ impl<'a> Joint<'a, '_> {
 
     /// Direction of its axis in its own frame; x where it states none.
     pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
-        let stated = child(self.node, "axis");
-        let Some(axis) = stated else {
+        let Some(axis) = self.part("axis")? else {
             return Ok(Vector3::x());
         };
         let wanted = "three numbers that are not all zero";
@@ -169,7 +194,7 @@ impl<'a> Joint<'a, '_> {
 
     /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
     pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
-        let Some(limit) = child(self.node, "limit") else {
+        let Some(limit) = self.part("limit")? else {
             return Ok(None);
         };
         let wanted = "a finite number, in rad or m";
@@ -178,20 +203,55 @@ impl<'a> Joint<'a, '_> {
         if lower == 0.0 && upper == 0.0 {
             return Ok(None);
         }
-        if lower < upper {
+        let many_turns = lower.abs().max(upper.abs()) > MANY_TURNS_RAD;
+        let remedy = if lower >= upper {
+            "the lower one comes first, and they differ; a joint that does not move is fixed"
+        } else if many_turns && self.kind()? == JointKind::Revolute {
+            "a URDF has them in rad, and these are many turns: write degrees as rad; a joint that turns without end is continuous"
+        } else {
             return Ok(Some([lower, upper]));
-        }
+        };
         Err(UrdfError::Limits {
             line: line(limit),
             joint: self.name.to_owned(),
             found: format!("limits from {lower} to {upper}"),
-            remedy: "the lower one comes first, and they differ; a joint that does not move is fixed",
+            remedy,
         })
+    }
+
+    /// Its element of that name; an error where there are two, or what it says is not written as a URDF has it.
+    fn part(&self, name: &str) -> Result<Option<Node<'a, 'i>>, UrdfError> {
+        let own = self.node.tag_name().namespace();
+        let mut alike = self.node.children().filter(|node| {
+            let tag = node.tag_name();
+            node.is_element() && tag.namespace() == own && tag.name().eq_ignore_ascii_case(name)
+        });
+        let (Some(node), second) = (alike.next(), alike.next()) else {
+            return Ok(None);
+        };
+        let (at, problem) = if node.tag_name().name() != name {
+            (node, "a URDF writes origin, axis, limit and mimic in small letters")
+        } else if let Some(second) = second {
+            (
+                second,
+                "it has two such elements, and a URDF has one of each; take one of the two out",
+            )
+        } else if node.children().any(|inner| {
+            inner.is_element() || inner.text().is_some_and(|text| !text.trim().is_empty())
+        }) {
+            (
+                node,
+                "a URDF writes numbers as attributes, as in <axis xyz=\"0 0 1\"/>, and not inside the element",
+            )
+        } else {
+            return Ok(Some(node));
+        };
+        Err(UrdfError::Form { line: line(at), joint: self.name.to_owned(), problem })
     }
 
     /// The joint that it follows; `None` for one that is driven.
     pub(crate) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
-        let Some(mimic) = child(self.node, "mimic") else {
+        let Some(mimic) = self.part("mimic")? else {
             return Ok(None);
         };
         let joint = attribute(mimic, "joint").ok_or_else(|| UrdfError::Incomplete {

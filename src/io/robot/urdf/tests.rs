@@ -369,11 +369,8 @@ fn quaternions_are_read_from_version_1_1() {
 fn xacro_is_told_to_be_expanded() {
     let expand = "`xacro my.urdf.xacro > my.urdf`";
     let cases = [
-        (
-            "<link name=\"finger\"/>",
-            "<link name=\"finger\"/><xacro:arm prefix=\"left\"/>",
-            "line 9: \"xacro:arm\"",
-        ),
+        ("<link name=\"finger\"/>", "<xacro:arm prefix=\"left\"/>", "line 9: \"xacro:arm\""),
+        ("<mimic joint", "<xacro:limits/><mimic joint", "line 23: \"xacro:limits\""),
         ("0 0 0.089159", "0 0 ${height}", "line 18: \"0 0 ${height}\""),
         ("name=\"elbow\"", "name=\"$(arg prefix)elbow\"", "line 29: \"$(arg prefix)elbow\""),
         (
@@ -391,7 +388,75 @@ fn xacro_is_told_to_be_expanded() {
         "<robot name=\"a\">\n<xacro:include filename=\"$(find b)\"/></robot>",
         &Selection::default(),
     );
-    assert!(found.starts_with("line 2: \"xacro:\"") && found.contains(expand), "{found}");
+    assert!(found.starts_with("line 2: \"xacro:include\"") && found.contains(expand), "{found}");
+}
+
+#[test]
+fn what_stands_beside_the_chain_does_not_matter() {
+    let plain = of(URDF, &ends("base", "tool")).unwrap().0;
+    let beside = "<xacro:usb name=\"c\"/><gazebo><sensor:ray a:b=\"1\"/></gazebo></robot>";
+    let (file, left_out) = of(&URDF.replace("</robot>", beside), &ends("base", "tool")).unwrap();
+    assert_eq!(file, plain);
+    assert!(left_out.elements.contains(&("xacro", 1)), "{:?}", left_out.elements);
+}
+
+#[test]
+fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
+    let cases = [
+        (
+            "<axis xyz=\"0 0 2\"/>",
+            "<axis><xyz>0 0 2</xyz></axis>",
+            "line 13: joint \"lift\": a URDF writes numbers",
+        ),
+        (
+            "<axis xyz=\"0 0 2\"/>",
+            "<axis>0 0 2</axis>",
+            "line 13: joint \"lift\": a URDF writes numbers",
+        ),
+        (
+            "<origin xyz=\"0.1 0 0.5\"/>",
+            "<Origin xyz=\"0.1 0 0.5\"/>",
+            "line 12: joint \"lift\": a URDF writes origin",
+        ),
+        (
+            "<origin xyz=\"0.1 0 0.5\"/>",
+            "<origin/>\n<origin xyz=\"0.1 0 0.5\"/>",
+            "line 13: joint \"lift\": it has two such",
+        ),
+        (
+            "upper=\"1.5\" effort",
+            "upper=\"170\" effort",
+            "line 20: joint \"shoulder\" has limits from -1.5 to 170; a URDF has them in rad",
+        ),
+    ];
+    for (from, to, expected) in cases {
+        let found = changed(from, to);
+        assert!(found.starts_with(expected), "{found}");
+    }
+}
+
+#[test]
+fn a_right_angle_of_few_digits_is_told_with_its_effect() {
+    let remarks = |angle: &str| {
+        let text = URDF.replace("1.5707963267948966", angle);
+        of(&text, &ends("base", "tool")).unwrap().1.remarks
+    };
+    let rough = remarks("1.57");
+    // 0.4 m, 0.3506 m and 0.1 m behind it, and 0.796 mrad.
+    let told = "joint \"shoulder\" (line 16): an angle of 1.57 rad misses a right one by 8.0e-4 rad, which is up to 0.68 mm at the tip";
+    assert!(rough.iter().any(|own| own.starts_with(told)), "{rough:?}");
+    assert_eq!(remarks("1.5707963267948966"), remarks("1.5707963"));
+    assert_eq!(remarks("1.3"), remarks("1.5707963"), "an angle that is meant");
+}
+
+#[test]
+fn an_element_of_many_attributes_is_refused_in_time() {
+    let many: String = (0..100_000).fold(String::new(), |text, n| text + &format!(" a{n}=\"\""));
+    let found = told(&format!("<robot name=\"a\">\n<link{many}/></robot>"), &Selection::default());
+    assert!(
+        found.starts_with("line 2, column 1") && found.contains("more than 1000 attributes"),
+        "{found}"
+    );
 }
 
 #[test]

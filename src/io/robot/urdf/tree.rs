@@ -49,7 +49,6 @@ impl<'a, 'i> Tree<'a, 'i> {
     /// The tree of a document; an error where it is none.
     pub(crate) fn of(document: &'a Document<'i>) -> Result<Self, UrdfError> {
         let root = document.root_element();
-        refuse_xacro(document)?;
         if root.tag_name().name() != "robot" {
             return Err(UrdfError::NotRobot {
                 line: line(root),
@@ -223,13 +222,14 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 }
 
-/// An error where the document is xacro: an element of its namespace. Its declaration alone stays in expanded files.
-fn refuse_xacro(document: &Document<'_>) -> Result<(), UrdfError> {
-    let is_xacro = |node: &Node<'_, '_>| {
-        let space = node.tag_name().namespace();
-        space.is_some_and(|space| space.contains("xacro"))
-    };
-    match document.descendants().find(is_xacro) {
+/// Whether a node is of the namespace of xacro, whose declaration alone stays in expanded files.
+pub(super) fn is_xacro(node: &Node<'_, '_>) -> bool {
+    node.tag_name().namespace().is_some_and(|space| space.contains("xacro"))
+}
+
+/// An error where an element of xacro stands in the node, or is it.
+pub(super) fn refuse_xacro(own: Node<'_, '_>) -> Result<(), UrdfError> {
+    match own.descendants().find(is_xacro) {
         Some(node) => Err(UrdfError::Xacro {
             line: line(node),
             found: format!("xacro:{}", node.tag_name().name()),
