@@ -46,7 +46,8 @@ TARGETS is one of
                   (`posegrid schema targets`); angles a whole turn away from the measured ones are corrected on their turn
                   where the arm's errors repeat
   .json           an array of objects with the same keys, by itself or under the key targets
-  .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool
+  .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool; one of another BASE_NO
+                  or TOOL_NO than 0 is refused until --base and --tool name what these are
 
 The result has the commands, each correction, its covariance and the reason for each refusal
 (`posegrid schema corrected_targets`). Where TABLE is in its lake, table corrections there gains a row for the file
@@ -57,7 +58,7 @@ Example: the drilling program of a left wing, as positions, as joint angles and 
   posegrid compensate lake/compensation/kr210/monday/0a1b….parquet left-wing.csv --out left-wing-corrected.csv
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left-wing-joints.csv --out corrected.csv
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left_wing.dat --out corrected/left_wing.dat \\
-    --tool \"drill 6\" --payload-kg 92.5 --temperature-c 21
+    --tool \"drill 6\" --base \"jig 2\" --payload-kg 92.5 --temperature-c 21
   posegrid compensate kr210 left-wing.csv --lake lake --out corrected.csv
 
 Exit codes: 0 every target corrected, by a table that meets its tolerance; 3 some target refused, or the table does not
@@ -140,6 +141,7 @@ pub fn run(
     recorded.check_file(&args.targets)?;
     let mut targets = targets::read(&args.targets)?;
     recorded.check_targets(&args.targets, &targets.targets)?;
+    args.check_frames(&targets)?;
     source.name_configurations(&mut targets)?;
     let outcomes = args.outcomes(&source, &needed, &targets);
     let joint_names = source.joint_names();
@@ -179,6 +181,20 @@ impl CompensateArgs {
             run: source.by(&[]).key.run.clone(),
             needed,
         })
+    }
+
+    /// Refuses a data list whose positions stand in a base or are of a tool that nobody names.
+    fn check_frames(&self, targets: &Targets) -> Result<(), CompensateCommandError> {
+        let given = &self.used_with;
+        let is_named = |number: i64, name: &Option<String>| number == 0 || name.is_some();
+        match targets.list.as_ref().and_then(targets::DataList::frames) {
+            Some(frames)
+                if !(is_named(frames.base, &given.base) && is_named(frames.tool, &given.tool)) =>
+            {
+                Err(CompensateCommandError::Frames { path: self.targets.clone(), frames })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Holds what the targets will be run with against what the table is valid for.

@@ -1,5 +1,9 @@
 //! Targets in CSV: a first line that names the columns, one line per target, an empty cell where a value is absent.
+//!
+//! Commas, semicolons, tabs or bars separate cells: what parts `target` from the other names of the first line. Above it may stand
+//! `sep=;`. Where no number has a decimal point, and commas do not separate, a comma is the decimal mark.
 
+use std::io;
 use std::path::Path;
 
 use ::csv::{ReaderBuilder, StringRecord, Trim};
@@ -11,6 +15,7 @@ use super::{
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
+use crate::measured_table::decode;
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
@@ -20,12 +25,22 @@ const TEXTS: [&str; 2] = ["configuration", "tool"];
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
-    let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(bytes.as_slice());
-    let header = Header::new(path, reader.headers().map_err(failed)?)?;
-    let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(failed)?;
-        let place = Place::Line(record.position().map_or(0, ::csv::Position::line));
+    let decoded = decode(&bytes)
+        .map_err(|fault| TargetsErrorKind::Read(io::Error::other(fault.to_string())).at(path))?;
+    let text: &str = &decoded.text;
+    let above = text.lines().next().filter(|line| line.to_lowercase().starts_with("sep="));
+    let text = &text[above.map_or(0, |line| text.len().min(line.len() + 1))..];
+    let separator = separator(text);
+    let mut reader = ReaderBuilder::new();
+    let mut reader = reader.trim(Trim::All).delimiter(separator).from_reader(text.as_bytes());
+    let mut header = Header::new(path, reader.headers().map_err(failed)?)?;
+    let records = reader.records().collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let has_point = |cell: &str| cell.contains('.') && cell.parse::<f64>().is_ok();
+    header.decimal_comma = separator != b',' && !records.iter().flatten().any(has_point);
+    let mut rows = Vec::with_capacity(records.len());
+    for record in records {
+        let line = record.position().map_or(0, ::csv::Position::line);
+        let place = Place::Line(line + u64::from(above.is_some()));
         let row = header.row(&record);
         rows.push((place, row.map_err(|problem| problem.at(path, place))?));
     }
@@ -34,8 +49,19 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows { placed: rows, unused: header.unused(), units, list: None })
 }
 
+/// The sign that parts the name `target` from others in the first line; a comma where none does.
+fn separator(text: &str) -> u8 {
+    let first = text.lines().next().unwrap_or_default();
+    let parts = |sign: &u8| {
+        let mut cells = first.split(char::from(*sign));
+        cells.any(|cell| cell.trim().trim_matches('"') == TARGET)
+    };
+    b";\t|".iter().copied().find(parts).filter(|_| !parts(&b',')).unwrap_or(b',')
+}
+
 struct Header {
     columns: Vec<String>,
+    decimal_comma: bool,
     angles: Option<AngleColumns>,
 }
 
@@ -46,7 +72,7 @@ impl Header {
             .map_err(|problem| TargetsErrorKind::Names(problem).at(path))?;
         let angles = AngleColumns::of(&columns)
             .map_err(|problem| TargetsErrorKind::Angles(problem).at(path))?;
-        let header = Self { columns, angles };
+        let header = Self { columns, decimal_comma: false, angles };
         let missing = header.missing();
         if missing.is_empty() {
             return Ok(header);
@@ -132,7 +158,10 @@ impl Cells<'_> {
         let Some(text) = self.text_at(place) else {
             return Ok(None);
         };
-        match text.parse::<f64>() {
+        let is_comma = self.header.decimal_comma && !text.contains('.');
+        let number =
+            if is_comma { text.replacen(',', ".", 1).parse() } else { text.parse::<f64>() };
+        match number {
             Ok(number) if number.is_finite() => Ok(Some(number)),
             _ => Err(RowProblem::NoNumber { column: self.header.columns[place].clone(), text }),
         }
@@ -196,6 +225,24 @@ mod tests {
     }
 
     #[test]
+    fn what_spreadsheets_write_is_read_as_tables_of_stations_are() {
+        let wanted = targets("target,x_mm,y_mm,z_mm\nA,1575.5,-33,991\n").unwrap();
+        for text in [
+            "target;x_mm;y_mm;z_mm\nA;1575,5;-33,0;991,0\n",
+            "target;x_mm;y_mm;z_mm\r\nA;1575.5;-33;991\r\n",
+            "target\tx_mm\ty_mm\tz_mm\nA\t1575.5\t-33\t991\n",
+            "sep=;\ntarget;x_mm;y_mm;z_mm\nA;1575,5;-33;991\n",
+        ] {
+            assert_eq!(targets(text).unwrap(), wanted, "{text:?}");
+        }
+        for (cell, line) in [("1.575,5", 3), ("1,575", 3)] {
+            let text = format!("SEP=;\ntarget;x_mm;y_mm;z_mm\nA;{cell};1.5;2\n");
+            let told = targets(&text).unwrap_err();
+            assert!(told.contains(&format!("line {line}: column \"x_mm\" holds")), "{told}");
+        }
+    }
+
+    #[test]
     fn joint_angles_come_in_either_unit_with_or_without_a_position() {
         let found = targets("target,q2_deg,q1_deg\nA,180,-90\n").unwrap();
         let joints = found.targets[0].joints.as_ref().unwrap();
@@ -250,8 +297,8 @@ mod tests {
     fn a_file_that_is_none_of_targets_is_reported_so() {
         let cases = [
             (
-                "target;x_mm;y_mm;z_mm\nA;1;2;3\n",
-                "missing columns target, x_mm, y_mm, z_mm; its first line names [\"target;x_mm",
+                "name;x_mm;y_mm;z_mm\nA;1;2;3\n",
+                "missing columns target, x_mm, y_mm, z_mm; its first line names [\"name;x_mm",
             ),
             ("target,x_mm,x_mm,y_mm,z_mm\n", "\"x_mm\" is given twice"),
             ("target,x_mm,y_mm,z_mm\n", "holds no target"),

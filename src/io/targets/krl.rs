@@ -63,6 +63,11 @@ struct Point {
 const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
 impl DataList {
+    /// Tool and base of the points, by their numbers at the controller.
+    pub fn frames(&self) -> Option<FdatFrames> {
+        self.frames
+    }
+
     pub fn statuses(&self) -> impl Iterator<Item = Option<Status>> + '_ {
         self.points.iter().map(|point| point.status)
     }

@@ -127,7 +127,7 @@ fn json_in_json_out() {
 
 const WING: &str = "&ACCESS RVP\r\nDEFDAT WING PUBLIC\r\n\
 DECL E6POS XP1={X 751.0,Y 20.0,Z 450.0,A 0.0,B 0.0,C 0.0,S 5,T 27,E1 0.0} ; left\r\n\
-DECL FDAT FP1={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE,POINT2[] \" \"}\r\n\
+DECL FDAT FP1={TOOL_NO 0,BASE_NO 0,IPO_FRAME #BASE,POINT2[] \" \"}\r\n\
 DECL E6POS XP2={X 751.0,Y 20.0,Z 450.0,A 0.0,B 0.0,C 0.0,S 2,T 2}\r\n\
 DECL E6POS XP3={X 951.0,Y 20.0,Z 450.0,A 0.0,B 0.0,C 0.0}\r\n\
 DECL E6AXIS XHOME={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0}\r\nENDDAT\r\n";
@@ -163,7 +163,7 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
     assert_eq!(field(&csv, "XP2", "refused"), "configuration");
     assert!(field(&csv, "XP3", "reason").contains("beyond the table's box"));
     let said = done.to_string();
-    assert!(said.contains("TOOL_NO 3, BASE_NO 1"), "{said}");
+    assert!(said.contains("TOOL_NO 0, BASE_NO 0"), "{said}");
     assert!(said.contains("unchanged: 1 E6AXIS, 1 FDAT"), "{said}");
     // Neither is written over.
     fs::remove_file(cell.path("out.dat")).unwrap();
@@ -171,6 +171,15 @@ fn a_data_list_comes_back_with_commands_and_its_corrections_beside_it() {
     assert!(error.to_string().contains("out.dat.corrections.csv exists already"), "{error}");
     let error = cell.compensate("wing.dat", Some("missing/out.dat")).unwrap_err();
     assert_eq!(error.exit_code(), 1);
+}
+
+#[test]
+fn a_data_list_of_a_base_that_nobody_names_is_refused() {
+    let cell = Cell::new(&KUKA);
+    fs::write(cell.path("wing.dat"), WING.replace("BASE_NO 0", "BASE_NO 5")).unwrap();
+    let error = cell.compensate("wing.dat", Some("out.dat")).unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    assert!(error.to_string().contains("TOOL_NO 0, BASE_NO 5"), "{error}");
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::io::lake::LakeError;
 use crate::io::store::Place;
 use crate::io::table::{self, FileError, TableError};
 use crate::io::targets::TargetsError;
+use crate::io::targets::krl::FdatFrames;
 use crate::io::whole_file;
 use crate::pipeline::history::HistoryError;
 
@@ -109,6 +110,13 @@ pub enum CompensateCommandError {
     )]
     Outside(Vec<Outside>),
     #[error(
+        "{}: its positions are of {frames}, and the table corrects positions in its own frame of commands and of its own tool; where \
+         these are the same, say so by --base NAME and --tool NAME, as the pipeline file names them; otherwise teach or convert the \
+         positions to that base and tool",
+        path.display()
+    )]
+    Frames { path: PathBuf, frames: FdatFrames },
+    #[error(
         "{}: a KUKA data list is made only from one, and the targets are {}; take --out as .csv, .json or .parquet",
         out.display(),
         targets.display()
@@ -174,6 +182,7 @@ impl CompensateCommandError {
             | Self::Unreadable { .. }
             | Self::Records(_)
             | Self::Digest(_)
+            | Self::Frames { .. }
             | Self::OnlyFromKrl { .. }
             | Self::Status { .. }
             | Self::Exists(_) => 2,
