@@ -50,10 +50,15 @@ impl Bound {
     }
 }
 
+/// The first bytes of the text that Git LFS leaves in the place of a large file.
+pub(super) const POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 enum Refused {
     #[error("it is {0}, and only files are read")]
     NoFile(&'static str),
+    #[error("it is a pointer of Git LFS, which stands for the file: `git lfs pull` fetches it")]
+    Pointer,
     #[error("it has {found} bytes, more than the limit of {limit}; {advice}")]
     TooLarge { found: u64, limit: u64, advice: &'static str },
     #[error("it continues after the limit of {limit} bytes; {advice}")]
@@ -81,6 +86,9 @@ pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open(path, bound)?;
     let read = file.take(bound.bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.starts_with(POINTER) {
+        return Err(refused(Refused::Pointer));
+    }
     if read as u64 > bound.bytes {
         return Err(refused(Refused::GoesOn { limit: bound.bytes, advice: bound.advice }));
     }
@@ -136,6 +144,8 @@ mod tests {
         std::fs::write(&path, "0123456789a").unwrap();
         let told = bytes(&path, SMALL).unwrap_err().to_string();
         assert_eq!(told, "it has 11 bytes, more than the limit of 10; split it");
+        std::fs::write(&path, [POINTER, b"v1\n"].concat()).unwrap();
+        assert!(bytes(&path, Bound::TABLE).unwrap_err().to_string().contains("git lfs pull"));
         std::fs::write(&path, b"ab\xff").unwrap();
         assert!(text(&path, SMALL).unwrap_err().to_string().contains("byte 2 is not UTF-8"));
     }

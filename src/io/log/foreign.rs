@@ -10,6 +10,9 @@ pub(super) fn what_it_is(start: &[u8]) -> &'static str {
             " (a SQLite file, as rosbag2 writes with storage sqlite3: `ros2 bag convert` with storage_id mcap, or `mcap \
              convert in.db3 out.mcap`)"
         }
+        [b'v', b'e', b'r', b's', b'i', b'o', b'n', b' ', ..] => {
+            " (a pointer of Git LFS, which stands for the log: `git lfs pull` fetches it)"
+        }
         [0x1f, 0x8b, ..] => " (a gzip file: decompress it with `gunzip`)",
         [b'B', b'Z', b'h', ..] => " (a bzip2 file: decompress it with `bunzip2`)",
         [0xfd, b'7', b'z', b'X', b'Z', 0, ..] => " (an xz file: decompress it with `unxz`)",
@@ -60,6 +63,7 @@ mod tests {
         for (start, word) in [
             (&b"#ROSBAG "[..], "ROS 1"),
             (b"SQLite f", "db3"),
+            (b"version ", "git lfs pull"),
             (b"\x1f\x8b\x08\0\0\0\0\0", "gunzip"),
             (b"\x89HDF\r\n\x1a\n", "HDF5"),
             (b"time,x,y", "CSV"),

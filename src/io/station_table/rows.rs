@@ -314,14 +314,12 @@ impl Reader<'_> {
             TableTime::Ms => 1e6,
             TableTime::Us => 1e3,
             TableTime::Ns => 1.0,
-            TableTime::Iso8601 => {
+            date => {
                 let text = name(self.table.cell(row, column)).unwrap_or_default();
-                let ns = iso_8601_ns(&text);
-                return ns.map(Some).ok_or_else(|| {
-                    Fault::in_column(
-                        Some(column),
-                        &format!("{text:?} is no date and time as ISO 8601 writes them"),
-                    )
+                return date_ns(&text, date).map(Some).ok_or_else(|| {
+                    let words =
+                        format!("{text:?} is no date and time as `unit` of [stations.time] says");
+                    Fault::in_column(Some(column), &words)
                 });
             }
         };
@@ -649,15 +647,24 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
     }
 }
 
-/// Nanoseconds since 1970, UTC, of a date and time; without an offset it is in UTC.
-fn iso_8601_ns(text: &str) -> Option<i64> {
+/// Nanoseconds since 1970, UTC, of a date and time in one of the forms of dates; without an offset it is in UTC.
+pub(crate) fn date_ns(text: &str, form: TableTime) -> Option<i64> {
     let with_offset = chrono::DateTime::parse_from_rfc3339(&text.replacen(' ', "T", 1)).ok();
+    let with_offset = with_offset.filter(|_| form == TableTime::Iso8601);
     let plain = || {
-        let forms =
-            ["%Y-%m-%dT%H:%M:%S%.f", "%Y-%m-%d %H:%M:%S%.f", "%Y-%m-%dT%H:%M", "%Y-%m-%d %H:%M"];
-        let mut times =
-            forms.iter().filter_map(|form| chrono::NaiveDateTime::parse_from_str(text, form).ok());
-        times.next()?.and_utc().timestamp_nanos_opt()
+        // A year of two digits stands before one of four, which it would be the first two digits of: all of the text has to fit.
+        let dates: &[&str] = match form {
+            TableTime::MonthDay => &["%m/%d/%y", "%m/%d/%Y"],
+            TableTime::DayMonth => &["%d.%m.%y", "%d.%m.%Y"],
+            _ => &["%Y-%m-%d"],
+        };
+        let times = ["%H:%M:%S%.f", "%H:%M", "%I:%M:%S%.f %p", "%I:%M %p"];
+        let text = text.replacen('T', " ", usize::from(form == TableTime::Iso8601));
+        let mut found = dates
+            .iter()
+            .flat_map(|date| times.map(|time| format!("{date} {time}")))
+            .filter_map(|form| chrono::NaiveDateTime::parse_from_str(&text, &form).ok());
+        found.next()?.and_utc().timestamp_nanos_opt()
     };
     with_offset.map_or_else(plain, |time| time.timestamp_nanos_opt())
 }
@@ -676,8 +683,16 @@ mod tests {
             "2020-11-09 12:00",
             "2020-11-09T12:00:00.000",
         ] {
-            assert_eq!(iso_8601_ns(text), Some(noon), "{text}");
+            assert_eq!(date_ns(text, TableTime::Iso8601), Some(noon), "{text}");
+            assert_eq!(date_ns(text, TableTime::DayMonth), None, "{text}");
         }
-        assert_eq!(iso_8601_ns("2,02011E+13"), None);
+        for text in ["11/09/20 12:00:00", "11/9/2020 12:00", "11/09/2020 12:00:00 PM"] {
+            assert_eq!(date_ns(text, TableTime::MonthDay), Some(noon), "{text}");
+        }
+        for text in ["09.11.20 12:00:00", "9.11.2020 12:00"] {
+            assert_eq!(date_ns(text, TableTime::DayMonth), Some(noon), "{text}");
+        }
+        assert_eq!(date_ns("13/09/20 12:00", TableTime::MonthDay), None);
+        assert_eq!(date_ns("2,02011E+13", TableTime::Iso8601), None);
     }
 }

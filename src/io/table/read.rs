@@ -256,6 +256,7 @@ fn looks_like(start: &[u8]) -> &'static str {
     match start {
         [] => "empty",
         [0x89, b'M', b'C', b'A', b'P', ..] => "a log (MCAP)",
+        text if text.starts_with(input::POINTER) => "a pointer of Git LFS (`git lfs pull`)",
         [b'P', b'K', 3, 4, ..] => "an archive or a spreadsheet (ZIP)",
         text if is_text(text) => "a text, such as CSV or JSON",
         _ => "something else",

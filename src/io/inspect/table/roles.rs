@@ -1,10 +1,14 @@
 //! Roles of groups and columns, by their names and values: positions, orientations, standard deviations, joints.
 
+use nalgebra::Point3;
+
 use super::columns::{ColumnSummary, number};
 use super::groups::{self, AxisGroup, NumberedGroup};
 use super::names::{Sense, any_has, has_sense};
 use super::spread::spread;
-use super::sum::{self, Position};
+use super::sum::{self, Position, position};
+use crate::figures::median;
+use crate::geometry::align;
 use crate::measured_table::MeasuredTable;
 
 /// Angles and lengths beyond this are no angles in degrees: a turn, with some room.
@@ -106,7 +110,35 @@ impl Roles {
                 of_kind(Kind::Difference).map(|group| placed(columns, group, &groups)).collect();
         }
         roles.mark_still(table);
+        if let Some(nominal) = roles.mark_nominal(table)
+            && let ([turn], true) = (
+                &of_kind(Kind::Turn).collect::<Vec<_>>()[..],
+                roles.positions.iter().all(|own| own.turn.is_none()),
+            )
+        {
+            roles.positions[nominal].turn = Some(turn_of(turn));
+        }
         roles
+    }
+
+    /// Marks the commands among positions that nobody is named for: of two sets of the same points in two frames one is nominal, the
+    /// first where no name says which. Gives its place.
+    fn mark_nominal(&mut self, table: &MeasuredTable) -> Option<usize> {
+        let own = self.positions.iter().enumerate();
+        let own = own.filter(|(_, own)| own.moves && own.whose == Whose::Unknown);
+        let places: Vec<usize> = own.map(|(place, _)| place).collect();
+        let pairs = places
+            .iter()
+            .enumerate()
+            .flat_map(|(n, a)| places[n + 1..].iter().map(move |b| (*a, *b)));
+        let (first, second) = pairs.into_iter().find(|&(a, b)| {
+            are_one_in_two_frames(table, [&self.positions[a], &self.positions[b]])
+        })?;
+        let says_measured = self.positions[first].words.iter().any(|word| word == "m");
+        let [nominal, measured] = if says_measured { [second, first] } else { [first, second] };
+        self.positions[nominal].whose = Whose::Command;
+        self.positions[measured].whose = Whose::Measured;
+        Some(nominal)
     }
 
     /// Marks positions that do not move with the arm: reference reflectors. Commands may have another unit and are left
@@ -187,10 +219,7 @@ fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGro
         let own = all.iter().find(|own| owner(&own.words) == owner(&group.words));
         own.or_else(|| all.first().filter(|_| is_only && all.len() == 1)).map(|own| (*own).clone())
     };
-    let turn = of_kind(Kind::Turn).map(|own| match own.w {
-        Some(w) => TurnColumns::Quaternion([own.columns[0], own.columns[1], own.columns[2], w]),
-        None => TurnColumns::Angles(own.columns),
-    });
+    let turn = of_kind(Kind::Turn).map(|own| turn_of(&own));
     Placed {
         whose: whose(columns, group),
         turn,
@@ -200,6 +229,40 @@ fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGro
         columns: group.columns,
         moves: true,
     }
+}
+
+fn turn_of(group: &AxisGroup) -> TurnColumns {
+    let [x, y, z] = group.columns;
+    group.w.map_or(TurnColumns::Angles(group.columns), |w| TurnColumns::Quaternion([x, y, z, w]))
+}
+
+/// Points of two sets that leave less than this share of their spread where one is laid onto the other are the same points.
+const SAME: f64 = 0.01;
+/// Two reflectors on one tool that hardly turns are laid onto each other as well, by a smaller rotation than this, rad, and a
+/// distance between these shares of the spread.
+const REFLECTORS_TURN: f64 = 0.05;
+const REFLECTORS_APART: std::ops::Range<f64> = 0.02..3.0;
+
+/// Whether two positions are the same points in two frames, rather than two points of a moving tool.
+fn are_one_in_two_frames(table: &MeasuredTable, both: [&Placed; 2]) -> bool {
+    let sums = both.map(Placed::position);
+    let rows = (0..table.row_count()).filter_map(|row| {
+        let [a, b] = sums.each_ref().map(|sum| position(sum, table, row).map(Point3::from));
+        Some((a?, b?))
+    });
+    let (a, b): (Vec<Point3<f64>>, Vec<Point3<f64>>) = rows.unzip();
+    let Some(a_from_b) = align(&a, &b, &vec![1.0; a.len()]).filter(|_| a.len() > 5) else {
+        return false;
+    };
+    let of_pairs = |distance: &dyn Fn(&Point3<f64>, &Point3<f64>) -> f64| {
+        let all: Vec<f64> = a.iter().zip(&b).map(|(a, b)| distance(a, b)).collect();
+        median(&all).unwrap_or(f64::INFINITY)
+    };
+    let spread = spread(table, &sums[0]);
+    let apart = of_pairs(&|a, b| (a - b).norm());
+    let is_of_tool =
+        a_from_b.rotation.angle() < REFLECTORS_TURN && REFLECTORS_APART.contains(&(apart / spread));
+    of_pairs(&|a, b| (a - a_from_b * b).norm()) < SAME * spread && !is_of_tool
 }
 
 fn whose(columns: &[ColumnSummary], group: &AxisGroup) -> Whose {

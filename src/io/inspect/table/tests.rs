@@ -158,6 +158,31 @@ fn three_targets_with_zeros_for_missing_ones_and_a_still_one_on_the_base() {
 }
 
 #[test]
+fn a_nominal_set_beside_the_measured_one_is_the_command() {
+    let names = [
+        ["x_t,y_t,z_t", "x_m,y_m,z_m", "x_t", "x_m"],
+        ["x,y,z", "x.1,y.1,z.1", "x", "x.1"],
+        ["x_m,y_m,z_m", "x_t,y_t,z_t", "x_t", "x_m"],
+    ];
+    for [first, second, command, measured] in names {
+        let mut text = format!("q1,q2,q3,q4,q5,q6,{first},{second}\n");
+        for station in stations(60) {
+            let nominal = (station.flange * Point3::from(TARGETS_MM[0])).coords;
+            let mut both = [nominal, station.measured(0)];
+            both.rotate_left(usize::from(first.contains(measured)));
+            text += &row(&[&station.joints[..], both[0].as_slice(), both[1].as_slice()].concat());
+        }
+        let guess = guess_of(&text);
+        let [own] = &guess.settings.measured[..] else {
+            panic!("one reflector: {:?}", guess.settings.measured);
+        };
+        assert_eq!(own.position[0], measured);
+        let commanded = guess.settings.commanded.as_ref().expect("commands near the arm");
+        assert_eq!(commanded.position[0], command);
+    }
+}
+
+#[test]
 fn the_long_form_has_columns_of_stations_and_targets() {
     let mut text = "Punkt,Reflektor,Achse1 (°),Achse2 (°),Achse3 (°),Achse4 (°),Achse5 (°),Achse6 (°),X [mm],Y [mm],Z [mm]\n".to_owned();
     for (number, station) in stations(30).iter().enumerate() {

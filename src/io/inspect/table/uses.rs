@@ -7,6 +7,7 @@ use super::long;
 use super::names::Sense;
 use crate::ingest::{TableTime, TimeColumn};
 use crate::measured_table::{Cell, MeasuredTable};
+use crate::station_table::date_ns;
 
 const MOST_SESSIONS: usize = 100;
 /// Temperatures of places where people measure, °C.
@@ -38,8 +39,12 @@ fn unit(
     column: usize,
 ) -> Result<(TableTime, Option<String>), String> {
     if summary.texts > summary.numbers {
-        return is_iso(table, column).then_some((TableTime::Iso8601, None)).ok_or_else(|| {
-            "its texts are no dates and times as ISO 8601 writes them (2026-11-23T08:30:00Z)"
+        let dates = [TableTime::Iso8601, TableTime::MonthDay, TableTime::DayMonth];
+        let found = dates.into_iter().find(|form| are_dates(table, column, *form));
+        let is_month_first = found == Some(TableTime::MonthDay);
+        let doubt = is_month_first.then(|| "its dates are taken with the month first".to_owned());
+        return found.map(|form| (form, doubt)).ok_or_else(|| {
+            "its texts are no dates and times as 2026-11-23T08:30:00Z, 11/23/26 08:30:00 or 23.11.2026 08:30:00"
                 .to_owned()
         });
     }
@@ -76,18 +81,9 @@ fn is_written_date(number: f64) -> bool {
         && (1.0..32.0).contains(&(day % 100.0))
 }
 
-fn is_iso(table: &MeasuredTable, column: usize) -> bool {
-    let is_date = |text: &str| {
-        let mut bytes = text.trim().bytes();
-        let date = "0000-00-00".bytes().all(|wanted| {
-            bytes
-                .next()
-                .is_some_and(|own| own == wanted || (wanted == b'0' && own.is_ascii_digit()))
-        });
-        date && matches!(bytes.next(), Some(b'T' | b' '))
-    };
+fn are_dates(table: &MeasuredTable, column: usize, form: TableTime) -> bool {
     (0..table.row_count()).all(|row| match table.cell(row, column) {
-        Cell::Text(text) => is_date(text),
+        Cell::Text(text) => date_ns(text.trim(), form).is_some(),
         Cell::Blank | Cell::Number(_) => false,
     })
 }

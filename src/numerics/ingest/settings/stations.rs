@@ -88,6 +88,12 @@ pub enum TableTime {
     Ns,
     /// A date and a time as ISO 8601 writes them; without an offset in UTC.
     Iso8601,
+    /// `month/day/year` of four digits or two, and a time, UTC.
+    #[serde(rename = "mm/dd/yy")]
+    MonthDay,
+    /// `day.month.year`, and a time, UTC.
+    #[serde(rename = "dd.mm.yy")]
+    DayMonth,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

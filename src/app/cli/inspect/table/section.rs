@@ -226,6 +226,8 @@ const fn word(unit: TableTime) -> &'static str {
         TableTime::Us => "us",
         TableTime::Ns => "ns",
         TableTime::Iso8601 => "iso8601",
+        TableTime::MonthDay => "mm/dd/yy",
+        TableTime::DayMonth => "dd.mm.yy",
     }
 }
 
