@@ -1,5 +1,5 @@
 //! `posegrid verify`: past runs recomputed and compared with what they claim. Exit codes: 0 all the same; 3 a mismatch;
-//! 1 something could not be recomputed; 2 bad usage, or no such lake or run. 1 outranks 3.
+//! 1 something could not be recomputed by the pipeline files given; 2 bad usage, or no such lake or run. 3 outranks 1.
 
 mod files;
 mod words;
@@ -48,7 +48,8 @@ A sample is the N runs whose BLAKE3 of SEED/RUN comes first. There is no choice 
 work gives the same bytes on any day; name the sessions of a month instead.
 
 Exit codes: 0 all the same, or removed; 3 something is altered, differs or does not belong; 1 some run could not be
-recomputed; 2 bad usage, or no such lake, run or pipeline file. 1 outranks 3.")]
+recomputed by the pipeline files given; 2 bad usage, or no such lake, run or pipeline file. 3 outranks 1. Without --pipeline
+nothing is recomputed: 0 where every digest is as it was, and the last line says of how many runs that is all.")]
 pub struct VerifyArgs {
     /// The folder of the published tables
     pub lake: PathBuf,
@@ -114,8 +115,9 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     let lines = files::lines(&account, args.names.is_empty());
     let belongs = !account.is_mismatch() && !stages.iter().any(StageVerified::is_mismatch);
     messages::result(format!("\n{}", lines.join("\n")), bars)?;
-    messages::result(words::summary(&verdicts, &selected), bars)?;
-    Ok(exit_code(&verdicts, belongs))
+    let asked = !args.pipeline.is_empty();
+    messages::result(words::summary(&verdicts, &selected, asked), bars)?;
+    Ok(exit_code(&verdicts, belongs, asked))
 }
 
 /// Verifies the results of stages by themselves, and prints what was found; `shown` are those that runs showed already.
@@ -201,12 +203,13 @@ fn paragraph(verified: &Verified, verdict: &Verdict) -> String {
     text
 }
 
-/// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there.
-fn exit_code(verdicts: &[Verdict], belongs: bool) -> u8 {
-    if verdicts.iter().any(Verdict::is_open) {
-        NO_RESULT
-    } else if !belongs || verdicts.iter().any(Verdict::is_mismatch) {
+/// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there, `asked` whether runs were to be
+/// recomputed.
+fn exit_code(verdicts: &[Verdict], belongs: bool, asked: bool) -> u8 {
+    if !belongs || verdicts.iter().any(Verdict::is_mismatch) {
         NOT_MET
+    } else if asked && verdicts.iter().any(Verdict::is_open) {
+        NO_RESULT
     } else {
         DONE
     }
@@ -217,13 +220,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_that_could_not_be_computed_outranks_a_mismatch() {
+    fn a_mismatch_outranks_a_run_that_could_not_be_computed() {
         let same = Verdict::SameValues { largest: 1e-12 };
         let open = Verdict::NotRecomputed("no log".to_owned());
-        assert_eq!(exit_code(&[Verdict::Same, same.clone()], true), 0);
-        assert_eq!(exit_code(&[Verdict::Same], false), 3);
-        assert_eq!(exit_code(&[same, Verdict::InputsAltered], true), 3);
-        assert_eq!(exit_code(&[Verdict::Differs, open], false), 1);
-        assert_eq!(exit_code(&[Verdict::InputsMissing], true), 1);
+        assert_eq!(exit_code(&[Verdict::Same, same.clone()], true, true), 0);
+        assert_eq!(exit_code(&[Verdict::Same], false, true), 3);
+        assert_eq!(exit_code(&[same, Verdict::InputsAltered], true, true), 3);
+        assert_eq!(exit_code(&[Verdict::Differs, open.clone()], true, true), 3);
+        assert_eq!(exit_code(&[Verdict::InputsMissing], true, true), 1);
+        assert_eq!(exit_code(&[open.clone()], true, false), 0, "nothing was to be recomputed");
+        assert_eq!(exit_code(&[open], false, false), 3);
     }
 }

@@ -88,7 +88,7 @@ fn problems(stage: Stage, verified: &StageVerified) -> Vec<String> {
 }
 
 /// The number of runs with each verdict, and of runs that were not looked at.
-pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
+pub(super) fn summary(verdicts: &[Verdict], selected: &Selected, asked: bool) -> String {
     let mut words: Vec<(&str, usize)> = Vec::new();
     for verdict in verdicts {
         let word = word(verdict);
@@ -102,6 +102,11 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
     let mut text = format!("\n{} {runs}", verdicts.len());
     if !counts.is_empty() {
         write!(text, ": {}", counts.join(", ")).expect("a string");
+    }
+    let open = verdicts.iter().filter(|verdict| verdict.is_open()).count();
+    if !asked && open > 0 {
+        write!(text, "; only the digests of these {open} were compared: recompute with --pipeline")
+            .expect("a string");
     }
     if selected.not_drawn > 0 {
         write!(text, "; {} not drawn", selected.not_drawn).expect("a string");
