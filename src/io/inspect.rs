@@ -60,7 +60,7 @@ pub struct Traffic {
     /// Number of messages that do not fit their schema.
     pub unreadable: u64,
     pub sizes: Sizes,
-    /// Joint names of the first message; empty unless they are joint states.
+    /// The most joint names that one of the first messages has; empty unless they are joint states.
     pub joints: Vec<String>,
     /// The first and the last sequence number, in the order of the file.
     sequences: Option<(u32, u32)>,
@@ -116,23 +116,31 @@ impl Traffic {
         if let Some(reader) = &kind.glance.values {
             self.sizes.add(self.messages, reader, message.payload, row);
         }
+        // A gripper may publish on the topic of the arm, and before it.
+        if self.messages < NAMED_IN
+            && let Some(reader) = &kind.glance.joint_names
+        {
+            let names = joint_names(reader, message.payload, row);
+            self.take_longer(names);
+        }
         if self.messages == 0 {
-            let names = kind.glance.joint_names.as_ref();
-            self.joints =
-                names.map_or_else(Vec::new, |reader| joint_names(reader, message.payload, row));
             let sample = kind.wants_sample() && message.payload.len() <= LONGEST_SAMPLE;
             self.sample = sample.then(|| message.payload.to_vec());
         }
         self.messages += 1;
     }
 
+    fn take_longer(&mut self, joints: Vec<String>) {
+        if joints.len() > self.joints.len() {
+            self.joints = joints;
+        }
+    }
+
     fn append(&mut self, later: Self) {
         if let Some((first, last)) = later.sequences {
             self.count_sequence(first, last);
         }
-        if self.joints.is_empty() {
-            self.joints = later.joints;
-        }
+        self.take_longer(later.joints);
         self.messages += later.messages;
         self.bytes += later.bytes;
         self.log.append(&later.log);
@@ -330,7 +338,7 @@ impl Visitor for Survey {
                 }
                 self.channels[place].suggestion = suggestion;
             }
-            let known = before.as_ref().is_some_and(|before| !before.joints.is_empty());
+            let known = before.as_ref().is_some_and(|own| own.joints.len() >= later.joints.len());
             let bytes = |name: &String| name.len() + size_of::<String>();
             if known || !self.has_room(later.joints.iter().map(bytes).sum()) {
                 later.joints = Vec::new();
@@ -369,6 +377,9 @@ fn header(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Header {
         _ => Header::Unreadable,
     }
 }
+
+/// Messages of each part of a log whose joint names are read.
+const NAMED_IN: u64 = 100;
 
 fn joint_names(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Vec<String> {
     let short = |name: String| name.chars().take(MOST_JOINTS).collect();
