@@ -19,7 +19,7 @@ use std::time::SystemTime;
 use super::lake::temporary::Temporary;
 pub use error::{BucketTrouble, StoreError, advice};
 pub use folder::Folder;
-pub use place::Place;
+pub use place::{Place, without_secrets};
 
 pub trait Store: Debug + Send + Sync {
     /// Place of the file with a key, whether or not it is there; the empty key is the store as a whole.

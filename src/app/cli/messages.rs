@@ -3,7 +3,7 @@
 
 use std::env;
 use std::fmt::{self, Display};
-use std::io::{self, Write};
+use std::io::{self, IsTerminal as _, Write};
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
@@ -13,6 +13,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use super::progress::Bars;
 use super::streams::{Stream, Undelivered};
+use crate::io::store::without_secrets;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
@@ -41,7 +42,7 @@ pub fn start(format: LogFormat, bars: &Bars) {
         LogFormat::Text => messages
             .without_time()
             .with_target(false)
-            .with_ansi(io::IsTerminal::is_terminal(&io::stderr()))
+            .with_ansi(io::stderr().is_terminal())
             .finish()
             .with(ours)
             .init(),
@@ -82,6 +83,13 @@ pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
 }
 
 pub(super) fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
+    // A program reads what is there; a terminal would act on it.
+    let shown = str::from_utf8(result).ok().filter(|_| io::stdout().is_terminal());
+    let shown = shown.map(|text| {
+        let lines: Vec<String> = text.split('\n').map(|line| Printable(line).to_string()).collect();
+        lines.join("\n").into_bytes()
+    });
+    let result = shown.as_deref().unwrap_or(result);
     delivered(bars.write_aside(Stream::Results, result))
 }
 
@@ -98,15 +106,22 @@ pub(super) fn delivered(written: io::Result<()>) -> Result<(), Undelivered> {
     })
 }
 
-/// A text that may hold names from a log, printed with every character escaped that a terminal would act on.
+/// A text that may hold names from a log, printed with every character escaped that a terminal would act on, and without
+/// credentials in addresses of storage.
 pub struct Printable<'a>(pub &'a str);
 
 impl Display for Printable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.chars().try_for_each(|c| {
-            if c.is_control() { write!(f, "{}", c.escape_default()) } else { write!(f, "{c}") }
+        without_secrets(self.0).chars().try_for_each(|c| {
+            if is_acted_on(c) { write!(f, "{}", c.escape_default()) } else { write!(f, "{c}") }
         })
     }
+}
+
+/// Whether a terminal would act on a character: it controls, or turns the direction of the text, or is not seen.
+fn is_acted_on(c: char) -> bool {
+    let unseen = matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
+    c.is_control() || unseen
 }
 
 #[cfg(test)]
@@ -120,6 +135,13 @@ mod tests {
             "a\\u{1b}[2Jb\\r°",
             "escape and return are written out, other letters stay"
         );
+    }
+
+    #[test]
+    fn what_turns_the_text_or_is_secret_is_not_printed() {
+        assert_eq!(Printable("a\u{202e}b").to_string(), "a\\u{202e}b");
+        let told = Printable("cannot list s3://KEY:SEC/RET@bucket/a: no; s3://other/b").to_string();
+        assert_eq!(told, "cannot list s3://…@bucket/a: no; s3://other/b");
     }
 
     #[test]

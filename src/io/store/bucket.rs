@@ -7,6 +7,7 @@
 mod environment;
 mod patience;
 mod trouble;
+mod whole;
 
 use std::borrow::Cow;
 use std::fmt;
@@ -30,6 +31,7 @@ use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::lake::temporary::{self, Temporary};
 use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
+use whole::Digests;
 
 /// Part of an upload, block of a download: S3 requires at least 5 MiB, and each has to be sent within a request's time
 /// limit (30 s unless `AWS_TIMEOUT` sets another).
@@ -151,8 +153,24 @@ impl Bucket {
         Ok(file)
     }
 
-    /// Fetches an object as it was listed, a few blocks at once.
+    /// Fetches an object as it was listed. What its tag does not show to be as it was put is fetched until it comes alike twice.
     async fn fetch_into(&self, listed: &Listed, file: &mut File) -> Result<(), StoreError> {
+        let local = std::env::temp_dir();
+        let local_error = StoreError::folder("write a temporary in", &local);
+        let mut before = None;
+        for _ in 0..=RETRIES {
+            file.set_len(0).and_then(|()| file.rewind()).map_err(&local_error)?;
+            let digests = self.fetch_once(listed, file).await?;
+            let (digest, is_tag) = digests.judged(listed.tag.as_deref());
+            if is_tag || before.replace(digest.clone()) == Some(digest) {
+                return Ok(());
+            }
+        }
+        Err(trouble::changed("read", self.place(&listed.key)))
+    }
+
+    /// Fetches an object once, a few blocks at once.
+    async fn fetch_once(&self, listed: &Listed, file: &mut File) -> Result<Digests, StoreError> {
         let object = self.object(&listed.key)?;
         let local = std::env::temp_dir();
         let local_error = StoreError::folder("write a temporary in", &local);
@@ -166,17 +184,18 @@ impl Bucket {
             async { self.clients.now().get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
-        let mut fetched = 0;
+        let (mut fetched, mut digests) = (0, Digests::default());
         while let Some(block) = blocks.next().await {
             let block = noted(block).map_err(|error| self.failure("read", &listed.key, &error))?;
             file.write_all(&block).map_err(&local_error)?;
+            digests.add(&block);
             fetched += block.len() as u64;
         }
         // This storage has no tags, or ignores them.
         if fetched != listed.bytes {
             return Err(trouble::changed("read", self.place(&listed.key)));
         }
-        Ok(())
+        Ok(digests)
     }
 
     fn scratch(&self) -> io::Result<&TempDir> {

@@ -1,3 +1,4 @@
+use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -15,7 +16,11 @@ impl Place {
     pub fn of(written: impl Into<PathBuf>) -> Self {
         let path = written.into();
         match path.to_str().and_then(|text| text.strip_prefix(SCHEME)) {
-            Some(rest) => Self::Url(format!("{SCHEME}{}", rest.trim_end_matches('/'))),
+            Some(_) => {
+                let url = without_secrets(path.to_str().unwrap_or_default());
+                let rest = url.strip_prefix(SCHEME).unwrap_or_default();
+                Self::Url(format!("{SCHEME}{}", rest.trim_end_matches('/')))
+            }
             None => Self::Path(path),
         }
     }
@@ -65,6 +70,22 @@ impl Place {
     }
 }
 
+/// A text without the credentials that stand before the `@` of an address in it.
+pub fn without_secrets(text: &str) -> Cow<'_, str> {
+    let mut parts = text.split(SCHEME);
+    let first = parts.next().unwrap_or_default();
+    if !text.contains(SCHEME) || !text.contains('@') {
+        return Cow::Borrowed(text);
+    }
+    let parts = parts.map(|part| {
+        let address = part.split_whitespace().next().unwrap_or_default();
+        let shown = address.rfind('@').map_or(part, |at| &part[at..]);
+        let hidden = if shown.len() < part.len() { "…" } else { "" };
+        format!("{SCHEME}{hidden}{shown}")
+    });
+    Cow::Owned(first.to_owned() + &parts.collect::<String>())
+}
+
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -89,6 +110,7 @@ mod tests {
         assert_eq!(url.bucket(), Some(("bucket", "some/lake")));
         assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));
         assert_eq!(Place::of("s3://").bucket(), Some(("", "")));
+        assert_eq!(Place::of("s3://KEY:SE/C@bucket/a/").to_string(), "s3://…@bucket/a");
         assert_eq!(url.as_path(), None);
         // A folder with this name is a path: only the whole scheme makes an address.
         assert!(Place::of("s3:/x").as_path().is_some());

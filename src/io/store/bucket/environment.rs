@@ -38,7 +38,9 @@ pub(super) fn clients(place: &Place) -> Result<(Clients, Secrets), StoreError> {
 
 fn bucket(place: &Place) -> Result<&str, StoreError> {
     let (bucket, prefix) = place.bucket().expect("an address");
-    let problem = if bucket.is_empty() {
+    let problem = if bucket.contains('@') {
+        "it holds a key and a secret, which belong in AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY; change them, since addresses are logged"
+    } else if bucket.is_empty() {
         "it names no bucket"
     } else if !bucket.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte)) {
         "a bucket's name holds letters, digits, `-` and `.` only"

@@ -9,6 +9,7 @@ use object_store::aws::{AmazonS3, AmazonS3Builder};
 use object_store::{BackoffConfig, Error, RetryConfig};
 
 use super::trouble;
+use super::whole::Whole;
 
 pub(super) const RETRIES: usize = 3;
 const PATIENCE: Duration = Duration::from_secs(90);
@@ -27,7 +28,7 @@ pub(super) struct Clients {
 
 impl Clients {
     pub fn of(builder: &AmazonS3Builder) -> Result<Self, Error> {
-        let retrying = |retry| builder.clone().with_retry(retry).build();
+        let retrying = |retry| builder.clone().with_http_connector(Whole).with_retry(retry).build();
         let (init_backoff, max_backoff, base) = PAUSES;
         Ok(Self {
             brief: retrying(RetryConfig {

@@ -1,0 +1,115 @@
+//! Answers of the storage that came whole: listings up to their last element, and objects by the digest in their tag.
+//!
+//! A listing that is cut, or a web page in its place, would be read as an empty one; it is asked for again, as if no answer had come.
+
+use std::future::Future;
+use std::io;
+use std::pin::Pin;
+
+use md5::{Digest as _, Md5};
+use object_store::ClientOptions;
+use object_store::client::{
+    HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpService,
+    ReqwestConnector,
+};
+
+/// Connects to storage whose listings come whole.
+#[derive(Debug)]
+pub(super) struct Whole;
+
+impl HttpConnector for Whole {
+    fn connect(&self, options: &ClientOptions) -> object_store::Result<HttpClient> {
+        Ok(HttpClient::new(Listings(ReqwestConnector::default().connect(options)?)))
+    }
+}
+
+#[derive(Debug)]
+struct Listings(HttpClient);
+
+impl HttpService for Listings {
+    fn call<'s, 'f>(
+        &'s self,
+        request: HttpRequest,
+    ) -> Pin<Box<dyn Future<Output = Result<HttpResponse, HttpError>> + Send + 'f>>
+    where
+        's: 'f,
+        Self: 'f,
+    {
+        let query = request.uri().query().unwrap_or_default();
+        let is_listing = query.split('&').any(|part| part == "list-type=2");
+        Box::pin(async move {
+            let response = self.0.execute(request).await?;
+            if !is_listing || !response.status().is_success() {
+                return Ok(response);
+            }
+            let (head, body) = response.into_parts();
+            let interrupted = |error| HttpError::new(HttpErrorKind::Interrupted, error);
+            let bytes = body.bytes().await.map_err(|error| interrupted(io::Error::other(error)))?;
+            if is_whole_listing(&bytes) {
+                return Ok(HttpResponse::from_parts(head, bytes.into()));
+            }
+            Err(interrupted(io::Error::other(
+                "the answer is cut, or is no listing of a bucket; is AWS_ENDPOINT_URL the address of the storage?",
+            )))
+        })
+    }
+}
+
+fn is_whole_listing(answer: &[u8]) -> bool {
+    let end = answer.trim_ascii_end();
+    end.ends_with(b"ListBucketResult>") || end.ends_with(b"ListBucketResult/>")
+}
+
+/// The digests of an object while its blocks come, of which its tag is one where it was put in one piece, or in parts of a block.
+#[derive(Default)]
+pub(super) struct Digests {
+    whole: Md5,
+    of_parts: Md5,
+    parts: usize,
+}
+
+impl Digests {
+    pub(super) fn add(&mut self, block: &[u8]) {
+        self.whole.update(block);
+        self.of_parts.update(Md5::digest(block));
+        self.parts += 1;
+    }
+
+    /// The digest of the object, and whether its tag is it.
+    pub(super) fn judged(self, tag: Option<&str>) -> (String, bool) {
+        let hex = |digest: Md5| -> String {
+            digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        };
+        let whole = hex(self.whole);
+        let of_parts = format!("{}-{}", hex(self.of_parts), self.parts);
+        let tag = tag.unwrap_or_default().trim_matches('"');
+        let is_tag = tag == whole || tag == of_parts;
+        (whole, is_tag)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_listing_is_whole_up_to_its_last_element() {
+        assert!(is_whole_listing(b"<?xml?><ListBucketResult><Name>b</Name></ListBucketResult>\n"));
+        assert!(!is_whole_listing(b"<?xml?><ListBucketResult><Contents><Key>a</Ke"));
+        assert!(!is_whole_listing(b"<html><body>Sign in</body></html>"));
+        assert!(!is_whole_listing(b""));
+    }
+
+    #[test]
+    fn a_tag_is_known_as_the_digest_of_an_object_or_of_its_parts() {
+        let judged = |blocks: &[&[u8]], tag: &str| {
+            let mut digests = Digests::default();
+            blocks.iter().for_each(|block| digests.add(block));
+            digests.judged(Some(tag)).1
+        };
+        // MD5 of "ab", and of the MD5s of "a" and "b", as S3 states them.
+        assert!(judged(&[b"a", b"b"], "\"187ef4436122d1cc2f40dc2b92f0eba0\""));
+        assert!(!judged(&[b"a", b"c"], "\"187ef4436122d1cc2f40dc2b92f0eba0\""));
+        assert!(judged(&[b"a", b"b"], "\"96e024ba2074fe77e8e965ba43a704be-2\""));
+    }
+}
