@@ -36,7 +36,7 @@ fn other_names_than_joints_and_links_of_toml_are_refused() {
     );
     assert!(names.contains("\"wrist_3_joint\""), "{names}");
     let tip = Selection { tip: Some("tool0".to_owned()), ..Selection::default() };
-    assert!(told(&tip).contains("this robot file is TOML"));
+    assert!(told(&tip).contains("the chain of this robot file is the arm"));
 }
 
 #[test]
