@@ -228,7 +228,11 @@ mod tests {
         assert_eq!(exit_code(&[same, Verdict::InputsAltered], true, true), 3);
         assert_eq!(exit_code(&[Verdict::Differs, open.clone()], true, true), 3);
         assert_eq!(exit_code(&[Verdict::InputsMissing], true, true), 1);
-        assert_eq!(exit_code(&[open.clone()], true, false), 0, "nothing was to be recomputed");
+        assert_eq!(
+            exit_code(std::slice::from_ref(&open), true, false),
+            0,
+            "nothing was to be recomputed"
+        );
         assert_eq!(exit_code(&[open], false, false), 3);
     }
 }

@@ -48,9 +48,10 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
             return sheet.table(form, &names);
         }
     }
-    match hidden.is_empty() {
-        true => Err(MeasuredTableErrorKind::Empty),
-        false => Err(MeasuredTableErrorKind::Hidden(hidden)),
+    if hidden.is_empty() {
+        Err(MeasuredTableErrorKind::Empty)
+    } else {
+        Err(MeasuredTableErrorKind::Hidden(hidden))
     }
 }
 

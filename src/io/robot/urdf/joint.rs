@@ -87,7 +87,7 @@ impl Origin {
         };
         let missed = angles.map(|angle| {
             let right = (angle / FRAC_PI_2).round() * FRAC_PI_2;
-            let is_short = (angle * 1e5).round() / 1e5 == angle;
+            let is_short = ((angle * 1e5).round() - angle * 1e5).abs() < 1e-6;
             (angle, if is_short && right != 0.0 { (angle - right).abs() } else { 0.0 })
         });
         let largest = missed.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));

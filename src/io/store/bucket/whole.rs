@@ -2,6 +2,7 @@
 //!
 //! A listing that is cut, or a web page in its place, would be read as an empty one; it is asked for again, as if no answer had come.
 
+use std::fmt::Write as _;
 use std::future::Future;
 use std::io;
 use std::pin::Pin;
@@ -78,7 +79,10 @@ impl Digests {
     /// The digest of the object, and whether its tag is it.
     pub(super) fn judged(self, tag: Option<&str>) -> (String, bool) {
         let hex = |digest: Md5| -> String {
-            digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+            digest.finalize().iter().fold(String::new(), |mut text, byte| {
+                write!(text, "{byte:02x}").expect("a string");
+                text
+            })
         };
         let whole = hex(self.whole);
         let of_parts = format!("{}-{}", hex(self.of_parts), self.parts);
