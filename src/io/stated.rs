@@ -26,7 +26,7 @@ pub(crate) fn check_levels(file: &impl ChunkReader) -> Result<()> {
         let end = file.get_bytes(file.len().checked_sub(8)?, 8).ok()?;
         let footer = u64::from(u32::from_le_bytes(end.get(..4)?.try_into().ok()?));
         let start = file.len().checked_sub(8 + footer)?;
-        levels(&file.get_bytes(start, usize::try_from(footer).ok()?).ok()?)
+        Some(levels(&file.get_bytes(start, usize::try_from(footer).ok()?).ok()?))
     };
     match levels() {
         Some(levels) if levels > MOST_LEVELS => Err(ParquetError::General(format!(
@@ -37,7 +37,7 @@ pub(crate) fn check_levels(file: &impl ChunkReader) -> Result<()> {
 }
 
 /// The deepest level of the schema in a footer, as far as it is of interest.
-fn levels(footer: &[u8]) -> Option<usize> {
+fn levels(footer: &[u8]) -> usize {
     let mut deepest = 0;
     Thrift(footer).fields(|field, kind, thrift| {
         if field != 2 {
@@ -66,7 +66,7 @@ fn levels(footer: &[u8]) -> Option<usize> {
         }
         Some(())
     });
-    Some(deepest)
+    deepest
 }
 
 /// Bytes that the values of a file take in memory, or more than `bound` where they may take more; `again` is the same file.
@@ -256,7 +256,7 @@ impl Thrift<'_> {
     /// A number that is not negative: of a signed one the zigzag is undone.
     fn number(&mut self) -> Option<u64> {
         let zigzag = self.varint()?;
-        (zigzag & 1 == 0).then_some(zigzag >> 1)
+        zigzag.is_multiple_of(2).then_some(zigzag / 2)
     }
 
     /// Number and kind of the elements of a list.
