@@ -271,14 +271,15 @@ impl Thrift<'_> {
         let mut field = 0_i64;
         loop {
             let head = self.byte()?;
-            if head & 15 == 0 {
+            let kind = head % 16;
+            if kind == 0 {
                 return Some(());
             }
             field = match i64::from(head >> 4) {
                 0 => i64::try_from(self.number()?).ok()?,
                 more => field + more,
             };
-            take(field, head & 15, self)?;
+            take(field, kind, self)?;
         }
     }
 
