@@ -9,12 +9,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::JoinError;
 use super::decide::{Decision, decide, reading};
 use super::dwell::ArmDwell;
 use super::observe::Observation;
 use super::pattern::{Dwells, Pair, Relation, Ruler, block_offsets, overlaps};
 use super::placement::{Placement, ReadingAtFlange};
-use super::{JoinError, clock};
 use crate::figures::median;
 use crate::units::{Controller, NS_PER_S, Stamp, WallTime, round_ns};
 
@@ -22,6 +22,8 @@ use crate::units::{Controller, NS_PER_S, Stamp, WallTime, round_ns};
 const CHANGE: usize = 6;
 /// Pairs by which offsets that change have to explain more than one alone.
 const GAIN: usize = 12;
+/// Pairs on each side of a change that tell what is left of it.
+const BESIDE: usize = 20;
 /// Smaller changes are drift, s.
 const LEAST_S: f64 = 0.25;
 /// Share of the dwells that are paired where nothing has to be explained.
@@ -89,8 +91,7 @@ pub(super) fn decided(
         seen.arm = before;
         return Ok((alone?, Vec::new()));
     };
-    let refined = clock::refine(seen.dwells(), &first.support, seen.sampling_s);
-    let left = left(&changes, seen.dwells(), &first.support, refined.relation);
+    let left = left(&changes, seen.dwells(), &first.support);
     take_out(&left, &mut seen.arm);
     for (change, left) in changes.iter_mut().zip(&left) {
         change.by_s += left.by_s;
@@ -194,20 +195,19 @@ fn take_out(changes: &[Change], arm: &mut [ArmDwell]) {
     }
 }
 
-/// What is left of each change once it is taken out: by how much more the tracker is ahead in the pairs behind it, up to the next change,
-/// than under `relation`, and so before it, s.
-fn left(changes: &[Change], dwells: Dwells, pairs: &[Pair], relation: Relation) -> Vec<Change> {
+/// What is left of each change once it is taken out: by how much more the tracker is ahead in the pairs next behind it than in those next
+/// before it, s. Over so few the clocks do not drift.
+fn left(changes: &[Change], dwells: Dwells, pairs: &[Pair]) -> Vec<Change> {
     let ahead_s = |pair: &Pair| {
-        let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
-        target.middle_s() - relation.to_tracker(arm.middle_s())
+        dwells.target[pair.target].span.middle_s() - dwells.arm[pair.arm].span.middle_s()
     };
-    let ends = changes.iter().map(|change| change.arm).chain([usize::MAX]);
-    let starts = std::iter::once(0).chain(changes.iter().map(|change| change.arm));
-    let parts = starts.zip(ends).map(|(start, end)| {
-        let own = pairs.iter().filter(|pair| (start..end).contains(&pair.arm));
-        median(&own.map(ahead_s).collect::<Vec<f64>>()).unwrap_or(0.0)
-    });
-    let parts: Vec<f64> = parts.collect();
-    let own = changes.iter().zip(parts.windows(2));
-    own.map(|(change, pair)| Change { by_s: pair[1] - pair[0], ..*change }).collect()
+    let usual_s =
+        |pairs: &[Pair]| median(&pairs.iter().map(ahead_s).collect::<Vec<f64>>()).unwrap_or(0.0);
+    let of_change = |change: &Change| {
+        let at = pairs.partition_point(|pair| pair.arm < change.arm);
+        let before = &pairs[at.saturating_sub(BESIDE)..at];
+        let behind = &pairs[at..pairs.len().min(at + BESIDE)];
+        Change { by_s: usual_s(behind) - usual_s(before), ..*change }
+    };
+    changes.iter().map(of_change).collect()
 }
