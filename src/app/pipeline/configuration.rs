@@ -195,6 +195,7 @@ impl Configuration {
         Ok(Self {
             pipeline: stem.into_owned(),
             robot: file.robot.name.clone(),
+            set_up: StatedSetUp::new(&file, &placed, &robot_file, &arm),
             robot_file,
             reads: reads(path, &file, &arm)?,
             estimate_settings: manifest::canonical(&estimate_settings(&settings))?,
@@ -206,7 +207,6 @@ impl Configuration {
             remarks: remarks(&file),
             command_frames: placed.command_frames,
             stages: stages(&file, &placed, &arm),
-            set_up: StatedSetUp::new(&file, &placed, &arm),
             arm,
             valid_for: file.robot.valid_for,
             limits: file.limits,

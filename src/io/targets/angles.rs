@@ -49,10 +49,7 @@ impl JointUnits {
 
     /// A joint's value (from 0) in its unit as rad or mm.
     fn inside(&self, joint: usize, value: f64) -> f64 {
-        match self.angle {
-            AngleUnit::Deg if !self.slides_at(joint) => value.to_radians(),
-            AngleUnit::Deg | AngleUnit::Rad => value,
-        }
+        if self.slides_at(joint) { value } else { value * self.angle.to_rad() }
     }
 
     /// Joints with these values in their units, in the arm's order.
@@ -72,7 +69,7 @@ impl JointUnits {
         match self.angle {
             _ if self.slides_at(joint) => format!("{value:.6}"),
             AngleUnit::Rad => format!("{value:.10}"),
-            AngleUnit::Deg => format!("{:.8}", value.to_degrees()),
+            AngleUnit::Deg | AngleUnit::Gon => format!("{:.8}", value / self.angle.to_rad()),
         }
     }
 }
@@ -117,6 +114,7 @@ const fn suffix(unit: AngleUnit) -> &'static str {
     match unit {
         AngleUnit::Rad => "rad",
         AngleUnit::Deg => "deg",
+        AngleUnit::Gon => "gon",
     }
 }
 

@@ -121,6 +121,8 @@ pub enum AngleUnit {
     Rad,
     /// Degree.
     Deg,
+    /// A hundredth of a right angle.
+    Gon,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -130,6 +132,10 @@ pub enum LengthUnit {
     M,
     /// Millimetre.
     Mm,
+    /// Centimetre.
+    Cm,
+    /// Inch, 25.4 mm.
+    Inch,
 }
 
 /// All settings needed to read the samples of a session from its logs.
@@ -173,6 +179,7 @@ impl AngleUnit {
         match self {
             Self::Rad => 1.0,
             Self::Deg => PI / 180.0,
+            Self::Gon => PI / 200.0,
         }
     }
 }
@@ -183,6 +190,8 @@ impl LengthUnit {
         match self {
             Self::M => MM_PER_M,
             Self::Mm => 1.0,
+            Self::Cm => 10.0,
+            Self::Inch => 25.4,
         }
     }
 }
@@ -211,6 +220,8 @@ impl fmt::Display for LengthUnit {
         f.write_str(match self {
             Self::M => "m",
             Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::Inch => "inch",
         })
     }
 }

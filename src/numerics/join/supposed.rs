@@ -1,6 +1,6 @@
 //! The dwells of two logs under another arm than the stated one: which of them belong together, if that arm were right.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::average::median;
 use super::decide::decide;
@@ -47,12 +47,12 @@ impl Supposed {
         Ok(Self { seen })
     }
 
-    /// The pairs that agree if the flange (base frame, mm) at reported angles is `flange` and positions are to be multiplied by
-    /// `scale`; `None` where no clock offset makes the logs agree within `gate_mm`.
+    /// The pairs that agree if the flange (base frame, mm) at reported angles is `flange` and `map` makes the
+    /// positions what they should be; `None` where no clock offset makes the logs agree within `gate_mm`.
     pub fn under(
         &self,
         flange: impl Fn(&[f64]) -> Isometry3<f64>,
-        scale: f64,
+        map: &Matrix3<f64>,
         gate_mm: f64,
     ) -> Option<Vec<Matched>> {
         let arm: Vec<ArmDwell> = self
@@ -65,7 +65,7 @@ impl Supposed {
             .seen
             .target
             .iter()
-            .map(|dwell| TargetDwell { position: dwell.position * scale, ..dwell.clone() })
+            .map(|dwell| TargetDwell { position: map * dwell.position, ..dwell.clone() })
             .collect();
         let decision = decide(Dwells { arm: &arm, target: &target }, gate_mm).ok()?;
         // Points that hardly move agree with anything.

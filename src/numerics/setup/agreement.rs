@@ -3,10 +3,10 @@
 //! Medians are used because a wrong reflector or a lost beam is not a wrong set-up. What the set-up leaves open is found first:
 //! base and target beside the readings, the tool beside the commands where none is stated.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::evidence::{Evidence, point};
-use super::set_up::SetUp;
+use super::set_up::{SetUp, reread};
 use crate::figures::median;
 use crate::geometry::align;
 use crate::join::placement::{Placement, ReadingAtFlange};
@@ -26,21 +26,45 @@ pub enum Relation {
     Commands,
     /// Commanded orientations against the nominal arm at the reported angles, rad.
     Turns,
+    /// Measured orientations against the nominal arm in the fitted base, the target's found from the same readings, rad.
+    Orientations,
 }
 
 impl Relation {
-    pub const ALL: [Self; 6] =
-        [Self::Arm, Self::Target, Self::OnePoint, Self::Survey, Self::Commands, Self::Turns];
+    pub const ALL: [Self; 7] = [
+        Self::Arm,
+        Self::Target,
+        Self::OnePoint,
+        Self::Survey,
+        Self::Commands,
+        Self::Turns,
+        Self::Orientations,
+    ];
 
     /// A disagreement that says nothing yet. Millimetres, for orientations radians: nominal arms leave about a millimetre where
     /// base and target are fitted; in a surveyed base their angles' errors count over the whole reach; and no controller turns
-    /// its tool more exactly than its tool is stated.
+    /// its tool more exactly than its tool is stated. Cameras measure turns to a degree or two.
     pub(super) const fn usual(self) -> f64 {
         match self {
             Self::Turns => 0.02,
+            Self::Orientations => 0.05,
             Self::Survey => 6.0,
             Self::Arm | Self::Target | Self::OnePoint | Self::Commands => 1.0,
         }
+    }
+
+    /// What a mistake may leave that is named, mm or rad: sound arms leave 2.5 to 7 mm.
+    pub(super) const fn most_left(self) -> f64 {
+        match self {
+            Self::Turns | Self::Orientations => 0.2,
+            Self::Survey => 18.0,
+            Self::Arm | Self::Target | Self::OnePoint | Self::Commands => 10.0,
+        }
+    }
+
+    /// Whether it is of orientations, rad.
+    pub(super) const fn is_of_turns(self) -> bool {
+        matches!(self, Self::Turns | Self::Orientations)
     }
 
     pub const fn in_words(self) -> &'static str {
@@ -51,6 +75,7 @@ impl Relation {
             Self::Survey => "readings and nominal arm in the surveyed base",
             Self::Commands => "commanded and reported position",
             Self::Turns => "commanded and reported orientation",
+            Self::Orientations => "measured orientation and nominal arm (base and target fitted)",
         }
     }
 }
@@ -58,7 +83,7 @@ impl Relation {
 /// The median disagreement of each relation, in the order of [`Relation::ALL`]: mm, for orientations rad; `None` where the
 /// set-up or the logs state too little.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement([Option<f64>; 6]);
+pub struct Agreement([Option<f64>; 7]);
 
 impl Agreement {
     /// The disagreement of `set_up` with the logs.
@@ -73,7 +98,7 @@ impl Agreement {
         Self::by(&seen, stated, evidence)
     }
 
-    fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
+    pub(super) fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
         Self(Relation::ALL.map(|relation| match relation {
             Relation::Arm => Some(seen.arm()),
             Relation::Target => set_up.stated_target().map(|target| seen.target(&target)),
@@ -81,6 +106,7 @@ impl Agreement {
             Relation::Survey => set_up.tracker_from_base.map(|base| seen.survey(set_up, &base)),
             Relation::Commands => seen.commands(set_up, evidence),
             Relation::Turns => seen.turns(set_up, evidence),
+            Relation::Orientations => seen.orientations(set_up, evidence),
         }))
     }
 
@@ -98,6 +124,12 @@ impl Agreement {
         let beyond = |&(relation, disagreement): &(Relation, f64)| disagreement / relation.usual();
         let largest = self.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b)));
         largest.unwrap_or((Relation::Arm, f64::INFINITY))
+    }
+
+    /// The relation that disagrees most for its kind, of those that `other` states too, with its disagreement.
+    pub(super) fn worst_beside(&self, other: &Self) -> (Relation, f64) {
+        let stated = |relation: Relation| other.get(relation).and(self.get(relation));
+        Self(Relation::ALL.map(stated)).worst()
     }
 
     /// One number to compare set-ups by: Σ ln(1 + (s/usual)²), the negative log-likelihood of medians under Cauchy's
@@ -133,10 +165,10 @@ impl Seen {
 
     /// Without base and target found.
     pub(super) fn unplaced(set_up: &SetUp, evidence: &Evidence) -> Self {
-        let measured = evidence.stations.iter();
+        let measured = evidence.measured(set_up.reading_row).into_iter();
         Self {
             flanges: set_up.flanges(evidence),
-            measured: measured.map(|station| station.measured * set_up.reading_scale).collect(),
+            measured: measured.map(|measured| set_up.reading_map * measured).collect(),
             placement: None,
         }
     }
@@ -186,10 +218,35 @@ impl Seen {
     fn turns(&self, set_up: &SetUp, evidence: &Evidence) -> Option<f64> {
         let tool = set_up.flange_from_tool?.rotation;
         let turn = |(place, command): (usize, &crate::join::Command)| {
-            let commanded = set_up.base_from_command.rotation * command.orientation?;
+            let commanded = set_up.commanded_turn(command)?;
             Some((self.flanges[place].rotation * tool).angle_to(&commanded))
         };
         median(&evidence.commands().filter_map(turn).collect::<Vec<_>>())
+    }
+
+    /// `None` of reflected readings too, which state no orientation.
+    fn orientations(&self, set_up: &SetUp, evidence: &Evidence) -> Option<f64> {
+        let base = self.placement?.tracker_from_base.rotation;
+        let measured = evidence.stations.iter().zip(&self.flanges);
+        let targets = measured.filter_map(|(station, flange)| {
+            let measured = reread(&set_up.reading_parts, &station.orientation?);
+            Some(flange.rotation.inverse() * base.inverse() * measured)
+        });
+        let targets: Vec<UnitQuaternion<f64>> = targets.collect();
+        let target = middle(&targets).filter(|_| set_up.reading_map.determinant() > 0.0)?;
+        median(&targets.iter().map(|own| own.angle_to(&target)).collect::<Vec<_>>())
+    }
+
+    /// The tool's orientation at the flange as the commands have it; `None` where they have none.
+    pub(super) fn tool_turn(
+        &self,
+        set_up: &SetUp,
+        evidence: &Evidence,
+    ) -> Option<UnitQuaternion<f64>> {
+        let tool = |(place, command): (usize, &crate::join::Command)| {
+            Some(self.flanges[place].rotation.inverse() * set_up.commanded_turn(command)?)
+        };
+        middle(&evidence.commands().filter_map(tool).collect::<Vec<_>>())
     }
 
     /// Flange and commanded position in the base frame of each station with a command.
@@ -242,6 +299,19 @@ pub(super) fn in_flange(seen: &[(Isometry3<f64>, Point3<f64>)]) -> Option<Vector
         seen.iter().map(|(flange, at)| flange.inverse_transform_point(at)).collect();
     let axis = |axis: usize| median(&local.iter().map(|p| p[axis]).collect::<Vec<_>>());
     Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?))
+}
+
+/// The most orientations that are tried as the middle of all.
+const MOST_MIDDLES: usize = 20;
+
+/// The orientation that most are near to; `None` of nothing.
+fn middle(turns: &[UnitQuaternion<f64>]) -> Option<UnitQuaternion<f64>> {
+    let spread = |middle: &UnitQuaternion<f64>| {
+        median(&turns.iter().map(|turn| turn.angle_to(middle)).collect::<Vec<_>>())
+    };
+    let tried = turns.iter().step_by(turns.len().div_ceil(MOST_MIDDLES).max(1));
+    let tried = tried.filter_map(|turn| Some((*turn, spread(turn)?)));
+    tried.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(middle, _)| middle)
 }
 
 /// Rounds of reweighting, and the least scale of the weights, mm.

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 
-use crate::join::{Command, Reading, Station, TargetId};
+use crate::join::{Command, Station, TargetId};
 
 /// The most stations that are compared, spread over the session: the set-up has a dozen numbers.
 const MOST: usize = 250;
@@ -15,6 +15,8 @@ pub struct Dwelt {
     pub reported: Vec<f64>,
     /// Measured position in the instrument's frame, mm as the pipeline file's unit makes them.
     pub measured: Vector3<f64>,
+    /// Measured orientation in the instrument's frame; absent for a reflector.
+    pub orientation: Option<UnitQuaternion<f64>>,
     /// The command in force, in the frame of commands; absent without commands.
     pub command: Option<Command>,
 }
@@ -23,6 +25,8 @@ pub struct Dwelt {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
     pub stations: Vec<Dwelt>,
+    /// Measured positions at the stations before and behind each of them; of the first and the last their own.
+    beside: Vec<[Vector3<f64>; 2]>,
 }
 
 impl Evidence {
@@ -32,10 +36,11 @@ impl Evidence {
         let target = held_against(stations);
         let dwelt = |station: &Station| {
             let mut own = station.measured().iter().filter(|r| r.target == target);
-            let measured = own.find_map(Reading::position)?;
+            let (measured, reading) = own.find_map(|own| Some((own.position()?, own)))?;
             Some(Dwelt {
                 reported: station.joints.clone(),
                 measured: measured.coords,
+                orientation: reading.orientation(),
                 command: station.command.clone(),
             })
         };
@@ -44,8 +49,27 @@ impl Evidence {
 
     /// At most 250 of `stations`, evenly spread.
     pub fn spread(stations: Vec<Dwelt>) -> Self {
-        let stride = stations.len().div_ceil(MOST).max(1);
-        Self { stations: stations.into_iter().step_by(stride).collect() }
+        let at = |place: usize| stations.get(place).map(|own| own.measured);
+        let beside = stations.iter().enumerate().map(|(place, own)| {
+            [place.checked_sub(1).and_then(at), at(place + 1)].map(|at| at.unwrap_or(own.measured))
+        });
+        let beside = beside.collect();
+        Self { stations, beside }.thinned(MOST)
+    }
+
+    /// At most so many of the stations, evenly spread.
+    pub(super) fn thinned(&self, most: usize) -> Self {
+        let stride = self.stations.len().div_ceil(most).max(1);
+        let stations = self.stations.iter().step_by(stride).cloned().collect();
+        Self { stations, beside: self.beside.iter().step_by(stride).copied().collect() }
+    }
+
+    /// The measured position of each station, or of the row before (−1) or behind it (1), mm.
+    pub(super) fn measured(&self, row: i8) -> Vec<Vector3<f64>> {
+        match row {
+            0 => self.stations.iter().map(|station| station.measured).collect(),
+            _ => self.beside.iter().map(|beside| beside[usize::from(row > 0)]).collect(),
+        }
     }
 
     /// The commanded positions with the places of their stations.

@@ -3,14 +3,15 @@
 mod frames;
 mod joints;
 pub(super) mod links;
+mod readings;
 
 use std::sync::{Arc, LazyLock};
 
 use super::set_up::SetUp;
-use crate::units::MM_PER_M;
 use frames::frames;
 use joints::joints;
 use links::links;
+use readings::readings;
 
 pub use frames::{FrameKey, OtherReading};
 
@@ -21,6 +22,8 @@ pub struct Hypothesis {
     pub edit: String,
     pub set_up: SetUp,
     pub sort: Sort,
+    /// Whether it is two mistakes at once.
+    pub is_pair: bool,
 }
 
 /// Sorts of mistakes, by how well they have to explain the logs.
@@ -36,7 +39,18 @@ pub enum Sort {
 
 impl Hypothesis {
     fn new(mistake: impl Into<String>, edit: impl Into<String>, set_up: SetUp) -> Self {
-        Self { mistake: mistake.into(), edit: edit.into(), set_up, sort: Sort::Kind }
+        let (mistake, edit) = (mistake.into(), edit.into());
+        Self { mistake, edit, set_up, sort: Sort::Kind, is_pair: false }
+    }
+
+    /// A change by a number that was found from the same logs.
+    pub(super) fn of_size(mistake: String, edit: String, set_up: SetUp) -> Self {
+        Self { sort: Sort::Size, ..Self::new(mistake, edit, set_up) }
+    }
+
+    /// The key that is edited.
+    pub(super) fn key(&self) -> &str {
+        self.edit.split([':', '=']).next().unwrap_or_default()
     }
 }
 
@@ -54,15 +68,27 @@ pub struct Alternatives {
     pub arms: Arc<LazyLock<Vec<KnownArm>>>,
     /// Placements with the stated numbers, read by other conventions.
     pub readings: Vec<OtherReading>,
+    /// The stated robot file's arm by another convention of its table, by that convention's word; `None` of a file without a table.
+    pub convention: Option<KnownArm>,
 }
 
-/// All usual mistakes about `stated`, the simpler ones first.
+impl Alternatives {
+    /// Whether the stated arm is a ready one: then its links are as they are.
+    pub(super) fn is_ready(&self, stated: &SetUp) -> bool {
+        self.arms.iter().any(|known| known.arm.chain() == stated.arm.chain())
+    }
+}
+
+/// All usual mistakes about `stated`: those of readings first, then of frames, then of robot files.
 pub(super) fn all(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hypothesis> {
-    let mut all = units(stated);
+    let mut all = readings(stated);
     all.extend(frames(stated, &alternatives.readings));
     all.extend(other_arms(stated, &alternatives.arms));
     all.extend(joints(stated));
-    all.extend(links(stated));
+    if !alternatives.is_ready(stated) {
+        all.extend(alternatives.convention.as_ref().and_then(|other| convention(stated, other)));
+        all.extend(links(stated));
+    }
     all
 }
 
@@ -70,51 +96,6 @@ pub(super) fn all(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hypothesis
 pub(super) fn of_the_join(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hypothesis> {
     let mut all = all(stated, alternatives);
     all.retain(|hypothesis| hypothesis.set_up.joins_otherwise(stated));
-    all
-}
-
-/// The positions of joints that slide in another unit; `None` for an arm without one.
-fn positions(stated: &SetUp, factor: f64, unit: &str) -> Option<Hypothesis> {
-    if !stated.arm.has_slides() {
-        return None;
-    }
-    let mut joints_from_reported = stated.joints_from_reported.clone();
-    let columns = joints_from_reported.column_iter_mut();
-    for (mut column, joint) in columns.zip(stated.arm.joints()) {
-        if joint.slides {
-            column *= factor;
-        }
-    }
-    let set_up = SetUp { joints_from_reported, ..stated.clone() };
-    let mistake = format!("the reported positions of joints that slide are in {unit}");
-    let edit = format!("{} = \"{unit}\"", stated.unit_keys.slides);
-    Some(Hypothesis::new(mistake, edit, set_up))
-}
-
-fn units(stated: &SetUp) -> Vec<Hypothesis> {
-    let angle = |unit: &str, factor: f64| {
-        let mut joints_from_reported = stated.joints_from_reported.clone();
-        let joints = stated.arm.joints().iter();
-        let columns = joints_from_reported.column_iter_mut().zip(joints);
-        for (mut column, _) in columns.filter(|(_, joint)| !joint.slides) {
-            column *= factor;
-        }
-        let set_up = SetUp { joints_from_reported, ..stated.clone() };
-        let mistake = format!("the reported joint angles are in {unit}");
-        let edit = format!("{} = \"{unit}\"", stated.unit_keys.angles);
-        Hypothesis::new(mistake, edit, set_up)
-    };
-    let mut all = vec![angle("deg", 1.0_f64.to_radians()), angle("rad", 1.0_f64.to_degrees())];
-    for (factor, wider) in [(MM_PER_M, true), (1.0 / MM_PER_M, false)] {
-        let unit = if wider { "m" } else { "mm" };
-        all.extend(positions(stated, factor, unit));
-        let reading = SetUp { reading_scale: factor, ..stated.clone() };
-        let edit = format!("{} = \"{unit}\"", stated.unit_keys.readings);
-        all.push(Hypothesis::new(format!("the tracker's positions are in {unit}"), edit, reading));
-        let command = SetUp { command_scale: factor, ..stated.clone() };
-        let edit = format!("{} = \"{unit}\"", stated.unit_keys.commands);
-        all.push(Hypothesis::new(format!("the commanded positions are in {unit}"), edit, command));
-    }
     all
 }
 
@@ -148,6 +129,14 @@ pub(super) fn ready_file(stated: &SetUp, known: &[KnownArm]) -> Option<Hypothesi
     let mistake = format!("the robot file has other numbers than the ready one, {}", own.file);
     let hypothesis = in_place_of(stated, own, mistake)?;
     Some(Hypothesis { sort: Sort::Size, ..hypothesis })
+}
+
+/// The robot file's table in another convention.
+fn convention(stated: &SetUp, other: &KnownArm) -> Option<Hypothesis> {
+    let word = &other.file;
+    let mistake = format!("the robot file's table is in another convention, {word}");
+    let edit = format!("robot file: convention = \"{word}\"");
+    Some(Hypothesis { edit, ..in_place_of(stated, other, mistake)? })
 }
 
 /// The set-up with a ready arm; `None` where that is the stated one or has another number of joints.

@@ -1,12 +1,15 @@
 //! The search: which single change of the set-up explains what the logs state.
 
+mod pairs;
+
 use std::fmt;
 
-use super::agreement::{Agreement, Relation};
+use super::agreement::{Agreement, Relation, Seen};
 use super::evidence::Evidence;
 use super::hypotheses::{self, Alternatives, Hypothesis, Sort};
 use super::set_up::SetUp;
-use super::shifts::shifts;
+use super::shifts;
+use pairs::pairs;
 
 impl Sort {
     /// The share that the worst disagreement has to fall to.
@@ -36,11 +39,14 @@ impl Sort {
 
 /// Costs closer than this are not separated by the logs.
 const TIE: f64 = 0.25;
-/// A mistake explains everything where no relation is left beyond this many times what is usual.
-const WHOLE: f64 = 10.0;
-const MOST_NAMED: usize = 4;
-/// A disagreement beyond this is grave even where it is a matter of size, mm: tables made with it would be of another cell.
+/// What is named leaves at most this many times what the best mistake of kind leaves, beyond what is usual.
+const TIMES_BEST: f64 = 2.0;
+/// What one mistake may leave, in units of what is usual, before two at once are looked for.
+const LITTLE: f64 = 3.0;
+const MOST_NAMED: usize = 6;
+/// A disagreement beyond this is grave even where it is a matter of size, mm and rad: tables made with it would be of another cell.
 const GRAVE_MM: f64 = 20.0;
+const GRAVE_RAD: f64 = 0.2;
 
 /// A disagreement between logs and files, and what explains it.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,19 +60,22 @@ pub struct Finding {
     pub mistakes: Vec<Mistake>,
     /// Whether nothing may be published.
     pub is_grave: bool,
-    /// Whether every relation agrees with the first mistake mended.
-    pub explains_all: bool,
+    /// The relation that is left worst with the first mistake mended, where that is more than is usual.
+    pub left: Option<(Relation, f64)>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
     pub what: String,
     pub edit: String,
+    /// Whether it is two mistakes at once.
+    pub is_pair: bool,
 }
 
 impl From<&Hypothesis> for Mistake {
     fn from(hypothesis: &Hypothesis) -> Self {
-        Self { what: hypothesis.mistake.clone(), edit: hypothesis.edit.clone() }
+        let Hypothesis { mistake, edit, is_pair, .. } = hypothesis;
+        Self { what: mistake.clone(), edit: edit.clone(), is_pair: *is_pair }
     }
 }
 
@@ -86,89 +95,157 @@ pub fn check(
     if worst <= relation.usual() {
         return None;
     }
-    named(&agreement, evidence, &all(stated, evidence, alternatives))
+    Search::of(stated, agreement, evidence, alternatives)
+        .named()
         .or_else(|| unexplained(relation, worst, gate_mm))
-}
-
-pub(super) fn all(
-    stated: &SetUp,
-    evidence: &Evidence,
-    alternatives: &Alternatives,
-) -> Vec<Hypothesis> {
-    let mut all = hypotheses::all(stated, alternatives);
-    all.extend(shifts(stated, evidence));
-    all.extend(hypotheses::ready_file(stated, &alternatives.arms));
-    all
 }
 
 /// A disagreement that no usual mistake explains, where it is too large to go on.
 fn unexplained(relation: Relation, stated: f64, gate_mm: f64) -> Option<Finding> {
-    let is_grave = relation != Relation::Turns && stated > gate_mm;
-    is_grave.then(|| Finding {
+    let gate = if relation.is_of_turns() { GRAVE_RAD } else { gate_mm };
+    (stated > gate).then(|| Finding {
         relation,
         stated,
         mended: None,
         mistakes: Vec::new(),
-        is_grave,
-        explains_all: false,
+        is_grave: true,
+        left: None,
     })
 }
 
-/// A hypothesis under which the logs agree better.
-struct Explanation<'h> {
-    hypothesis: &'h Hypothesis,
+/// A set-up with one or two mistakes mended, and how the logs agree with it.
+#[derive(Debug, Clone)]
+struct Explanation {
+    hypothesis: Hypothesis,
     agreement: Agreement,
     cost: f64,
 }
 
-impl<'h> Explanation<'h> {
-    /// `None` where the hypothesis does not explain the worst disagreement of `stated`.
-    fn of(hypothesis: &'h Hypothesis, stated: &Agreement, evidence: &Evidence) -> Option<Self> {
-        let (relation, worst) = stated.worst();
-        let agreement = Agreement::of(&hypothesis.set_up, evidence);
-        let mended = agreement.get(relation).unwrap_or(f64::INFINITY);
-        let (sort, gain) = (hypothesis.sort, stated.cost() - agreement.cost());
-        let explains = mended <= sort.explained() * worst && gain >= sort.least_gain();
-        explains.then(|| Self { hypothesis, cost: agreement.cost() + sort.freedom(), agreement })
+impl Explanation {
+    /// Whether it explains the worst disagreement of `stated`, and leaves no relation beyond its gate.
+    fn explains(&self, stated: &Agreement) -> bool {
+        let (relation, worst) = stated.worst_beside(&self.agreement);
+        let sort = self.hypothesis.sort;
+        let mended = self.agreement.get(relation).unwrap_or(f64::INFINITY);
+        mended <= sort.explained() * worst
+            && stated.cost() - self.agreement.cost() >= sort.least_gain()
+            && self.agreement.iter().all(|(relation, left)| left <= relation.most_left())
+    }
+
+    /// What it leaves of the worst relation, in units of what is usual.
+    fn left(&self) -> f64 {
+        let (relation, left) = self.agreement.worst();
+        left / relation.usual()
     }
 }
 
-/// The mistakes among `hypotheses` that explain the disagreement best; `None` where none does.
-pub(super) fn named(
-    stated: &Agreement,
-    evidence: &Evidence,
-    hypotheses: &[Hypothesis],
-) -> Option<Finding> {
-    let (relation, worst) = stated.worst();
-    let explained = hypotheses.iter();
-    let explained =
-        explained.filter_map(|hypothesis| Explanation::of(hypothesis, stated, evidence));
-    let explained: Vec<Explanation<'_>> = explained.collect();
-    let costs = explained.iter().map(|explanation| explanation.cost);
-    let least = costs.min_by(f64::total_cmp)?;
-    // Of mistakes that the logs cannot separate, the simpler comes first: that is their order.
-    let tied: Vec<&Explanation<'_>> =
-        explained.iter().filter(|explanation| explanation.cost <= least + TIE).collect();
-    let first = tied.first()?;
-    let (still, left) = first.agreement.worst();
-    let is_large = relation != Relation::Turns && worst > GRAVE_MM;
-    Some(Finding {
-        relation,
-        stated: worst,
-        mended: first.agreement.get(relation),
-        mistakes: tied.iter().take(MOST_NAMED).map(|tied| Mistake::from(tied.hypothesis)).collect(),
-        is_grave: first.hypothesis.sort != Sort::Size || is_large,
-        explains_all: left <= WHOLE * still.usual(),
-    })
+/// The hypotheses about one set-up on the logs of one session.
+pub(super) struct Search<'a> {
+    stated: &'a SetUp,
+    agreement: Agreement,
+    evidence: &'a Evidence,
+    alternatives: &'a Alternatives,
+    seen: Seen,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn of(
+        stated: &'a SetUp,
+        agreement: Agreement,
+        evidence: &'a Evidence,
+        alternatives: &'a Alternatives,
+    ) -> Self {
+        Self { stated, agreement, evidence, alternatives, seen: Seen::of(stated, evidence) }
+    }
+
+    /// Every mistake of kind, and every frame moved.
+    fn of_kind(&self) -> Vec<Hypothesis> {
+        let mut all = hypotheses::all(self.stated, self.alternatives);
+        all.extend(shifts::frames(self.stated, self.evidence, &self.seen));
+        all
+    }
+
+    /// Every mistake.
+    fn all(&self) -> Vec<Hypothesis> {
+        let mut all = self.of_kind();
+        if !self.alternatives.is_ready(self.stated) {
+            all.extend(shifts::links(self.stated, self.evidence, &self.seen));
+        }
+        all.extend(hypotheses::ready_file(self.stated, &self.alternatives.arms));
+        all
+    }
+
+    fn explanation(&self, hypothesis: Hypothesis) -> Explanation {
+        let set_up = &hypothesis.set_up;
+        let agreement = if set_up.joins_otherwise(self.stated) {
+            Agreement::of(set_up, self.evidence)
+        } else {
+            Agreement::by(&self.seen, set_up, self.evidence)
+        };
+        Explanation { cost: agreement.cost() + hypothesis.sort.freedom(), agreement, hypothesis }
+    }
+
+    /// The mistakes that explain the disagreement best; `None` where none does.
+    pub(super) fn named(&self) -> Option<Finding> {
+        let tried: Vec<Explanation> =
+            self.all().into_iter().map(|hypothesis| self.explanation(hypothesis)).collect();
+        let single = self.tied(tried.iter().collect());
+        let is_whole = single.first().is_some_and(|first| first.left() <= LITTLE);
+        let pairs =
+            if is_whole { Vec::new() } else { pairs(self.evidence, &tried, self.alternatives) };
+        let pairs = self.tied(pairs.iter().collect());
+        let gain =
+            |pair: &Explanation| single.first().is_none_or(|own| own.cost - pair.cost >= 2.0);
+        let is_pair = pairs.first().is_some_and(|pair| gain(pair));
+        self.finding(if is_pair { &pairs } else { &single })
+    }
+
+    /// Those that explain the disagreement and that the logs cannot separate from the best of them, in the order of hypotheses.
+    fn tied<'e>(&self, mut tried: Vec<&'e Explanation>) -> Vec<&'e Explanation> {
+        tried.retain(|own| own.explains(&self.agreement));
+        let of_kind = tried.iter().filter(|own| own.hypothesis.sort == Sort::Kind);
+        let share = of_kind.map(|own| own.left()).min_by(f64::total_cmp);
+        let most = share.map_or(f64::INFINITY, |share| (TIMES_BEST * share).max(1.0));
+        tried.retain(|own| own.hypothesis.sort == Sort::Size || own.left() <= most);
+        let least = tried.iter().map(|own| own.cost).min_by(f64::total_cmp);
+        tried.retain(|own| least.is_some_and(|least| own.cost <= least + TIE));
+        // Pairs come in the order of their costs: what edits a robot file goes last.
+        tried.sort_by_key(|own| own.hypothesis.edit.contains("robot file"));
+        tried
+    }
+
+    fn finding(&self, tied: &[&Explanation]) -> Option<Finding> {
+        let first = tied.first()?;
+        let (relation, worst) = self.agreement.worst_beside(&first.agreement);
+        let is_large = worst > if relation.is_of_turns() { GRAVE_RAD } else { GRAVE_MM };
+        Some(Finding {
+            relation,
+            stated: worst,
+            mended: first.agreement.get(relation),
+            mistakes: tied.iter().map(|tied| Mistake::from(&tied.hypothesis)).collect(),
+            is_grave: first.hypothesis.sort != Sort::Size || is_large,
+            left: Some(first.agreement.worst()).filter(|(relation, left)| *left > relation.usual()),
+        })
+    }
+}
+
+/// A disagreement in words.
+fn size(relation: Relation, value: f64) -> String {
+    if relation.is_of_turns() {
+        format!("{:.2}°", value.to_degrees())
+    } else {
+        format!("{value:.1} mm")
+    }
 }
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let size = |value: f64| match self.relation {
-            Relation::Turns => format!("{:.2}°", value.to_degrees()),
-            _ => format!("{value:.1} mm"),
-        };
-        write!(f, "{} disagree by {} in the median", self.relation.in_words(), size(self.stated))?;
+        f.write_str(self.relation.in_words())?;
+        if self.stated.is_finite() {
+            write!(f, " disagree by {} in the median", size(self.relation, self.stated))?;
+        } else {
+            f.write_str(" cannot be brought together")?;
+        }
         let (Some(first), Some(mended)) = (self.mistakes.first(), self.mended) else {
             return write!(
                 f,
@@ -176,11 +253,29 @@ impl fmt::Display for Finding {
                  against the cell"
             );
         };
-        write!(f, "; with one change by {}: {}; write {}", size(mended), first.what, first.edit)?;
-        for other in &self.mistakes[1..] {
-            write!(f, "; the logs cannot separate this from: {} ({})", other.what, other.edit)?;
+        let changes = if first.is_pair { "two changes" } else { "one change" };
+        write!(f, "; with {changes} by {}: {}", size(self.relation, mended), first.what)?;
+        let others = &self.mistakes[1..];
+        if others.is_empty() {
+            write!(f, "; write {}", first.edit)?;
+        } else {
+            let named: Vec<&str> =
+                others.iter().take(MOST_NAMED).map(|other| other.what.as_str()).collect();
+            write!(f, "; the logs cannot separate this from: {}", named.join("; or "))?;
+            if others.len() > MOST_NAMED {
+                write!(f, "; or {} others", others.len() - MOST_NAMED)?;
+            }
+            f.write_str("; so look at the cell before one of them is changed")?;
         }
-        Ok(())
+        match self.left {
+            Some((relation, left)) => write!(
+                f,
+                "; {} are left between {}: something else is wrong too, or the arm is far from its nominal one",
+                size(relation, left),
+                relation.in_words()
+            ),
+            None => Ok(()),
+        }
     }
 }
 
@@ -202,7 +297,12 @@ mod tests {
         let dwelt = |k: i32| {
             let reported = vec![0.52 * (0.9 * f64::from(k)).sin(), 0.07 * f64::from(k)];
             let target = stated.flange(&reported) * Point3::new(177.0, -636.0, 509.0);
-            Dwelt { measured: (camera_from_base * target).coords, reported, command: None }
+            Dwelt {
+                measured: (camera_from_base * target).coords,
+                reported,
+                orientation: None,
+                command: None,
+            }
         };
         let sound = Evidence::spread((0..90).map(dwelt).collect());
         assert_eq!(check(&stated, &sound, &Alternatives::default(), 30.0), None);
@@ -212,5 +312,12 @@ mod tests {
             station.measured += Vector3::x() * 40.0 * (place % 7) as f64;
         }
         assert!(check(&stated, &other, &Alternatives::default(), 30.0).is_some());
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_not_a_number() {
+        let finding = unexplained(Relation::Arm, f64::INFINITY, 30.0).expect("grave");
+        assert!(!finding.to_string().contains("inf"), "{finding}");
+        assert!(unexplained(Relation::Turns, 0.1, 30.0).is_none());
     }
 }

@@ -1,8 +1,11 @@
 //! The set-up of a cell as a pipeline file and its robot file state it.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3,
+};
 
 use super::evidence::Evidence;
+use crate::join::Command;
 use crate::kinematics::Arm;
 
 /// The set-up: the arm, how its angles are reported, the units and the frames.
@@ -11,10 +14,16 @@ pub struct SetUp {
     pub arm: Arm,
     /// Joint angles from reported ones, a square matrix; the identity as stated.
     pub joints_from_reported: DMatrix<f64>,
-    /// Factor on measured positions; 1 as stated.
-    pub reading_scale: f64,
+    /// Map on measured positions, a factor or a reflection; the identity as stated.
+    pub reading_map: Matrix3<f64>,
+    /// Map on the parts x, y, z, w of measured orientations; the identity as stated.
+    pub reading_parts: Matrix4<f64>,
+    /// The row whose reading belongs to a row's joints, counted from that row; 0 as stated.
+    pub reading_row: i8,
     /// Factor on commanded positions; 1 as stated.
     pub command_scale: f64,
+    /// Map on the parts x, y, z, w of commanded orientations; the identity as stated.
+    pub command_parts: Matrix4<f64>,
     pub base_from_command: Isometry3<f64>,
     /// The controller's tool at the flange, mm; `None` where it is not stated.
     pub flange_from_tool: Option<Isometry3<f64>>,
@@ -59,8 +68,11 @@ impl SetUp {
         Self {
             arm,
             joints_from_reported: DMatrix::identity(joints, joints),
-            reading_scale: 1.0,
+            reading_map: Matrix3::identity(),
+            reading_parts: Matrix4::identity(),
+            reading_row: 0,
             command_scale: 1.0,
+            command_parts: Matrix4::identity(),
             base_from_command: Isometry3::identity(),
             flange_from_tool: None,
             target: None,
@@ -90,12 +102,20 @@ impl SetUp {
 
     /// Whether arm, reported angles or readings differ from another set-up's: commands and stated frames play no part in the join.
     pub(super) fn joins_otherwise(&self, other: &Self) -> bool {
-        let of_join = |set_up: &Self| Self {
-            reading_scale: set_up.reading_scale,
-            joints_from_reported: set_up.joints_from_reported.clone(),
-            ..Self::of_arm(set_up.arm.clone())
-        };
-        of_join(self) != of_join(other)
+        self.reading_map != other.reading_map
+            || self.reading_row != other.reading_row
+            || self.joints_from_reported != other.joints_from_reported
+            || self.arm != other.arm
+    }
+
+    /// A command's orientation in the base frame; `None` where it has none.
+    pub(super) fn commanded_turn(&self, command: &Command) -> Option<UnitQuaternion<f64>> {
+        Some(self.base_from_command.rotation * reread(&self.command_parts, &command.orientation?))
+    }
+
+    /// Whether sessions are tables of stations.
+    pub(super) fn is_of_tables(&self) -> bool {
+        self.unit_keys == UnitKeys::TABLES
     }
 
     /// The target as the file states it: by its own key, otherwise as the tool's origin where the two are one point.
@@ -109,4 +129,12 @@ impl SetUp {
         let tool = self.flange_from_tool.filter(|_| self.target_is_tool)?;
         Some([tool.translation.vector, self.target?])
     }
+}
+
+/// An orientation whose parts x, y, z, w were read otherwise.
+pub(super) fn reread(
+    parts: &Matrix4<f64>,
+    orientation: &UnitQuaternion<f64>,
+) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::from_vector(parts * orientation.coords))
 }

@@ -4,20 +4,26 @@ mod link;
 
 use nalgebra::{Isometry3, Point3, Translation3};
 
-use super::agreement::{Seen, in_flange, robust_align};
+use super::agreement::{Relation, Seen, in_flange, robust_align};
 use super::evidence::{Evidence, point};
-use super::hypotheses::{FrameKey, Hypothesis, Sort};
+use super::hypotheses::{FrameKey, Hypothesis};
 use super::set_up::SetUp;
 use crate::units::to_step;
 
-/// Every frame and every link quantity in turn, moved to where the logs agree best.
-pub(super) fn shifts(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
-    let seen = Seen::of(stated, evidence);
+/// Every link quantity in turn, moved to where the logs agree best.
+pub(super) fn links(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Vec<Hypothesis> {
+    seen.placement.map_or_else(Vec::new, |placement| link::links(stated, evidence, &placement))
+}
+
+/// Every frame in turn, moved to where the logs agree best.
+pub(super) fn frames(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Vec<Hypothesis> {
+    let tool = tool(stated, evidence, seen);
     let mut frames = vec![
-        (FrameKey::Tool, tool(stated, evidence, &seen)),
-        (FrameKey::Target, target(stated, &seen)),
-        (FrameKey::Survey, survey(stated, &seen)),
-        (FrameKey::Commands, commands(stated, evidence, &seen)),
+        (FrameKey::Tool, tool),
+        (FrameKey::Target, target(stated, seen)),
+        (FrameKey::Both, tool.filter(|_| FrameKey::Both.of(stated).is_some())),
+        (FrameKey::Survey, survey(stated, seen)),
+        (FrameKey::Commands, commands(stated, evidence, seen)),
     ];
     // Where the two are one point, either may be meant to be where the other is.
     if let (Some([_, target]), Some(tool)) = (stated.one_point(), stated.flange_from_tool) {
@@ -30,9 +36,6 @@ pub(super) fn shifts(stated: &SetUp, evidence: &Evidence) -> Vec<Hypothesis> {
         let shifted = moved.and_then(|moved| shifted(stated, frame, &moved));
         all.extend(shifted.filter(|shifted| all.iter().all(|known| known.edit != shifted.edit)));
     }
-    if let Some(placement) = &seen.placement {
-        all.extend(link::links(stated, evidence, placement));
-    }
     all
 }
 
@@ -44,19 +47,17 @@ fn shifted(stated: &SetUp, frame: FrameKey, moved: &Isometry3<f64>) -> Option<Hy
         if turn_deg > 0.05 { format!(" and turned by {turn_deg:.2}°") } else { String::new() };
     let mistake =
         format!("{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}", frame.key(), step.x, step.y, step.z);
-    Some(Hypothesis {
-        mistake,
-        edit: frame.edit(moved),
-        set_up: frame.put(stated, *moved),
-        sort: Sort::Size,
-    })
+    Some(Hypothesis::of_size(mistake, frame.edit(moved), frame.put(stated, *moved)))
 }
 
 /// The tool where the commands have it.
 fn tool(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Option<Isometry3<f64>> {
     let tool = stated.flange_from_tool?;
     let at = in_flange(&seen.commanded(stated, evidence))?;
-    Some(Isometry3::from_parts(Translation3::from(at), tool.rotation))
+    let turn = seen.tool_turn(stated, evidence);
+    // A turn that says nothing stays as it is stated.
+    let turn = turn.filter(|turn| turn.angle_to(&tool.rotation) > Relation::Turns.usual());
+    Some(Isometry3::from_parts(Translation3::from(at), turn.unwrap_or(tool.rotation)))
 }
 
 /// The target where the readings have it.

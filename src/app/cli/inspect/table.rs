@@ -9,7 +9,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use super::{escaped, shown};
-use crate::ingest::{AngleUnit, LengthUnit};
+use crate::ingest::AngleUnit;
 use crate::io::inspect::table::{ColumnSummary, Differs, Guess, TableInspection, Tried, Verdict};
 
 pub use section::section;
@@ -164,7 +164,7 @@ fn of_verdict(guess: &Guess, verdict: &Verdict) -> Vec<String> {
             "{}, joints in {} and {order}, positions in {}: {}",
             guess.arms[best.arm],
             angle(best.angle),
-            length(best.length),
+            best.length,
             guess.choices[best.choice]
         ),
     ));
@@ -195,8 +195,8 @@ fn residual(tried: &Tried, words: &str) -> String {
 fn difference(guess: &Guess, differs: Differs, tried: &Tried) -> String {
     match differs {
         Differs::Angle => format!("joints in {}", angle(tried.angle)),
-        Differs::Slide => format!("joints that slide in {}", length(tried.slide)),
-        Differs::Length => format!("positions in {}", length(tried.length)),
+        Differs::Slide => format!("joints that slide in {}", tried.slide),
+        Differs::Length => format!("positions in {}", tried.length),
         Differs::Order if tried.is_reversed => "joints reversed".to_owned(),
         Differs::Order => "joints in the order of the columns".to_owned(),
         Differs::Arm => format!("another arm: {}", guess.arms[tried.arm]),
@@ -208,13 +208,7 @@ const fn angle(unit: AngleUnit) -> &'static str {
     match unit {
         AngleUnit::Rad => "rad",
         AngleUnit::Deg => "deg",
-    }
-}
-
-const fn length(unit: LengthUnit) -> &'static str {
-    match unit {
-        LengthUnit::M => "m",
-        LengthUnit::Mm => "mm",
+        AngleUnit::Gon => "gon",
     }
 }
 

@@ -1,5 +1,6 @@
 //! The set-up as pipeline file and robot file state it, for the check against the logs.
 
+use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 use nalgebra::{Isometry3, Vector3};
@@ -7,10 +8,10 @@ use nalgebra::{Isometry3, Vector3};
 use super::Placed;
 use crate::fit::ErrorBase;
 use crate::geometry::Placement;
-use crate::io::robot::ready;
-use crate::kinematics::Arm;
+use crate::io::robot::{self, ready};
+use crate::kinematics::{Arm, Convention, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
-use crate::setup::{Alternatives, FrameKey, OtherReading, SetUp, UnitKeys};
+use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys};
 
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
@@ -21,7 +22,7 @@ pub struct StatedSetUp {
 }
 
 impl StatedSetUp {
-    pub(super) fn new(file: &PipelineFile, placed: &Placed, arm: &Arm) -> Self {
+    pub(super) fn new(file: &PipelineFile, placed: &Placed, robot_file: &Path, arm: &Arm) -> Self {
         let frames = placed.command_frames.as_ref();
         let surveyed = match placed.base {
             Some(ErrorBase::Surveyed(base)) => Some(base.tracker_from_base),
@@ -41,9 +42,21 @@ impl StatedSetUp {
             alternatives: Alternatives {
                 arms: Arc::new(LazyLock::new(ready::arms)),
                 readings: other_conventions(file),
+                convention: other_table(robot_file),
             },
         }
     }
+}
+
+/// The robot file's table read as standard DH for modified and the reverse; `None` of a file without one.
+fn other_table(robot_file: &Path) -> Option<KnownArm> {
+    let mut file: RobotFile = toml::from_str(&robot::text(robot_file).ok()?).ok()?;
+    file.convention = match file.convention {
+        Convention::StandardDh | Convention::MdH => Convention::ModifiedDh,
+        Convention::ModifiedDh => Convention::StandardDh,
+        _ => return None,
+    };
+    Some(KnownArm { file: file.convention.word().to_owned(), arm: file.arm().ok()? })
 }
 
 /// The stated placements under other conventions.

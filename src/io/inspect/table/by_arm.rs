@@ -5,7 +5,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::choices::{Choice, Part};
 use super::columns::number;
@@ -151,6 +151,7 @@ impl Bench<'_> {
                     self.table,
                     row,
                 )?),
+                orientation: None,
                 command: None,
             })
         };
@@ -214,7 +215,7 @@ impl Bench<'_> {
         let arm = &self.arms.known[tried.arm].arm;
         SetUp {
             joints_from_reported: joints_from_columns(arm, tried),
-            reading_scale: tried.length.to_mm(),
+            reading_map: Matrix3::from_diagonal_element(tried.length.to_mm()),
             unit_keys: UnitKeys::TABLES,
             ..SetUp::of_arm(arm.clone())
         }
@@ -320,7 +321,7 @@ impl Bench<'_> {
         let most = if best.median_mm > gate_mm() { MOST_SEARCHED } else { 1 };
         // A named arm may have been taken for another one; ready ones have all been tried.
         let alternatives = if self.arms.is_named {
-            Alternatives { arms: Arc::new(LazyLock::new(ready::arms)), readings: Vec::new() }
+            Alternatives { arms: Arc::new(LazyLock::new(ready::arms)), ..Alternatives::default() }
         } else {
             Alternatives::default()
         };

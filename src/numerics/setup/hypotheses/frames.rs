@@ -14,8 +14,13 @@ pub enum FrameKey {
     Commands,
     Tool,
     Target,
+    /// Tool and target, which are stated as one point.
+    Both,
     Survey,
 }
+
+/// Points closer than this are stated as one, mm.
+const ONE_POINT_MM: f64 = 0.1;
 
 /// The numbers of a frame read by another convention than the stated one.
 #[derive(Debug, Clone)]
@@ -28,13 +33,14 @@ pub struct OtherReading {
 }
 
 impl FrameKey {
-    const ALL: [Self; 4] = [Self::Commands, Self::Tool, Self::Target, Self::Survey];
+    const ALL: [Self; 5] = [Self::Commands, Self::Tool, Self::Target, Self::Both, Self::Survey];
 
     pub const fn key(self) -> &'static str {
         match self {
             Self::Commands => "[commanded] base_from_command",
             Self::Tool => "[commanded] flange_from_tool",
             Self::Target => "[fit] target",
+            Self::Both => "[commanded] flange_from_tool and [fit] target",
             Self::Survey => "[tracker] tracker_from_base",
         }
     }
@@ -44,6 +50,10 @@ impl FrameKey {
             Self::Commands => Some(set_up.base_from_command),
             Self::Tool => set_up.flange_from_tool,
             Self::Target => set_up.target.map(|target| Translation3::from(target).into()),
+            Self::Both => {
+                let [tool, target] = set_up.one_point()?;
+                set_up.flange_from_tool.filter(|_| (tool - target).norm() < ONE_POINT_MM)
+            }
             Self::Survey => set_up.tracker_from_base,
         }
     }
@@ -54,6 +64,10 @@ impl FrameKey {
             Self::Commands => set_up.base_from_command = placed,
             Self::Tool => set_up.flange_from_tool = Some(placed),
             Self::Target => set_up.target = Some(placed.translation.vector),
+            Self::Both => {
+                set_up.target = Some(placed.translation.vector);
+                set_up.flange_from_tool = Some(placed);
+            }
             Self::Survey => set_up.tracker_from_base = Some(placed),
         }
         set_up
@@ -61,6 +75,9 @@ impl FrameKey {
 
     /// What to write: the key with the frame's numbers.
     pub(in crate::setup) fn edit(self, placed: &Isometry3<f64>) -> String {
+        if self == Self::Both {
+            return [Self::Tool, Self::Target].map(|own| own.edit(placed)).join(" and ");
+        }
         let [x, y, z] = placed.translation.vector.map(|x| to_step(x, 0.1)).into();
         if self == Self::Target {
             return format!("{} xyz_mm = [{x:.1}, {y:.1}, {z:.1}]", self.key());

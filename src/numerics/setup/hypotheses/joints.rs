@@ -5,7 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::DMatrix;
 
 use super::Hypothesis;
-use crate::kinematics::{LinkQuantity, Parameter};
+use super::links::to_write;
+use crate::kinematics::{Element, LinkQuantity, Parameter};
 use crate::setup::set_up::SetUp;
 
 /// Order, signs, zeros and coupling of the joints.
@@ -22,8 +23,16 @@ fn mapped(stated: &SetUp, map: &DMatrix<f64>) -> SetUp {
     SetUp { joints_from_reported: map * &stated.joints_from_reported, ..stated.clone() }
 }
 
-fn name(stated: &SetUp, joint: usize) -> String {
+pub(super) fn name(stated: &SetUp, joint: usize) -> String {
     format!("{:?} (joint {})", stated.arm.joints()[joint].name, joint + 1)
+}
+
+/// The robot file's joint map with `map` before it, as a key with its value.
+fn joint_map(stated: &SetUp, map: &DMatrix<f64>) -> String {
+    let map = stated.arm.axes_from_joints() * map;
+    let rows: Vec<Vec<f64>> =
+        map.row_iter().map(|row| row.iter().map(|x| x + 0.0).collect()).collect();
+    format!("robot file: joint_map = {rows:?}")
 }
 
 /// One joint, two joints and all joints counted the other way.
@@ -37,13 +46,15 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
             |row, column| if row == column { sign(row) } else { 0.0 },
         );
         let names: Vec<String> = joints.iter().map(|&joint| name(stated, joint)).collect();
-        let names = names.join(" and ");
-        let mistake = format!("the controller counts {names} the other way");
-        Hypothesis::new(
-            mistake,
-            format!("robot file, [[joint]] {names}: the opposite sign"),
-            mapped(stated, &map),
-        )
+        let mistake = format!("the controller counts {} the other way", names.join(" and "));
+        let signs = joints.iter().map(|&joint| {
+            let sign = -sign_key(stated, joint)?;
+            Some(format!("[[joint]] {:?}: sign = {sign:.0}", stated.arm.joints()[joint].name))
+        });
+        let signs: Option<Vec<String>> = signs.collect();
+        let edit = signs.map(|signs| format!("robot file, {}", signs.join(", ")));
+        let edit = edit.unwrap_or_else(|| joint_map(stated, &map));
+        Hypothesis::new(mistake, edit, mapped(stated, &map))
     };
     let singles = (0..count).map(|joint| vec![joint]);
     let pairs =
@@ -53,13 +64,33 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
     all.iter().map(|joints| turned(joints)).collect()
 }
 
+/// The sign of a joint as the robot file has it; `None` where a joint map or another joint that follows reads it too.
+fn sign_key(stated: &SetUp, joint: usize) -> Option<f64> {
+    let elements = stated.arm.chain().elements().iter();
+    let mut own = elements.filter_map(|element| match element {
+        Element::Joint { joint: variable, sign, .. } if *variable == joint => Some(*sign),
+        _ => None,
+    });
+    let sign = own.next()?;
+    let count = stated.arm.joints().len();
+    let is_plain = stated.arm.axes_from_joints() == DMatrix::identity(count, count);
+    (own.next().is_none() && is_plain).then_some(sign)
+}
+
 /// Two joints in each other's place, and all in reverse.
 fn orders(stated: &SetUp) -> Vec<Hypothesis> {
-    let count = stated.arm.joints().len();
+    let joints = stated.arm.joints();
+    let count = joints.len();
     let ordered = |order: &[usize], mistake: String| {
         let map =
             DMatrix::from_fn(count, count, |row, column| f64::from(u8::from(order[row] == column)));
-        let edit = "robot file: the names of [[joint]] in the order of the arm's axes, base first, as the log names them";
+        let names: Vec<&str> = order.iter().map(|&joint| joints[joint].name.as_str()).collect();
+        let edit = if stated.is_of_tables() {
+            let places = order.iter().map(|place| (place + 1).to_string()).collect::<Vec<_>>();
+            format!("[stations] joints: the columns that are now at {}", places.join(", "))
+        } else {
+            format!("robot file: the names of [[joint]], base first: {}", names.join(", "))
+        };
         Hypothesis::new(mistake, edit, mapped(stated, &map))
     };
     let mut all = Vec::new();
@@ -68,7 +99,6 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
             let mut order: Vec<usize> = (0..count).collect();
             order.swap(first, second);
             // A position in an angle's place is another log's channel, not a slip of the order.
-            let joints = stated.arm.joints();
             if joints[first].slides != joints[second].slides {
                 continue;
             }
@@ -108,7 +138,11 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
             let name = name(stated, joint);
             let degrees = angle.to_degrees();
             let mistake = format!("the zero of {name} is {degrees:+.0}° away");
-            let edit = format!("robot file, [[joint]] {name}: offset_deg {degrees:+.0}");
+            let edit = format!(
+                "robot file, [[joint]] {:?}: {}",
+                stated.arm.joints()[joint].name,
+                to_write(&stated.arm, *parameter, angle)
+            );
             all.push(Hypothesis::new(mistake, edit, stated.with_offsets(&offsets)));
         }
     }
@@ -130,11 +164,7 @@ fn couplings(stated: &SetUp) -> Vec<Hypothesis> {
             let names = [second, second - 1].map(|joint| name(stated, joint));
             let sign = if share > 0.0 { '+' } else { '-' };
             let mistake = format!("the axis of {} turns by it {sign} {}", names[0], names[1]);
-            let edit = format!(
-                "robot file: joint_map with {share:+.0} in row {}, column {second}",
-                second + 1
-            );
-            all.push(Hypothesis::new(mistake, edit, mapped(stated, &map)));
+            all.push(Hypothesis::new(mistake, joint_map(stated, &map), mapped(stated, &map)));
         }
     }
     all
@@ -152,7 +182,7 @@ mod tests {
         let stated = SetUp::of_arm(file.arm().expect("an arm"));
         let edits: Vec<String> = zeros(&stated).into_iter().map(|own| own.edit).collect();
         assert_eq!(edits.len(), 18, "three zeros of each of six joints: {edits:?}");
-        let third = edits.iter().filter(|edit| edit.contains("\"a3\" (joint 3)"));
+        let third = edits.iter().filter(|edit| edit.contains("[[joint]] \"a3\": offset_deg = "));
         assert_eq!(third.count(), 3, "{edits:?}");
     }
 }

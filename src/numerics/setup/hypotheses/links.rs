@@ -1,21 +1,21 @@
 //! Mistakes about the links: a length or a twist with the wrong sign.
 
 use super::Hypothesis;
-use crate::kinematics::{Arm, Axis, Chain, Convention, Element, Motion, Parameter};
+use crate::kinematics::{Arm, Chain, Convention, Element, LinkQuantity, Motion, Parameter};
 use crate::setup::set_up::SetUp;
 
 /// Every constant of the chain with the opposite sign.
 pub(super) fn links(stated: &SetUp) -> Vec<Hypothesis> {
     let elements = stated.arm.chain().elements();
     let turned = |(place, element): (usize, &Element)| {
-        let (opposite, what) = opposite(element)?;
+        let (opposite, what, edit) = opposite(&stated.arm, element)?;
         let mut elements = elements.to_vec();
         elements[place] = opposite;
         let joint = link_of(&stated.arm, place);
         let named = joint_name(&stated.arm, joint);
         let arm = stated.arm.with_chain(Chain::new(elements));
         let mistake = format!("the {what} of link {joint} ({named}) has the wrong sign");
-        let edit = format!("robot file, {}: {what} with the opposite sign", table(&named));
+        let edit = format!("robot file, {}: {edit}", table(&named));
         Some(Hypothesis::new(mistake, edit, SetUp { arm, ..stated.clone() }))
     };
     elements.iter().enumerate().filter_map(turned).collect()
@@ -76,32 +76,85 @@ fn followed(arm: &Arm) -> Vec<usize> {
 const LEAST_MM: f64 = 1.0;
 const LEAST_RAD: f64 = 0.002;
 
-/// The element with its constant negated, and the constant's name in a robot file.
-fn opposite(element: &Element) -> Option<(Element, &'static str)> {
+/// The element with its constant negated, the constant's name in a robot file, and what to write.
+fn opposite(arm: &Arm, element: &Element) -> Option<(Element, &'static str, String)> {
     match element {
         Element::Free { motion, nominal, parameter } => {
             let least = if matches!(motion, Motion::Rotation(_)) { LEAST_RAD } else { LEAST_MM };
-            let what = named(*motion);
+            let Parameter::Link { quantity, .. } = parameter else {
+                return None;
+            };
+            let edit = to_write(arm, *parameter, -2.0 * nominal);
             let element =
                 Element::Free { motion: *motion, nominal: -nominal, parameter: *parameter };
-            (nominal.abs() > least).then_some((element, what))
+            (nominal.abs() > least).then_some((element, key(*quantity), edit))
         }
         Element::Fixed(fixed) => {
             let opposite = Element::Fixed(fixed.inverse());
-            (fixed.translation.vector.norm() > LEAST_MM)
-                .then_some((opposite, named(Motion::Translation(Axis::Z))))
+            (fixed.translation.vector.norm() > LEAST_MM).then_some((
+                opposite,
+                "constant",
+                "its constant length with the opposite sign".to_owned(),
+            ))
         }
         Element::Joint { .. } => None,
     }
 }
 
-const fn named(motion: Motion) -> &'static str {
-    match motion {
-        Motion::Translation(Axis::X) => "a_mm",
-        Motion::Translation(_) => "d_mm",
-        Motion::Rotation(Axis::Z) => "offset_deg",
-        Motion::Rotation(_) => "alpha_deg",
+/// The key of a robot file that states the quantity, or words for what no key states.
+pub(in crate::setup) const fn key(quantity: LinkQuantity) -> &'static str {
+    match quantity {
+        LinkQuantity::D => "d_mm",
+        LinkQuantity::A => "a_mm",
+        LinkQuantity::Theta => "offset_deg",
+        LinkQuantity::Alpha => "alpha_deg",
+        LinkQuantity::Beta => "(parallel axes)",
+        LinkQuantity::Gamma => "gamma_deg",
+        LinkQuantity::B => "b_mm",
+        LinkQuantity::X => "the place of the axis along x",
+        LinkQuantity::Y => "the place of the axis along y",
+        LinkQuantity::Rx => "the axis' direction about x",
+        LinkQuantity::Ry => "the axis' direction about y",
     }
+}
+
+/// The key of a link quantity with the stated value plus `change` (mm or rad); of what no key of the convention states, the change.
+pub(in crate::setup) fn to_write(arm: &Arm, parameter: Parameter, change: f64) -> String {
+    let Parameter::Link { quantity, .. } = parameter else {
+        return String::new();
+    };
+    let unit = if quantity.is_angle() { 1.0_f64.to_degrees() } else { 1.0 };
+    let digits = if quantity.is_angle() { 3 } else { 2 };
+    let is_table = matches!(
+        arm.convention(),
+        Convention::StandardDh | Convention::MdH | Convention::ModifiedDh | Convention::SModel
+    );
+    let is_key = is_table && key(quantity).contains('_') || quantity == LinkQuantity::Theta;
+    if !is_key {
+        return format!("{} moved by {:+.digits$}", key(quantity), unit * change);
+    }
+    let value = unit * (stated(arm, parameter) + change);
+    let value = if quantity.is_angle() { 180.0 - (180.0 - value).rem_euclid(360.0) } else { value };
+    let text = format!("{value:.digits$}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    format!("{} = {}", key(quantity), if text == "-0" { "0" } else { text })
+}
+
+/// The value of a link quantity in the robot file, mm or rad. An offset may stand apart, as the constant before the joint.
+fn stated(arm: &Arm, parameter: Parameter) -> f64 {
+    let mut elements = arm.chain().elements().iter();
+    let found = elements.find_map(|element| match element {
+        Element::Free { nominal, parameter: own, .. } if *own == parameter => Some(*nominal),
+        _ => None,
+    });
+    let apart = match elements.next() {
+        Some(Element::Fixed(zero)) if zero.translation.vector.norm() == 0.0 => {
+            zero.rotation.scaled_axis().z
+        }
+        _ => 0.0,
+    };
+    let is_offset = matches!(parameter, Parameter::Link { quantity: LinkQuantity::Theta, .. });
+    found.unwrap_or(0.0) + if is_offset { apart } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -136,5 +189,28 @@ mod tests {
         assert_eq!(names[2], "\"a3\"");
         assert_eq!(names[6], "the joint that follows \"a2\"");
         assert_eq!(table(&names[6]), "[[joint]] that follows \"a2\"");
+    }
+
+    #[test]
+    fn an_edit_is_the_value_to_write() {
+        let text = r#"
+            model = "m"
+            source = "s"
+            convention = "modified-dh"
+            joint = [
+              { name = "a", a_mm = 0, alpha_deg = 0, d_mm = 400, offset_deg = -90, sign = -1, limits_deg = [-170, 170] },
+              { name = "b", a_mm = 25.5, alpha_deg = -90, d_mm = 0, offset_deg = 0, sign = 1, limits_deg = [-170, 170] },
+            ]"#;
+        let file: RobotFile = toml::from_str(text).expect("a robot file");
+        let arm = file.arm().expect("an arm");
+        let of = |joint, quantity| Parameter::Link { joint, quantity };
+        let half = std::f64::consts::FRAC_PI_2;
+        assert_eq!(to_write(&arm, of(1, LinkQuantity::Theta), -half), "offset_deg = 180");
+        assert_eq!(to_write(&arm, of(1, LinkQuantity::Theta), half), "offset_deg = 0");
+        assert_eq!(to_write(&arm, of(2, LinkQuantity::A), -51.0), "a_mm = -25.5");
+        // A URDF states the offset apart, before the joint.
+        let palletiser = palletiser().arm;
+        let offset = to_write(&palletiser, of(2, LinkQuantity::Theta), half);
+        assert!(offset.starts_with("offset_deg = "), "{offset}");
     }
 }

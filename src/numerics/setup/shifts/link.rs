@@ -5,11 +5,11 @@ use nalgebra::{Point3, SMatrix, SVector, Vector3};
 
 use crate::figures::median;
 use crate::join::placement::{Placement, ReadingAtFlange};
-use crate::kinematics::{LinkQuantity, Parameter};
+use crate::kinematics::Parameter;
 use crate::setup::agreement::Seen;
 use crate::setup::evidence::{Evidence, point};
-use crate::setup::hypotheses::links::{joint_name, table};
-use crate::setup::hypotheses::{Hypothesis, Sort};
+use crate::setup::hypotheses::Hypothesis;
+use crate::setup::hypotheses::links::{joint_name, key, table, to_write};
 use crate::setup::set_up::SetUp;
 
 /// Smaller changes are errors of the arm, which the fit finds, and no mistake in its file: mm and rad.
@@ -34,55 +34,37 @@ type Normal = (SMatrix<f64, UNKNOWNS, UNKNOWNS>, SVector<f64, UNKNOWNS>);
 pub(super) fn links(stated: &SetUp, evidence: &Evidence, placement: &Placement) -> Vec<Hypothesis> {
     let parameters = stated.arm.chain().parameters();
     let moved = |(place, parameter): (usize, &Parameter)| {
-        let Parameter::Link { joint, quantity } = *parameter else {
+        if !matches!(parameter, Parameter::Link { .. }) {
             return None;
-        };
+        }
         let mut offsets = vec![0.0; parameters.len()];
         offsets[place] = value(stated, evidence, placement, parameters.len(), place, *parameter)?;
         let least = if parameter.is_angle() { LEAST_RAD } else { LEAST_MM };
-        (offsets[place].abs() >= least)
-            .then(|| hypothesis(stated, joint, quantity, &offsets, offsets[place]))
+        let value = Some(offsets[place]).filter(|value| value.abs() >= least)?;
+        hypothesis(stated, *parameter, &offsets, value)
     };
     parameters.iter().enumerate().filter_map(moved).collect()
 }
 
 fn hypothesis(
     stated: &SetUp,
-    joint: usize,
-    quantity: LinkQuantity,
+    parameter: Parameter,
     offsets: &[f64],
     value: f64,
-) -> Hypothesis {
+) -> Option<Hypothesis> {
+    let Parameter::Link { joint, quantity } = parameter else {
+        return None;
+    };
     let joint = joint_name(&stated.arm, joint);
-    let key = key(quantity);
     let change = if quantity.is_angle() {
         format!("{:+.2}°", value.to_degrees())
     } else {
         format!("{value:+.1} mm")
     };
-    Hypothesis {
-        mistake: format!("{key} of {joint} in the robot file is off by {change}"),
-        edit: format!("robot file, {}: {key} {change}", table(&joint)),
-        set_up: stated.with_offsets(offsets),
-        sort: Sort::Size,
-    }
-}
-
-/// The key of a robot file that states the quantity, or words for what no key states.
-const fn key(quantity: LinkQuantity) -> &'static str {
-    match quantity {
-        LinkQuantity::D => "d_mm",
-        LinkQuantity::A => "a_mm",
-        LinkQuantity::Theta => "offset_deg",
-        LinkQuantity::Alpha => "alpha_deg",
-        LinkQuantity::Beta => "(parallel axes)",
-        LinkQuantity::Gamma => "gamma_deg",
-        LinkQuantity::B => "b_mm",
-        LinkQuantity::X => "the place of the axis along x",
-        LinkQuantity::Y => "the place of the axis along y",
-        LinkQuantity::Rx => "the axis' direction about x",
-        LinkQuantity::Ry => "the axis' direction about y",
-    }
+    let mistake = format!("{} of {joint} in the robot file is off by {change}", key(quantity));
+    let edit =
+        format!("robot file, {}: {}", table(&joint), to_write(&stated.arm, parameter, value));
+    Some(Hypothesis::of_size(mistake, edit, stated.with_offsets(offsets)))
 }
 
 struct Search<'a> {

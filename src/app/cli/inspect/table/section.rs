@@ -13,7 +13,7 @@ use crate::ingest::{
 use crate::io::inspect::table::{Commands, Guess, Key};
 use crate::io::robot::Selection;
 
-use super::{angle, length};
+use super::angle;
 
 struct Lines<'g> {
     guess: &'g Guess,
@@ -119,7 +119,7 @@ impl Lines<'_> {
             Some(Key::JointUnit),
         );
         if let Some(unit) = settings.length_unit {
-            self.key("length_unit", &format!("\"{}\"", length(unit)), Some(Key::LengthUnit));
+            self.key("length_unit", &format!("\"{unit}\""), Some(Key::LengthUnit));
         }
         let columns = [
             ("session", &settings.session, Key::Session),
@@ -159,7 +159,7 @@ impl Lines<'_> {
     fn pose(&mut self, commanded: &PoseColumns) {
         self.head("stations.commanded");
         self.key("position", &list(&commanded.position), None);
-        self.key("unit", &format!("\"{}\"", length(commanded.unit)), None);
+        self.key("unit", &format!("\"{}\"", commanded.unit), None);
         if let Some(orientation) = &commanded.orientation {
             self.key("orientation", &of_orientation(orientation), None);
         }
@@ -175,7 +175,7 @@ impl Lines<'_> {
             self.key("name", &toml_text(name), None);
         }
         self.key("position", &list(&reading.position), Some(Key::Position));
-        self.key("unit", &format!("\"{}\"", length(reading.unit)), Some(Key::Unit));
+        self.key("unit", &format!("\"{}\"", reading.unit), Some(Key::Unit));
         if let Some(sd) = &reading.sd {
             self.key("sd", &list(sd), None);
         }
@@ -194,7 +194,7 @@ impl Lines<'_> {
         self.key("on", &on, Some(Key::Reference));
         if let (Some(position), Some(unit)) = (&own.position, own.unit) {
             self.key("position", &list(position), None);
-            self.key("unit", &format!("\"{}\"", length(unit)), None);
+            self.key("unit", &format!("\"{unit}\""), None);
         }
     }
 

@@ -86,16 +86,13 @@ impl Work<'_> {
             );
         }
         if let Some(other) = verdict.rival(Differs::Slide) {
-            add(Key::LengthUnit, rival(best, other, length(other.slide)));
+            add(Key::LengthUnit, rival(best, other, &other.slide.to_string()));
         }
         if let Some(other) = verdict.rival(Differs::Length) {
-            add(Key::Unit, rival(best, other, length(other.length)));
+            add(Key::Unit, rival(best, other, &other.length.to_string()));
         }
         if let Some(stated) = self.stated_length().filter(|unit| *unit != best.length) {
-            add(
-                Key::Unit,
-                format!("the table states {}, and the arm agrees with this", length(stated)),
-            );
+            add(Key::Unit, format!("the table states {stated}, and the arm agrees with this"));
         }
         if let Some(other) = verdict.rival(Differs::Order) {
             add(Key::Joints, rival(best, other, "in reverse order"));
@@ -160,13 +157,6 @@ fn rival(best: &Tried, other: &Tried, alternative: &str) -> String {
         "{alternative} agrees with the arm nearly as well: {:.2} mm instead of {:.2}",
         other.median_mm, best.median_mm
     )
-}
-
-fn length(unit: LengthUnit) -> &'static str {
-    match unit {
-        LengthUnit::M => "m",
-        LengthUnit::Mm => "mm",
-    }
 }
 
 fn add_arm(verdict: &Verdict, arms: &Arms, add: &mut impl FnMut(Key, String)) {

@@ -1,0 +1,173 @@
+//! Mistakes about how logs and tables are read: units, mirrored positions, the parts of quaternions, rows shifted by one.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, Matrix4};
+
+use super::Hypothesis;
+use super::joints::name;
+use crate::setup::set_up::SetUp;
+use crate::units::MM_PER_M;
+
+/// Factors on lengths that are read in metres or mm, and the unit that they are in.
+const LENGTHS: [(f64, &str); 6] = [
+    (MM_PER_M, "m"),
+    (1.0 / MM_PER_M, "mm"),
+    (25.4, "inch"),
+    (25.4 / MM_PER_M, "inch"),
+    (10.0, "cm"),
+    (10.0 / MM_PER_M, "cm"),
+];
+
+/// Factors on angles that are read in rad or degrees, and the unit that they are in.
+const ANGLES: [(f64, &str); 4] =
+    [(PI / 180.0, "deg"), (180.0 / PI, "rad"), (0.9, "gon"), (PI / 200.0, "gon")];
+
+/// Places of the parts that belong to x, y, z, w, the sign of x, y and z, and what the quaternions are then.
+const PARTS: [([usize; 4], f64, &str); 3] = [
+    ([1, 2, 3, 0], 1.0, "in the order w, x, y, z"),
+    ([3, 0, 1, 2], 1.0, "in the order x, y, z, w, and read as w, x, y, z"),
+    ([0, 1, 2, 3], -1.0, "of the inverse orientation"),
+];
+
+/// Places of the coordinates that belong to x, y, z, the axis that counts the other way, and what is wrong then.
+const MIRRORS: [([usize; 3], usize, &str); 6] = [
+    ([1, 0, 2], NONE, "x and y are exchanged"),
+    ([2, 1, 0], NONE, "x and z are exchanged"),
+    ([0, 2, 1], NONE, "y and z are exchanged"),
+    ([0, 1, 2], 0, "x counts the other way"),
+    ([0, 1, 2], 1, "y counts the other way"),
+    ([0, 1, 2], 2, "z counts the other way"),
+];
+const NONE: usize = usize::MAX;
+
+const AXES: [&str; 4] = ["x", "y", "z", "w"];
+
+pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
+    let mut all: Vec<Hypothesis> = ANGLES.map(|(factor, unit)| angles(stated, factor, unit)).into();
+    all.extend(LENGTHS.into_iter().flat_map(|(factor, unit)| lengths(stated, factor, unit)));
+    all.extend(mirrored(stated));
+    all.extend(PARTS.into_iter().flat_map(|parts| orientations(stated, parts)));
+    if stated.is_of_tables() {
+        all.extend([(-1, "high", "down"), (1, "low", "up")].map(|(reading_row, place, way)| {
+            let mistake = format!("the readings stand one row too {place}");
+            let edit = format!("the table with the columns of the readings one row further {way}");
+            Hypothesis::new(mistake, edit, SetUp { reading_row, ..stated.clone() })
+        }));
+    }
+    all.extend(single_angles(stated));
+    all
+}
+
+/// The set-up with a factor on each reported joint.
+fn scaled(stated: &SetUp, factor: impl Fn(usize) -> f64) -> SetUp {
+    let mut set_up = stated.clone();
+    for (joint, mut column) in set_up.joints_from_reported.column_iter_mut().enumerate() {
+        column *= factor(joint);
+    }
+    set_up
+}
+
+fn angles(stated: &SetUp, factor: f64, unit: &str) -> Hypothesis {
+    let joints = stated.arm.joints();
+    let set_up = scaled(stated, |joint| if joints[joint].slides { 1.0 } else { factor });
+    let edit = format!("{} = \"{unit}\"", stated.unit_keys.angles);
+    Hypothesis::new(format!("the reported joint angles are in {unit}"), edit, set_up)
+}
+
+/// One joint that turns in the other unit of angles.
+fn single_angles(stated: &SetUp) -> Vec<Hypothesis> {
+    let joints = stated.arm.joints();
+    let turning = (0..joints.len()).filter(|&joint| !joints[joint].slides && joints.len() > 1);
+    let single = |joint: usize| {
+        [(ANGLES[0], "rad"), (ANGLES[1], "deg")].map(|((factor, unit), others)| {
+            let name = name(stated, joint);
+            let set_up = scaled(stated, |own| if own == joint { factor } else { 1.0 });
+            let edit = format!(
+                "the values of {name} in {others} like the others', where they are logged (times {factor:.7})"
+            );
+            let mistake = format!("{name} alone is in {unit}, the others are in {others}");
+            Hypothesis::new(mistake, edit, set_up)
+        })
+    };
+    turning.flat_map(single).collect()
+}
+
+/// The unit of sliding joints, readings and commands.
+fn lengths(stated: &SetUp, factor: f64, unit: &str) -> Vec<Hypothesis> {
+    let joints = stated.arm.joints();
+    let keys = &stated.unit_keys;
+    let slid = scaled(stated, |joint| if joints[joint].slides { factor } else { 1.0 });
+    let read = SetUp { reading_map: stated.reading_map * factor, ..stated.clone() };
+    let commanded = SetUp { command_scale: stated.command_scale * factor, ..stated.clone() };
+    let streams = [
+        ("the reported positions of joints that slide", keys.slides, slid),
+        ("the tracker's positions", keys.readings, read),
+        ("the commanded positions", keys.commands, commanded),
+    ];
+    let has_slides = stated.arm.has_slides();
+    let streams = streams.into_iter().filter(|own| has_slides || own.1 != keys.slides);
+    let stream = |(what, key, set_up): (&str, &str, SetUp)| {
+        Hypothesis::new(format!("{what} are in {unit}"), format!("{key} = \"{unit}\""), set_up)
+    };
+    streams.map(stream).collect()
+}
+
+fn section(key: &str) -> &str {
+    key.split(' ').next().unwrap_or(key)
+}
+
+fn named(places: &[usize]) -> String {
+    places.iter().map(|&place| AXES[place]).collect::<Vec<_>>().join(", ")
+}
+
+fn places(stated: &SetUp) -> &'static str {
+    if stated.is_of_tables() { "columns" } else { "fields" }
+}
+
+/// Mirrored readings. In a base that is fitted all mirrors are one mistake, which exchanging two axes mends.
+fn mirrored(stated: &SetUp) -> Vec<Hypothesis> {
+    let key = section(stated.unit_keys.readings);
+    let mut all = MIRRORS.map(|(axes, turned, words)| {
+        let mirror = Matrix3::from_fn(|row, column| {
+            let sign = if row == turned { -1.0 } else { 1.0 };
+            if axes[row] == column { sign } else { 0.0 }
+        });
+        let edit = match AXES.get(turned) {
+            Some(axis) => format!("{axis} with the opposite sign where it is logged"),
+            None => format!("{key}: for x, y, z the {} now of {}", places(stated), named(&axes)),
+        };
+        let set_up = SetUp { reading_map: mirror * stated.reading_map, ..stated.clone() };
+        Hypothesis::new(format!("the tracker's {words}"), edit, set_up)
+    });
+    if stated.tracker_from_base.is_some() {
+        return all.into();
+    }
+    "the tracker's positions are mirrored: an axis counts the other way, or two are exchanged"
+        .clone_into(&mut all[0].mistake);
+    all.into_iter().take(1).collect()
+}
+
+/// Quaternions of commands and of readings whose parts are something else.
+fn orientations(stated: &SetUp, (from, sign, words): ([usize; 4], f64, &str)) -> [Hypothesis; 2] {
+    let parts = Matrix4::from_fn(|part, place| match (from[part] == place, part) {
+        (false, _) => 0.0,
+        (true, 3) => 1.0,
+        (true, _) => sign,
+    });
+    let (keys, own) = (&stated.unit_keys, stated.clone());
+    let commands = SetUp { command_parts: parts * own.command_parts, ..own.clone() };
+    let read = SetUp { reading_parts: parts * own.reading_parts, ..own };
+    [("commanded", keys.commands, commands), ("measured", keys.readings, read)].map(
+        |(what, key, set_up)| {
+            let edit = if sign < 0.0 {
+                "x, y and z of the quaternions with the opposite sign where they are logged"
+                    .to_owned()
+            } else {
+                let (places, order) = (places(stated), named(&from));
+                format!("{}: for x, y, z, w the {places} now of {order}", section(key))
+            };
+            Hypothesis::new(format!("the {what} quaternions are {words}"), edit, set_up)
+        },
+    )
+}
