@@ -72,7 +72,7 @@ fn an_unknown_key_of_the_pipeline_file_is_reported_with_its_line() {
 #[test]
 fn a_missing_unit_is_asked_for_and_not_guessed() {
     let cell = small().with("unit = \"rad\"", "");
-    bad_usage(&cell, &["[controller]", "needs unit (\"rad\" or \"deg\")"]);
+    bad_usage(&cell, &["[controller]", "needs unit (\"rad\", \"deg\" or \"gon\")"]);
 }
 
 #[test]

@@ -286,11 +286,7 @@ fn sections_of_lengths_that_cannot_be_are_refused() {
         ("/lengths/L2", "/lengths/L1", "a `field` of each where several share a topic"),
         ("/lengths/L2", "/tracker/point", "which is read for positions or temperatures"),
         ("name = \"L2\"", "name = \"L1\"", "\"L1\" twice"),
-        (
-            "unit = \"m\"\nsd_mm = 0.05",
-            "unit = \"m\"\nsd_mm = 0",
-            "a standard deviation above zero",
-        ),
+        ("unit = \"m\"\nsd_mm = 0.05", "unit = \"m\"\nsd_mm = 0", "sd_mm = 0, but it has to be"),
         ("sd_mm = 0.03", "sd_mm = 0.03\ntarget = \"tip\"", "the log has one target"),
         (
             "sd_mm = 0.03",

@@ -203,9 +203,13 @@ const BAD: [(&str, &str, &[&str]); 29] = [
     (
         "topic = \"/p\"\ntime = \"header\"\nunit = \"m\"",
         "topic = \"/p\"\ntime = \"header\"",
-        &["[tracker] (line 23) needs unit", "\"m\" or \"mm\""],
+        &["[tracker] (line 23) needs unit", "\"m\", \"mm\", \"cm\" or \"inch\""],
     ),
-    ("unit = \"rad\"", "unit = \"grad\"", &["unit = \"grad\"", "\"rad\" or \"deg\" (line 14)"]),
+    (
+        "unit = \"rad\"",
+        "unit = \"grad\"",
+        &["unit = \"grad\"", "\"rad\", \"deg\" or \"gon\" (line 14)"],
+    ),
     ("uncertainty = ", "# ", &["[tracker] (line 23) needs uncertainty", "range_um = 10"]),
     (
         "target_is_tool = true",
@@ -288,7 +292,7 @@ fn several_missing_keys_are_told_at_once_with_their_lines() {
     let error = cell.configuration(&Overrides::default()).expect_err("keys are missing");
     let told = error.to_string();
     for part in [
-        "[controller] (line 11) needs unit (\"rad\" or \"deg\"), such as unit = \"rad\"",
+        "[controller] (line 11) needs unit (\"rad\", \"deg\" or \"gon\"), such as unit = \"rad\"",
         "[tracker] (line 22) needs uncertainty, such as ",
         "[tolerance] (line 33) needs share, confidence; [tolerance] has tolerence (line 35), which nothing reads",
         "; every key: `posegrid schema pipeline`",

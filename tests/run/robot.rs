@@ -157,7 +157,7 @@ fn what_is_no_robot_file_is_reported_with_what_to_do() {
             &["kr210.urdf", "--tip", "tool0", "--joints", "a,b"],
             &["joints names 2 joints, but the controller reports 6"],
         ),
-        (&["kr210-r2700-extra", "--tip", "tool0"], &["this robot file is TOML"]),
+        (&["kr210-r2700-extra", "--tip", "tool0"], &["the chain of this robot file is the arm"]),
         (
             &["kr210.urdf", "--tip", "tool0", "--at", "poses.csv"],
             &["poses.csv: the first line names the columns \"joint_a1\"", "\"a6\""],

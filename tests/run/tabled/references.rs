@@ -144,7 +144,7 @@ fn drift_and_bump_are_taken_out_and_told() {
         (0..rejects.rows()).filter(|&row| kinds.value(row) == "references").collect();
     assert_eq!(own.len(), 2);
     let reason = rejects.text("reason").value(own[1]);
-    assert!(reason.contains("farther than any instrument reads"), "{reason}");
+    assert!(reason.contains("beyond the reach of any arm or instrument"), "{reason}");
     assert!(rejects.text("reason").value(own[0]).contains("reference \"F2\" is 2."));
     crate::verify::verify(&followed, &[]).expect(0, &[]);
 }

@@ -339,8 +339,8 @@ mod tests {
             told(KeyReference::pipeline(), &shorter),
             [
                 "the top of the file has toll (line 43), which nothing reads",
-                "[commanded] (line 24) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\" or \"mm\")",
-                "[tracker] (line 30) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\" or \"mm\")",
+                "[commanded] (line 24) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
+                "[tracker] (line 30) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
                 "[tolerance] is not there, and needs mm, share, confidence",
             ]
         );
