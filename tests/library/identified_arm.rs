@@ -73,8 +73,9 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
 }
 
 /// Fresh joint angles inside the measured ranges, and how each joint comes to them: how far the controller stops short of
-/// them, as a multiple of what is typical, its sign the side that the joint comes from.
-fn fresh(count: usize) -> Vec<(Target, Vec<f64>)> {
+/// them, as a multiple of what is typical, its sign the side that the joint comes from; and how far it stands from where other visits
+/// do, in standard deviations: nearly normal, the sum of twelve uniform numbers less its mean.
+fn fresh(count: usize) -> Vec<(Target, Vec<[f64; 2]>)> {
     let share = |row: usize, joint: usize, root: f64| (root * (row * 7 + joint + 1) as f64).fract();
     let target = |row: usize| {
         let between = |joint: usize| {
@@ -84,7 +85,11 @@ fn fresh(count: usize) -> Vec<(Target, Vec<f64>)> {
         };
         let visit = |joint: usize| {
             let side = (share(row, joint, 3_f64.sqrt()) - 0.5).signum();
-            side * (0.5 + share(row, joint, 7_f64.sqrt()))
+            let uniform = |k: u32| share(row, joint, f64::from(10 * k + 13).sqrt());
+            [
+                side * (0.5 + share(row, joint, 7_f64.sqrt())),
+                (0..12).map(uniform).sum::<f64>() - 6.0,
+            ]
         };
         let joints =
             TargetJoints { slides: None, names: Vec::new(), angles: (0..6).map(between).collect() };
@@ -102,18 +107,19 @@ fn left(
     identified: &IdentifiedArm,
     wanted: &[f64],
     joints: &[f64],
-    visits: &[f64],
+    visits: &[[f64; 2]],
 ) -> Vector3<f64> {
     let truth = &session.truth;
     let errors = &truth.settings.joints;
     // The controller stops short of its command and reports so; the arm stands nearer the command, but for its backlash.
-    let short: Vec<f64> = visits.iter().map(|v| v * errors.stops_short_rad).collect();
+    let short: Vec<f64> = visits.iter().map(|[v, _]| v * errors.stops_short_rad).collect();
     let reported: Vec<f64> = joints.iter().zip(&short).map(|(q, s)| q - s).collect();
-    let stands = |(short, backlash): (&f64, &f64)| {
+    let stands = |((short, backlash), [_, scatter]): ((&f64, &f64), &[f64; 2])| {
         let side = if *short == 0.0 { 0.0 } else { short.signum() };
-        errors.nearer_command * short - side * backlash / 2.0
+        errors.nearer_command * short - side * backlash / 2.0 + scatter * errors.repeatability_rad
     };
-    let visit: Vec<f64> = short.iter().zip(&truth.arm.backlash_rad).map(stands).collect();
+    let visit = short.iter().zip(&truth.arm.backlash_rad).zip(visits);
+    let visit: Vec<f64> = visit.map(stands).collect();
     let base_from_target = truth.arm.base_from_target(&identified.arm, &reported, &visit);
     let cell = &truth.settings.cell;
     let tracker_from_base =
@@ -151,13 +157,13 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
     for ((_, visits), outcome) in fresh.iter().zip(identified.compensate(&targets, &[])) {
         let done: Corrected = outcome.expect("inside the ranges measured");
         let joints = done.joints.expect("joint angles");
-        let of = |command: &[f64], visits: &[f64]| {
+        let of = |command: &[f64], visits: &[[f64; 2]]| {
             left(session, &identified, &joints.target, command, visits)
         };
         before.push(of(&joints.target, visits).norm());
         let error = of(&joints.command, visits);
         after.push(error.norm());
-        middle.push(of(&joints.command, &[0.0; 6]).norm());
+        middle.push(of(&joints.command, &[[0.0; 2]; 6]).norm());
         let information: Matrix3<f64> = done.covariance.try_inverse().expect("a covariance");
         squares.push((error.transpose() * information * error)[0]);
         // The nominal arm at the joint command is at the command.
