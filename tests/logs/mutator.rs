@@ -188,9 +188,9 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
     assert_eq!(counted + unknown, seen.read_summary.messages, "{what}: {seen:#?}");
     for stream in ["joints", "commands", "readings"] {
         let count = |name: &str| recording.counts.get(&format!("{stream}.{name}")).copied();
-        let [messages, kept, rejected] =
-            ["messages", "kept", "rejected"].map(|name| count(name).unwrap_or(0));
-        assert_eq!(messages, kept + rejected, "{what}: {stream}");
+        let [messages, kept, rejected, repeated] =
+            ["messages", "kept", "rejected", "repeated"].map(|name| count(name).unwrap_or(0));
+        assert_eq!(messages, kept + rejected + repeated, "{what}: {stream}");
     }
     for (i, sound) in &log.homes {
         let home = mutant.place(log, sound);

@@ -144,7 +144,7 @@ fn only_messages_in_the_frame_asked_for_are_read() {
         for i in 0..4 {
             log.write(arm, i, &Cdr::stamped(1).joints(&["a", "b"], &[1.0, 2.0]).done());
             let text = if i == 3 { "other" } else { "laser" };
-            let head = Cdr::new(true).word(1).word(2).text(text);
+            let head = Cdr::new(true).word(1).word(2 + u32::try_from(i).expect("few")).text(text);
             log.write(laser, i, &head.numbers(&[1.0, 2.0, 3.0]).done());
         }
         let controller = "topic = \"/arm\"\nunit = \"rad\"\ntime = \"header\"";
