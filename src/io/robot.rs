@@ -1,5 +1,5 @@
 //! A robot file of any kind → [`RobotFile`]: TOML as it is written, a chain of a URDF, which begins with `<` ([`urdf`]), or
-//! the calibration file of a UR in YAML ([`ur_calibration`]). [`written`] states a robot file as TOML, [`poses`] reads joint
+//! the calibration file of a UR in YAML (`ur_calibration`). [`written`] states a robot file as TOML, [`poses`] reads joint
 //! positions, and [`ready`] holds the robot files of the program.
 
 pub mod poses;

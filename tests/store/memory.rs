@@ -2,7 +2,6 @@
 //!
 //! It knows what posegrid asks for: listings, reads of ranges, conditional puts and uploads in parts. Signatures are not checked.
 
-use md5::{Digest as _, Md5};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
@@ -11,6 +10,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, sleep};
 use std::time::Duration;
 
+use md5::{Digest as _, Md5};
 use percent_encoding::percent_decode_str;
 
 use crate::server::BUCKET;
@@ -294,7 +294,10 @@ fn plain(status: &'static str) -> Answer {
 
 /// The name of a content: its MD5, as object stores have it of what was put in one piece.
 fn tag(bytes: &[u8]) -> String {
-    Md5::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    Md5::digest(bytes).iter().fold(String::new(), |mut text, byte| {
+        write!(text, "{byte:02x}").expect("a string");
+        text
+    })
 }
 
 fn decoded(text: &str) -> String {

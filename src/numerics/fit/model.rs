@@ -250,7 +250,7 @@ pub type PartName = &'static str;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartEvidence {
-    /// One of [`PARTS`].
+    /// One of `PARTS`.
     #[serde(deserialize_with = "part")]
     pub name: PartName,
     #[serde(rename = "gain_nats")]
