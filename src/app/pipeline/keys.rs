@@ -54,7 +54,7 @@ pub struct Common {
     /// Whether the grids of an estimate read it, beside what training reads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grids: Option<bool>,
-    /// What it means, in a sentence.
+    /// Its meaning, one sentence.
     pub about: String,
 }
 

@@ -86,7 +86,7 @@ impl Stands {
         }
     }
 
-    /// What is kept beside the tables. Earlier versions did not pack it, and wrote temporaries without an owner.
+    /// A file of the cache by its name. Versions up to 0.2.1 did not pack these files, and their temporaries did not name the process.
     fn kept(name: &str) -> Self {
         let is_hidden = name.starts_with('.');
         let endings = [".json", ".jsonl", ".zst"];

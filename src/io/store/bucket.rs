@@ -31,7 +31,7 @@ use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::lake::temporary::{self, Temporary};
 use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
-use whole::Digests;
+use whole::Digest;
 
 /// Part of an upload, block of a download: S3 requires at least 5 MiB, and each has to be sent within a request's time
 /// limit (30 s unless `AWS_TIMEOUT` sets another).
@@ -145,35 +145,30 @@ impl Bucket {
     }
 
     async fn fetch(&self, listed: &Listed) -> Result<File, StoreError> {
-        let local = std::env::temp_dir();
-        let local_error = StoreError::folder("write a temporary in", &local);
-        let mut file = tempfile::tempfile().map_err(&local_error)?;
+        let mut file = tempfile::tempfile().map_err(no_temporary)?;
         self.fetch_into(listed, &mut file).await?;
-        file.rewind().map_err(&local_error)?;
+        file.rewind().map_err(no_temporary)?;
         Ok(file)
     }
 
     /// Fetches an object as it was listed. What its tag does not show to be as it was put is fetched until it comes alike twice.
     async fn fetch_into(&self, listed: &Listed, file: &mut File) -> Result<(), StoreError> {
-        let local = std::env::temp_dir();
-        let local_error = StoreError::folder("write a temporary in", &local);
         let mut before = None;
         for _ in 0..=RETRIES {
-            file.set_len(0).and_then(|()| file.rewind()).map_err(&local_error)?;
-            let digests = self.fetch_once(listed, file).await?;
-            let (digest, is_tag) = digests.judged(listed.tag.as_deref());
-            if is_tag || before.replace(digest.clone()) == Some(digest) {
+            file.set_len(0).and_then(|()| file.rewind()).map_err(no_temporary)?;
+            let digest = Some(self.fetch_once(listed, file).await?.text());
+            let tag = listed.tag.as_deref().map(|tag| tag.trim_matches('"'));
+            if digest.as_deref() == tag || digest == before {
                 return Ok(());
             }
+            before = digest;
         }
         Err(trouble::changed("read", self.place(&listed.key)))
     }
 
     /// Fetches an object once, a few blocks at once.
-    async fn fetch_once(&self, listed: &Listed, file: &mut File) -> Result<Digests, StoreError> {
+    async fn fetch_once(&self, listed: &Listed, file: &mut File) -> Result<Digest, StoreError> {
         let object = self.object(&listed.key)?;
-        let local = std::env::temp_dir();
-        let local_error = StoreError::folder("write a temporary in", &local);
         let starts = (0..listed.bytes).step_by(usize_of(PART_BYTES));
         let block = |start: u64| {
             let options = GetOptions {
@@ -184,18 +179,18 @@ impl Bucket {
             async { self.clients.now().get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
-        let (mut fetched, mut digests) = (0, Digests::default());
+        let (mut fetched, mut digest) = (0, Digest::like(listed.tag.as_deref()));
         while let Some(block) = blocks.next().await {
             let block = noted(block).map_err(|error| self.failure("read", &listed.key, &error))?;
-            file.write_all(&block).map_err(&local_error)?;
-            digests.add(&block);
+            file.write_all(&block).map_err(no_temporary)?;
+            digest.add(&block);
             fetched += block.len() as u64;
         }
         // This storage has no tags, or ignores them.
         if fetched != listed.bytes {
             return Err(trouble::changed("read", self.place(&listed.key)));
         }
-        Ok(digests)
+        Ok(digest)
     }
 
     fn scratch(&self) -> io::Result<&TempDir> {
@@ -305,10 +300,9 @@ impl Store for Bucket {
     }
 
     fn temporary(&self, _key: &str) -> Result<Temporary, StoreError> {
-        let local = std::env::temp_dir();
         let made =
             self.scratch().and_then(|scratch| Temporary::beside(&scratch.path().join("upload")));
-        made.map_err(StoreError::folder("write a temporary in", &local))
+        made.map_err(no_temporary)
     }
 
     fn put(&self, key: &str, written: Temporary) -> Result<Tag, StoreError> {
@@ -400,6 +394,10 @@ fn payload(written: &Temporary) -> Result<PutPayload, StoreError> {
     let bytes = std::fs::read(written.path());
     let bytes = bytes.map_err(StoreError::folder("read the temporary", written.path()))?;
     Ok(PutPayload::from(bytes))
+}
+
+fn no_temporary(source: io::Error) -> StoreError {
+    StoreError::folder("write a temporary in", &std::env::temp_dir())(source)
 }
 
 fn usize_of(bytes: u64) -> usize {

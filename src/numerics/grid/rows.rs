@@ -267,29 +267,15 @@ impl Judging<'_> {
     /// The rows of a step of measured nodes. Where the step is the pitch itself along an axis, no station lies between its nodes there,
     /// so local cells judge beside the decimated grids.
     fn measured(&self, step_mm: f64) -> Vec<StepAnswers> {
-        let each = |rows: &dyn Fn(Interpolation) -> Vec<StepAnswers>| {
-            self.settings.interpolations.iter().flat_map(|own| rows(*own)).collect()
-        };
-        let row = |interpolation, judgement| Row {
-            step_mm,
-            source: Source::Measured,
-            interpolation,
-            judgement,
-        };
-        let without =
-            |reason: String| each(&|own| vec![row(own, Judgement::Table).without(reason.clone())]);
-        let own = match self.own {
-            Ok(own) => own,
-            Err(reason) => return without(format!("the session is not on a grid: {reason}")),
-        };
-        let Some(multiples) = own.multiples(step_mm) else {
-            let [x, y, z] = own.lattice.step;
-            return without(format!(
-                "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
-            ));
-        };
-        let Some(first) = own.decimated(multiples, [0; 3]) else {
-            return without("the decimated grid has no cell".to_owned());
+        let source = Source::Measured;
+        let row = |interpolation, judgement| Row { step_mm, source, interpolation, judgement };
+        let interpolations = self.settings.interpolations.iter().copied();
+        let (own, multiples, first) = match self.decimated(step_mm) {
+            Ok(found) => found,
+            Err(reason) => {
+                let table = |own| row(own, Judgement::Table).without(reason.clone());
+                return interpolations.map(table).collect();
+            }
         };
         let is_judged = (0..3).all(|axis| multiples[axis] > 1 || own.lattice.counts[axis] == 2);
         let pitch = first.lattice.step;
@@ -297,21 +283,34 @@ impl Judging<'_> {
             let left = judge::left_by_model(&self.around(), self.input.folds);
             left.map(|left| (left, self.local_cells(pitch)))
         });
-        let local = |interpolation| {
-            let row = row(interpolation, Judgement::LocalCell);
-            around.as_ref().map(|around| match around {
-                Err(_) => row.without("the model has no value at some station".to_owned()),
-                Ok((left, cells)) => {
-                    let answers = self.by_cells(&pitch, cells, interpolation, Some(left));
-                    row.around(answers, pitch, cells.len())
-                }
-            })
+        let both = |interpolation| {
+            let local = around.as_ref().map(|around| {
+                let row = row(interpolation, Judgement::LocalCell);
+                let Ok((left, cells)) = around else {
+                    return row.without("the model has no value at some station".to_owned());
+                };
+                let answers = self.by_cells(&pitch, cells, interpolation, Some(left));
+                row.around(answers, pitch, cells.len())
+            });
+            let table = row(interpolation, Judgement::Table);
+            local.into_iter().chain([self.measured_row(table, own, multiples, &first)])
         };
-        each(&|own_interpolation| {
-            let table = row(own_interpolation, Judgement::Table);
-            let table = self.measured_row(table, own, multiples, &first);
-            local(own_interpolation).into_iter().chain([table]).collect()
-        })
+        interpolations.flat_map(both).collect()
+    }
+
+    /// The session's own grid, the number of its pitches in the step along each axis, and the grid of the nodes that lie so far apart; or
+    /// why there is none.
+    fn decimated(&self, step_mm: f64) -> Result<(&MeasuredGrid, [usize; 3], Decimated), String> {
+        let own = self.own.as_ref();
+        let own = own.map_err(|reason| format!("the session is not on a grid: {reason}"))?;
+        let [x, y, z] = own.lattice.step;
+        let multiples = own.multiples(step_mm).ok_or_else(|| {
+            format!(
+                "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
+            )
+        })?;
+        let first = own.decimated(multiples, [0; 3]);
+        Ok((own, multiples, first.ok_or("the decimated grid has no cell")?))
     }
 
     fn measured_row(

@@ -33,7 +33,7 @@ pub trait Buffer {
     /// A content that leaves that of the samples around it by more than this, and comes back, is another publisher's.
     const JUMP: f64 = f64::INFINITY;
     fn stamps_of(block: &Self::Block) -> &[i64];
-    /// The same for writing, and the recorder's time of each row, ns.
+    /// The stamps of a block's rows, to be changed, and the recorder's time of each row, ns.
     fn times_of(block: &mut Self::Block) -> (&mut [i64], &[i64]);
     fn clock(&self) -> SpanClock;
     /// Works on the first samples, which are in order of time, before they are emitted.
@@ -76,7 +76,7 @@ pub struct InOrder<B> {
     /// The number of samples emitted, and the last one's stamp, ns.
     emitted: (usize, Option<i64>),
     last_content: Vec<f64>,
-    /// What is known of the stamps from reading the logs before.
+    /// Changes of the stamps that a first reading of the logs found; none in that first reading.
     amendments: Amendments,
     publishers: Publishers,
     /// Whether a sample belonged before one already emitted.
@@ -128,7 +128,7 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
-    /// The same with what is known of the stamps from reading the logs before.
+    /// This state, which changes the stamps as a first reading of the logs found.
     #[must_use]
     pub fn amended(self, amendments: &Amendments) -> Self {
         Self { amendments: amendments.clone(), ..self }

@@ -195,7 +195,7 @@ impl Within<'_> {
     }
 }
 
-/// What is told of the files of a robot that is not known.
+/// The message about a robot that no file of the pipeline describes: its recordings, by the name of the first and their number.
 fn of_files((robot, files): (String, BTreeSet<PathBuf>)) -> (String, Why) {
     let first = files.iter().next().and_then(|path| path.file_name());
     let first = first.unwrap_or_default().to_string_lossy();

@@ -10,13 +10,13 @@ use toml::de::{DeTable, DeValue};
 
 use super::{Key, KeyReference, KeySection};
 
-/// What is wrong with a file.
+/// The faults of a file.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}; every key: `posegrid schema {file}`", faults.join("; "))]
 pub struct Faults {
     /// The kind of file, as the command `schema` knows it.
     pub file: &'static str,
-    /// What is wrong with each table or value, with its place.
+    /// One message for each wrong table or value, with the section, the key and the line.
     pub faults: Vec<String>,
 }
 

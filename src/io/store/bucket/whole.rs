@@ -61,34 +61,38 @@ fn is_whole_listing(answer: &[u8]) -> bool {
     end.ends_with(b"ListBucketResult>") || end.ends_with(b"ListBucketResult/>")
 }
 
-/// The digests of an object while its blocks come, of which its tag is one where it was put in one piece, or in parts of a block.
-#[derive(Default)]
-pub(super) struct Digests {
-    whole: Md5,
-    of_parts: Md5,
-    parts: usize,
+/// The digest of an object while its blocks come, in the form that its tag has: MD5 of the whole where it was put in one piece, otherwise
+/// MD5 of the MD5s of its parts, which are blocks, and their number.
+pub(super) struct Digest {
+    md5: Md5,
+    parts: Option<usize>,
 }
 
-impl Digests {
-    pub(super) fn add(&mut self, block: &[u8]) {
-        self.whole.update(block);
-        self.of_parts.update(Md5::digest(block));
-        self.parts += 1;
+impl Digest {
+    pub(super) fn like(tag: Option<&str>) -> Self {
+        let counts_parts = tag.is_some_and(|tag| tag.contains('-'));
+        Self { md5: Md5::default(), parts: counts_parts.then_some(0) }
     }
 
-    /// The digest of the object, and whether its tag is it.
-    pub(super) fn judged(self, tag: Option<&str>) -> (String, bool) {
-        let hex = |digest: Md5| -> String {
-            digest.finalize().iter().fold(String::new(), |mut text, byte| {
-                write!(text, "{byte:02x}").expect("a string");
-                text
-            })
-        };
-        let whole = hex(self.whole);
-        let of_parts = format!("{}-{}", hex(self.of_parts), self.parts);
-        let tag = tag.unwrap_or_default().trim_matches('"');
-        let is_tag = tag == whole || tag == of_parts;
-        (whole, is_tag)
+    pub(super) fn add(&mut self, block: &[u8]) {
+        match &mut self.parts {
+            None => self.md5.update(block),
+            Some(parts) => {
+                self.md5.update(Md5::digest(block));
+                *parts += 1;
+            }
+        }
+    }
+
+    pub(super) fn text(self) -> String {
+        let mut text = String::new();
+        for byte in self.md5.finalize() {
+            write!(text, "{byte:02x}").expect("a string");
+        }
+        if let Some(parts) = self.parts {
+            write!(text, "-{parts}").expect("a string");
+        }
+        text
     }
 }
 
@@ -107,11 +111,11 @@ mod tests {
     #[test]
     fn a_tag_is_known_as_the_digest_of_an_object_or_of_its_parts() {
         let judged = |blocks: &[&[u8]], tag: &str| {
-            let mut digests = Digests::default();
+            let mut digest = Digest::like(Some(tag));
             for block in blocks {
-                digests.add(block);
+                digest.add(block);
             }
-            digests.judged(Some(tag)).1
+            digest.text() == tag.trim_matches('"')
         };
         // MD5 of "ab", and of the MD5s of "a" and "b", as S3 states them.
         assert!(judged(&[b"a", b"b"], "\"187ef4436122d1cc2f40dc2b92f0eba0\""));
