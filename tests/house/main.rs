@@ -34,6 +34,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),
     // What reads and writes.
+    ("programs", "geometry"),
     ("manifest", ""),
     (
         "io",
@@ -145,6 +146,11 @@ fn circles(edges: &BTreeSet<(String, String)>) -> BTreeSet<Vec<String>> {
     of.keys().map(|from| together(from)).filter(|circle| circle.len() > 1).collect()
 }
 
+/// Whether a crate is one room.
+fn is_crate(room: &str) -> bool {
+    matches!(room, "io" | "programs")
+}
+
 /// Every path in `src` from a module to another place in the crate.
 fn uses() -> Uses {
     let mut uses = Uses::new();
@@ -153,11 +159,11 @@ fn uses() -> Uses {
         let text = fs::read_to_string(&file).expect("a source file");
         for path in paths(&production(&text)) {
             let base = match path.up {
-                // Inside `io` the crate's root is the room.
-                None if module[0] == "io"
-                    && all.contains(&["io".to_owned(), path.names[0].clone()][..]) =>
+                // Inside a crate that is a room its root is the room.
+                None if is_crate(&module[0])
+                    && all.contains(&[module[0].clone(), path.names[0].clone()][..]) =>
                 {
-                    vec!["io".to_owned()]
+                    vec![module[0].clone()]
                 }
                 None => Vec::new(),
                 Some(levels) => module[..module.len().saturating_sub(levels)].to_vec(),
@@ -186,8 +192,8 @@ fn files() -> Vec<(Vec<String>, PathBuf)> {
                 let inside = path.strip_prefix(&root).expect("inside").with_extension("");
                 let names = inside.iter().map(|name| name.to_string_lossy().into_owned());
                 let mut names: Vec<String> = names.collect();
-                // A crate's folder is no module, but for `io`, whose crate is the room.
-                if names.len() > 1 && names[0] != "io" {
+                // A crate's folder is no module, but for one that is a room.
+                if names.len() > 1 && !is_crate(&names[0]) {
                     names.remove(0);
                 }
                 found.push((names, path));

@@ -1,0 +1,173 @@
+//! A position under the frames of its motions → a pose in the arm's base, or why it is not corrected.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Point3, Translation3};
+
+use crate::flow::{Known, Setting};
+use crate::frame::{Cell, Chain};
+use crate::krl::abc;
+use crate::program::{Position, Programs, Shape, Stated, Turn, Use};
+use crate::rapid::quaternion;
+use crate::refusal::Refusal;
+use crate::value::Number;
+
+/// What a position asks of the arm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// Its index among the positions.
+    pub position: usize,
+    /// The tool in the flange frame, mm.
+    pub flange_from_tool: Isometry3<f64>,
+    pub wanted: Wanted,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Wanted {
+    Pose {
+        /// The frame that the position's numbers are in, in the arm's base, mm.
+        base_from_frame: Isometry3<f64>,
+        /// The tool in the arm's base, mm.
+        base_from_tool: Isometry3<f64>,
+        branch: Branch,
+    },
+    /// Degrees; mm of a joint that slides.
+    Joints(Vec<f64>),
+}
+
+/// The arm configuration that a motion reaches its position in.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Branch {
+    /// S of KUKA, with T where the motion reads the position's own.
+    Status { status: u8, turn: Option<u8> },
+    /// cf1, cf4 and cf6 of ABB with cfx: the quarter turns of joints 1, 4 and 6; whether they are those of the position itself.
+    Quadrants { quadrants: [i32; 4], is_own: bool },
+    /// That of joint angles, degrees.
+    Joints(Vec<f64>),
+}
+
+impl Programs {
+    /// What a position asks of the arm.
+    pub fn ask(&self, index: usize, cell: &Cell) -> Result<Asked, Refusal> {
+        let position = &self.positions[index];
+        if let Some(line) = self.marks[position.file] {
+            return Err(Refusal::Corrected { at: self.files[position.file].at(line) });
+        }
+        if let Some(why) = &position.obstacle {
+            return Err(why.clone());
+        }
+        let shape = position.shape.as_ref().map_err(Clone::clone)?;
+        if let (Some((name, value)), None) = (&position.external, cell.external_axes) {
+            return Err(Refusal::ExternalAxis { name: name.clone(), value: value.clone() });
+        }
+        let first = agreed(position, shape)?;
+        let flange_from_tool = chain(&first.tool)?.resolved(cell)?;
+        let wanted = match shape {
+            Shape::Joints(joints) => Wanted::Joints(values(joints)),
+            Shape::Pose { xyz, turn, .. } => {
+                let root = self.roots[position.file].resolved(cell)?;
+                let base_from_frame = root.inverse() * chain(&first.base)?.resolved(cell)?;
+                let base_from_tool = base_from_frame * pose(xyz, turn)?;
+                let branch = self.branch(index, &first.branch)?;
+                Wanted::Pose { base_from_frame, base_from_tool, branch }
+            }
+        };
+        Ok(Asked { position: index, flange_from_tool, wanted })
+    }
+
+    fn branch(&self, index: usize, stated_by: &Known) -> Result<Branch, Refusal> {
+        let by = match &**stated_by.as_ref().map_err(|why| (**why).clone())? {
+            Setting::Position(by) => *by,
+            _ => index,
+        };
+        let whole = |number: &Number| {
+            let is_whole = number.value.fract() == 0.0 && number.value.abs() < 128.0;
+            is_whole.then_some(number.value).ok_or_else(|| Refusal::Form {
+                what: "arm configuration",
+                form: number.value.to_string(),
+            })
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "whole numbers below 128")]
+        let small = |number: &Number| whole(number).map(|value| value as i32);
+        let byte = |number: &Number| {
+            small(number).and_then(|value| {
+                u8::try_from(value).map_err(|_| Refusal::Form {
+                    what: "arm configuration",
+                    form: value.to_string(),
+                })
+            })
+        };
+        match self.positions[by].shape.as_ref().map_err(Clone::clone)? {
+            Shape::Joints(joints) => Ok(Branch::Joints(values(joints))),
+            Shape::Pose { stated: Some(Stated::Status { status, turn }), .. } => {
+                let turn = turn.as_ref().filter(|_| by == index).map(byte).transpose()?;
+                Ok(Branch::Status { status: byte(status)?, turn })
+            }
+            Shape::Pose { stated: Some(Stated::Quadrants(quadrants)), .. } => {
+                let [one, four, six, x] = quadrants;
+                let quadrants = [small(one)?, small(four)?, small(six)?, small(x)?];
+                Ok(Branch::Quadrants { quadrants, is_own: by == index })
+            }
+            Shape::Pose { stated: None, .. } => {
+                Err(Refusal::Partial { what: "arm configuration that its motion reads" })
+            }
+        }
+    }
+}
+
+/// The first of a position's uses, if the others are under the same frames and in the same arm configuration.
+fn agreed<'p>(position: &'p Position, shape: &Shape) -> Result<&'p Use, Refusal> {
+    let twice = || {
+        Refusal::Other("its routine stands twice in the files given; give one of them".to_owned())
+    };
+    let (first, others) = position.uses.split_first().ok_or_else(twice)?;
+    for own in &position.uses {
+        chain(&own.tool)?;
+        if matches!(shape, Shape::Pose { .. }) {
+            chain(&own.base)?;
+        }
+    }
+    let is_pose = matches!(shape, Shape::Pose { .. });
+    let differs = |own: &&Use| own.tool != first.tool || (is_pose && own.base != first.base);
+    if let Some(other) = others.iter().find(differs) {
+        let frames = |own: &Use| {
+            let named = |known| chain(known).map_or_else(|_| String::new(), Chain::to_string);
+            format!("base {} with tool {}", named(&own.base), named(&own.tool))
+        };
+        return Err(Refusal::TwoFrames {
+            first: frames(first),
+            first_line: first.line,
+            second: frames(other),
+            second_line: other.line,
+        });
+    }
+    if is_pose && others.iter().any(|own| own.branch != first.branch) {
+        return Err(Refusal::TwoBranches);
+    }
+    Ok(first)
+}
+
+fn chain(known: &Known) -> Result<&Chain, Refusal> {
+    match known.as_ref().map(|setting| &**setting) {
+        Ok(Setting::Frames(chain)) => Ok(chain),
+        Ok(_) => Err(Refusal::Other("its frame is no frame".to_owned())),
+        Err(why) => Err(Refusal::clone(why as &Arc<Refusal>)),
+    }
+}
+
+fn values(numbers: &[Number]) -> Vec<f64> {
+    numbers.iter().map(|number| number.value).collect()
+}
+
+/// The pose that numbers write out, in their frame.
+pub(crate) fn pose(xyz: &[Number; 3], turn: &Turn) -> Result<Isometry3<f64>, Refusal> {
+    let at = Point3::from(xyz.each_ref().map(|number| number.value));
+    let turn = match turn {
+        Turn::Abc(angles) => abc(angles.each_ref().map(|number| number.value)),
+        Turn::Quaternion(parts) => quaternion(parts.each_ref().map(|number| number.value))
+            .ok_or_else(|| {
+                Refusal::Other("its four numbers of orientation are no unit quaternion".to_owned())
+            })?,
+    };
+    Ok(Isometry3::from_parts(Translation3::from(at.coords), turn))
+}

@@ -1,0 +1,508 @@
+//! What holds at each motion of a routine: its base, its tool, and whatever else earlier statements have set.
+//!
+//! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
+//! loop it is unknown where the loop sets it to anything else; at a label and in an error handler it is what nothing in
+//! the routine changes; after a call it is what the called routine does not change, and nothing at all where the routine is in no
+//! given file. So a setting that is known holds on every way through the program.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use crate::frame::Chain;
+use crate::refusal::{Place, Refusal};
+
+/// What statements set.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slot {
+    Base,
+    Tool,
+    /// Whether the tool is on the arm.
+    Mode,
+    /// The frames of an inline form that wait to be set.
+    Waiting,
+    Displacement,
+    ConfJ,
+    ConfL,
+    /// The position that last stated an arm configuration.
+    Branch,
+}
+
+pub const SLOTS: usize = 8;
+
+impl Slot {
+    const ALL: [Self; SLOTS] = [
+        Self::Base,
+        Self::Tool,
+        Self::Mode,
+        Self::Waiting,
+        Self::Displacement,
+        Self::ConfJ,
+        Self::ConfL,
+        Self::Branch,
+    ];
+
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Base => "the base",
+            Self::Tool => "the tool",
+            Self::Mode => "the interpolation mode",
+            Self::Waiting => "FDAT_ACT",
+            Self::Displacement => "a displacement",
+            Self::ConfJ => "ConfJ",
+            Self::ConfL => "ConfL",
+            Self::Branch => "the arm configuration",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Setting {
+    Frames(Chain),
+    On(bool),
+    /// Base, tool and mode of an inline form.
+    Inline(Box<[Known; 3]>),
+    /// Its index among the positions.
+    Position(usize),
+}
+
+pub type Known = Result<Arc<Setting>, Arc<Refusal>>;
+
+pub fn known(setting: Setting) -> Known {
+    Ok(Arc::new(setting))
+}
+
+pub fn unknown(refusal: Refusal) -> Known {
+    Err(Arc::new(refusal))
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    slots: [Known; SLOTS],
+}
+
+impl State {
+    pub fn new(of: impl Fn(Slot) -> Known) -> Self {
+        Self { slots: Slot::ALL.map(of) }
+    }
+
+    pub const fn get(&self, slot: Slot) -> &Known {
+        &self.slots[slot as usize]
+    }
+
+    pub fn set(&mut self, slot: Slot, to: Known) {
+        self.slots[slot as usize] = to;
+    }
+
+    fn join(&mut self, other: &Self) {
+        for slot in Slot::ALL {
+            let same = match (self.get(slot), other.get(slot)) {
+                (Ok(own), Ok(other)) => own == other,
+                (Err(_), _) => true,
+                (Ok(_), Err(_)) => {
+                    self.set(slot, other.get(slot).clone());
+                    true
+                }
+            };
+            if !same {
+                self.set(slot, ways(slot));
+            }
+        }
+    }
+
+    /// After statements that may have happened or not.
+    fn after(&mut self, effects: &Effects) {
+        for slot in Slot::ALL {
+            let kept = match &effects[slot as usize] {
+                Effect::None => continue,
+                Effect::One(to) => to == self.get(slot),
+                Effect::Many(_) => false,
+            };
+            if !kept {
+                self.set(slot, effects[slot as usize].refusal(slot));
+            }
+        }
+    }
+}
+
+fn ways(slot: Slot) -> Known {
+    unknown(if slot == Slot::Branch {
+        Refusal::TwoBranches
+    } else {
+        Refusal::Ways { what: slot.name() }
+    })
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step {
+    Set(Slot, Known),
+    /// The frames that wait are set.
+    Apply,
+    /// Its index among the motions.
+    Move(usize),
+    Call {
+        routine: String,
+        at: Place,
+    },
+    If,
+    /// An `ELSE` is the last, an `ELSEIF` is not.
+    Else {
+        is_last: bool,
+    },
+    EndIf,
+    Loop,
+    EndLoop,
+    Switch,
+    Case {
+        is_default: bool,
+    },
+    EndSwitch,
+    /// A place that the program may jump to.
+    Label,
+    /// Settings for all up to [`Step::EndWith`].
+    With(Vec<(Slot, Known)>),
+    EndWith,
+}
+
+#[derive(Debug, Clone, PartialEq, Default)]
+enum Effect {
+    #[default]
+    None,
+    One(Known),
+    /// With the call that does it, where one does.
+    Many(Option<Arc<Refusal>>),
+}
+
+type Effects = [Effect; SLOTS];
+
+impl Effect {
+    fn add(&mut self, other: &Self) {
+        match (&*self, other) {
+            (_, Self::None) | (Self::Many(_), _) => {}
+            (Self::One(own), Self::One(to)) if own == to => {}
+            (Self::None, other) => *self = other.clone(),
+            (Self::One(_), Self::Many(why)) => *self = Self::Many(why.clone()),
+            (Self::One(_), Self::One(_)) => *self = Self::Many(None),
+        }
+    }
+
+    /// It only rises while effects are gathered, so that gathering ends.
+    const fn level(&self) -> u8 {
+        match self {
+            Self::None => 0,
+            Self::One(_) => 1,
+            Self::Many(_) => 2,
+        }
+    }
+
+    fn refusal(&self, slot: Slot) -> Known {
+        match self {
+            Self::Many(Some(why)) => Err(why.clone()),
+            _ => ways(slot),
+        }
+    }
+}
+
+/// A motion's part in the flow.
+pub trait Motions {
+    /// The arm configuration that the motion states for those behind it; `None` where none. Without a state: where it
+    /// may state one.
+    fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known>;
+    /// The motion happens in this state.
+    fn happens(&mut self, motion: usize, state: &State);
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Routine {
+    pub name: String,
+    pub steps: Vec<Step>,
+}
+
+/// Effects of all routines by their names, each with those of the routines it calls.
+#[derive(Debug)]
+pub struct Summaries {
+    of: HashMap<String, Effects>,
+    others: Others,
+}
+
+/// What calls of routines do that are in no given file.
+#[derive(Debug, Clone, Copy)]
+pub struct Others {
+    /// Whether a routine of the controller sets nothing that is followed here.
+    pub harmless: fn(&str) -> bool,
+    /// Slots that any other may change.
+    pub changed: [bool; SLOTS],
+}
+
+impl Summaries {
+    pub fn new(
+        routines: &BTreeMap<String, Routine>,
+        motions: &impl Motions,
+        others: Others,
+    ) -> Self {
+        let none = routines.keys().map(|name| (name.clone(), Effects::default()));
+        let mut own = Self { of: none.collect(), others };
+        let mut changed = true;
+        while changed {
+            changed = false;
+            for (name, routine) in routines.iter().chain(routines.iter().rev()) {
+                let effects = own.effects(&routine.steps, motions);
+                let before = own.of.get(name).map(|own| own.each_ref().map(Effect::level));
+                if before != Some(effects.each_ref().map(Effect::level)) {
+                    own.of.insert(name.clone(), effects);
+                    changed = true;
+                }
+            }
+        }
+        own
+    }
+
+    /// Whether a routine that is given changes a slot.
+    pub fn changes(&self, routine: &str, slot: Slot) -> bool {
+        self.of.get(routine).is_some_and(|effects| effects[slot as usize] != Effect::None)
+    }
+
+    fn effects(&self, steps: &[Step], motions: &impl Motions) -> Effects {
+        let mut all = Effects::default();
+        for step in steps {
+            self.add(&mut all, step, motions);
+        }
+        all
+    }
+
+    fn add(&self, all: &mut Effects, step: &Step, motions: &impl Motions) {
+        match step {
+            Step::Set(slot, to) => all[*slot as usize].add(&Effect::One(to.clone())),
+            Step::Apply => {
+                for slot in [Slot::Base, Slot::Tool, Slot::Mode] {
+                    all[slot as usize].add(&Effect::Many(None));
+                }
+            }
+            Step::Move(motion) => {
+                if let Some(branch) = motions.branch(*motion, None) {
+                    all[Slot::Branch as usize].add(&Effect::One(branch));
+                }
+            }
+            Step::Call { routine, at } => add(all, &self.call(routine, at)),
+            _ => {}
+        }
+    }
+
+    fn call(&self, routine: &str, at: &Place) -> Effects {
+        if let Some(effects) = self.of.get(routine) {
+            return effects.clone();
+        }
+        if (self.others.harmless)(routine) {
+            return Effects::default();
+        }
+        Slot::ALL.map(|slot| {
+            if !self.others.changed[slot as usize] {
+                return Effect::None;
+            }
+            let routine = routine.to_owned();
+            let what = slot.name();
+            Effect::Many(Some(Arc::new(Refusal::Call { what, routine, at: at.clone() })))
+        })
+    }
+}
+
+fn add(all: &mut Effects, more: &Effects) {
+    for (own, more) in all.iter_mut().zip(more) {
+        own.add(more);
+    }
+}
+
+enum Block {
+    If { entry: State, then: Option<State>, has_else: bool },
+    Loop { head: State },
+    Switch { entry: State, ends: Option<State>, has_default: bool, is_begun: bool },
+    With { before: State },
+}
+
+struct Walk<'w, M> {
+    summaries: &'w Summaries,
+    motions: &'w mut M,
+    state: State,
+    blocks: Vec<Block>,
+}
+
+/// Walks a routine; false where its blocks do not close as they open.
+pub fn walk(
+    routine: &Routine,
+    summaries: &Summaries,
+    entry: &State,
+    motions: &mut impl Motions,
+) -> bool {
+    let loops = loop_effects(&routine.steps, summaries, motions);
+    let whole = summaries.effects(&routine.steps, motions);
+    let mut walk = Walk { summaries, motions, state: entry.clone(), blocks: Vec::new() };
+    for (place, step) in routine.steps.iter().enumerate() {
+        match step {
+            Step::Loop => walk.open_loop(loops.get(&place)),
+            Step::Label => {
+                walk.state = entry.clone();
+                walk.state.after(&whole);
+            }
+            step => {
+                if !walk.step(step) {
+                    return false;
+                }
+            }
+        }
+    }
+    walk.blocks.is_empty()
+}
+
+/// Effects of each loop, by the place of its first step.
+fn loop_effects(
+    steps: &[Step],
+    summaries: &Summaries,
+    motions: &impl Motions,
+) -> HashMap<usize, Effects> {
+    let mut done = HashMap::new();
+    let mut open: Vec<(usize, Effects)> = Vec::new();
+    for (place, step) in steps.iter().enumerate() {
+        match step {
+            Step::Loop => open.push((place, Effects::default())),
+            Step::EndLoop => {
+                if let Some((first, effects)) = open.pop() {
+                    if let Some((_, outer)) = open.last_mut() {
+                        add(outer, &effects);
+                    }
+                    done.insert(first, effects);
+                }
+            }
+            step => {
+                if let Some((_, effects)) = open.last_mut() {
+                    summaries.add(effects, step, motions);
+                }
+            }
+        }
+    }
+    done
+}
+
+impl<M: Motions> Walk<'_, M> {
+    fn step(&mut self, step: &Step) -> bool {
+        match step {
+            Step::Set(slot, to) => self.state.set(*slot, to.clone()),
+            Step::Apply => self.apply(),
+            Step::Move(motion) => self.motion(*motion),
+            Step::Call { routine, at } => self.state.after(&self.summaries.call(routine, at)),
+            Step::If => self.open_if(),
+            Step::Switch => self.open_switch(),
+            Step::With(own) => self.with(own),
+            Step::Loop | Step::Label => {}
+            Step::Else { is_last } => return self.branch_else(*is_last),
+            Step::Case { is_default } => return self.case(*is_default),
+            Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => {
+                return self.close(step);
+            }
+        }
+        true
+    }
+
+    fn apply(&mut self) {
+        let slots = [Slot::Base, Slot::Tool, Slot::Mode];
+        match self.state.get(Slot::Waiting).clone() {
+            Ok(setting) => {
+                let Setting::Inline(frames) = &*setting else {
+                    return;
+                };
+                for (slot, to) in slots.into_iter().zip(frames.iter()) {
+                    self.state.set(slot, to.clone());
+                }
+            }
+            Err(why) => slots.into_iter().for_each(|slot| self.state.set(slot, Err(why.clone()))),
+        }
+    }
+
+    fn motion(&mut self, motion: usize) {
+        self.motions.happens(motion, &self.state);
+        if let Some(branch) = self.motions.branch(motion, Some(&self.state)) {
+            self.state.set(Slot::Branch, branch);
+        }
+    }
+
+    fn open_loop(&mut self, effects: Option<&Effects>) {
+        if let Some(effects) = effects {
+            self.state.after(effects);
+        }
+        self.blocks.push(Block::Loop { head: self.state.clone() });
+    }
+
+    fn open_if(&mut self) {
+        let entry = self.state.clone();
+        self.blocks.push(Block::If { entry, then: None, has_else: false });
+    }
+
+    fn open_switch(&mut self) {
+        let entry = self.state.clone();
+        self.blocks.push(Block::Switch { entry, ends: None, has_default: false, is_begun: false });
+    }
+
+    fn with(&mut self, own: &[(Slot, Known)]) {
+        self.blocks.push(Block::With { before: self.state.clone() });
+        for (slot, to) in own {
+            self.state.set(*slot, to.clone());
+        }
+    }
+
+    fn branch_else(&mut self, is_last: bool) -> bool {
+        let Some(Block::If { entry, then, has_else }) = self.blocks.last_mut() else {
+            return false;
+        };
+        *has_else |= is_last;
+        let ended = std::mem::replace(&mut self.state, entry.clone());
+        // Of `ELSEIF` there may be many.
+        match then {
+            Some(then) => then.join(&ended),
+            None => *then = Some(ended),
+        }
+        true
+    }
+
+    fn case(&mut self, is_default: bool) -> bool {
+        let Some(Block::Switch { entry, ends, has_default, is_begun }) = self.blocks.last_mut()
+        else {
+            return false;
+        };
+        *has_default |= is_default;
+        let ended = std::mem::replace(&mut self.state, entry.clone());
+        match ends {
+            Some(ends) => ends.join(&ended),
+            None if *is_begun => *ends = Some(ended),
+            // What stands before the first case is no way of its own.
+            None => {}
+        }
+        *is_begun = true;
+        true
+    }
+
+    fn close(&mut self, step: &Step) -> bool {
+        match (self.blocks.pop(), step) {
+            (Some(Block::If { entry, then, has_else }), Step::EndIf) => {
+                if !has_else {
+                    self.state.join(&entry);
+                }
+                if let Some(then) = then {
+                    self.state.join(&then);
+                }
+            }
+            (Some(Block::Loop { head }), Step::EndLoop) => self.state = head,
+            (Some(Block::Switch { entry, ends, has_default, .. }), Step::EndSwitch) => {
+                if !has_default {
+                    self.state.join(&entry);
+                }
+                if let Some(ends) = ends {
+                    self.state.join(&ends);
+                }
+            }
+            (Some(Block::With { mut before }), Step::EndWith) => {
+                before.set(Slot::Branch, self.state.get(Slot::Branch).clone());
+                self.state = before;
+            }
+            _ => return false,
+        }
+        true
+    }
+}

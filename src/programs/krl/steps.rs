@@ -1,0 +1,434 @@
+//! Routines of a `.src` → steps.
+
+use std::sync::Arc;
+
+use super::Reading;
+use super::data::{lines, routine, statement};
+use super::frames::Here;
+use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
+use crate::lex::{Kind, Token};
+use crate::names::{Names, Scope, Variable};
+use crate::refusal::Refusal;
+use crate::value::{Cursor, Value};
+
+/// Words that begin a statement which neither declares nor assigns.
+const KEYWORDS: [&str; 54] = [
+    "ANIN",
+    "ANOUT",
+    "BRAKE",
+    "CASE",
+    "CIRC",
+    "CIRC_REL",
+    "CONTINUE",
+    "DEFAULT",
+    "DEFDAT",
+    "ELSE",
+    "END",
+    "ENDDAT",
+    "ENDFCT",
+    "ENDFOR",
+    "ENDIF",
+    "ENDLOOP",
+    "ENDSPLINE",
+    "ENDSWITCH",
+    "ENDWHILE",
+    "ENUM",
+    "EXIT",
+    "EXT",
+    "EXTFCT",
+    "FOR",
+    "GOTO",
+    "HALT",
+    "IF",
+    "IMPORT",
+    "INTERRUPT",
+    "LIN",
+    "LIN_REL",
+    "LOOP",
+    "PTP",
+    "PTP_REL",
+    "PTP_SPLINE",
+    "PULSE",
+    "REPEAT",
+    "RESUME",
+    "RETURN",
+    "SCIRC",
+    "SCIRC_REL",
+    "SIGNAL",
+    "SLIN",
+    "SLIN_REL",
+    "SPL",
+    "SPLINE",
+    "SPL_REL",
+    "SPTP",
+    "SPTP_REL",
+    "STRUC",
+    "SWITCH",
+    "TRIGGER",
+    "UNTIL",
+    "WAIT",
+];
+
+pub(super) fn is_keyword(word: &str) -> bool {
+    KEYWORDS.contains(&word) || matches!(word, "WHILE" | "TIME_BLOCK" | "CONST_VEL" | "STOP")
+}
+
+/// Routines and functions of the system that set no frame and move nothing.
+const HARMLESS: [&str; 63] = [
+    "ABS",
+    "ACOS",
+    "ATAN2",
+    "B_AND",
+    "B_EXOR",
+    "B_NOT",
+    "B_OR",
+    "CASTFROM",
+    "CASTTO",
+    "CCLOSE",
+    "CCHANNEL",
+    "COPEN",
+    "COS",
+    "CREAD",
+    "CWRITE",
+    "DELETE_BACKWARD_BUFFER",
+    "EK",
+    "FORWARD",
+    "INVERSE",
+    "INV_POS",
+    "IR_STOPM",
+    "IR_STOPMESS",
+    "MSGDIALOG",
+    "MSGLOOP",
+    "MSGNOTIFY",
+    "MSGQUIT",
+    "MSGSTATE",
+    "ROUND",
+    "SACC_JOINT",
+    "SACC_CP",
+    "SACC_ORI",
+    "SAPO",
+    "SAPO_PTP",
+    "SAPO_CP",
+    "SBASE",
+    "SCIRC_TYPE",
+    "SET_CD_PARAMS",
+    "SET_KRLDLGANSWER",
+    "SET_KRLMSG",
+    "SEXIST_KRLDLG",
+    "SGEAR_JERK",
+    "SIN",
+    "SIPO_MODE",
+    "SJERK",
+    "SLOAD",
+    "SORI_TYP",
+    "SQRT",
+    "SREAD",
+    "STOOL",
+    "STOOL2",
+    "STRADD",
+    "STRCLEAR",
+    "STRCOMP",
+    "STRCOPY",
+    "STRDECLLEN",
+    "STRFIND",
+    "STRLEN",
+    "SVEL_CP",
+    "SVEL_JOINT",
+    "SVEL_ORI",
+    "SWRITE",
+    "TAN",
+    "VARSTATE",
+];
+
+pub(super) fn is_harmless(name: &str) -> bool {
+    HARMLESS.contains(&name)
+}
+
+/// Words before a bracket that call nothing.
+const NO_CALLS: [&str; 14] = [
+    "AND", "CASE", "DO", "EXOR", "FOR", "IF", "NOT", "OR", "RETURN", "SWITCH", "TO", "UNTIL",
+    "WAIT", "WHILE",
+];
+
+impl Reading<'_> {
+    /// The routines of a file.
+    pub(super) fn steps(&mut self, file: usize, tokens: &[Token]) {
+        let own = &self.files[file];
+        let module = self.module(file);
+        let mut routines = Vec::new();
+        let mut inside: Option<(Routine, Vec<Scope>)> = None;
+        for line in lines(tokens) {
+            let cursor = Cursor::new(&own.bytes, line);
+            if let Some((name, ..)) = routine(cursor) {
+                routines.extend(inside.take());
+                let scopes = self.scopes(file, Some(&name));
+                inside =
+                    Some((Routine { name: format!("{module}/{name}"), steps: Vec::new() }, scopes));
+            } else if let Some((routine, scopes)) = &mut inside {
+                self.step(&Here { file, line, scopes }, cursor, &mut routine.steps);
+            }
+        }
+        routines.extend(inside);
+        for (routine, _) in routines {
+            self.routines.insert(routine.name.clone(), routine);
+        }
+    }
+
+    fn step(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
+        let mut rest = line;
+        let Some(word) = rest.take_name() else {
+            return;
+        };
+        if rest.take_sign(b':') && rest.is_empty() && word != "DEFAULT" {
+            steps.push(Step::Label);
+            return;
+        }
+        if super::motion::is_motion(&word) {
+            self.calls(here, rest, steps);
+            self.motion(here, &word, rest, steps);
+            return;
+        }
+        match block(&word) {
+            Some(block) => {
+                // The condition is worked out before the block, and of a loop again in it.
+                let is_condition = !matches!(word.as_str(), "DEFAULT" | "ELSE" | "LOOP");
+                if block == Step::Loop {
+                    steps.push(block);
+                    self.conditions(here, rest, steps);
+                } else {
+                    if is_condition {
+                        self.conditions(here, rest, steps);
+                    }
+                    steps.push(block);
+                }
+            }
+            None => self.plain(here, &word, line, rest, steps),
+        }
+    }
+
+    fn conditions(&mut self, here: &Here<'_>, rest: Cursor<'_>, steps: &mut Vec<Step>) {
+        self.calls(here, rest, steps);
+        self.reads(here, rest);
+    }
+
+    fn plain(
+        &mut self,
+        here: &Here<'_>,
+        word: &str,
+        line: Cursor<'_>,
+        rest: Cursor<'_>,
+        steps: &mut Vec<Step>,
+    ) {
+        match word {
+            "BAS" => self.bas(here, rest, steps),
+            "INTERRUPT" | "GLOBAL" => self.interrupt(here, rest),
+            "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
+            _ => {
+                self.calls(here, line, steps);
+                match statement(line).filter(|_| !is_keyword(word)) {
+                    Some(statement) => {
+                        let Some(value) = statement.value else {
+                            return;
+                        };
+                        let name = statement.names.first().map_or("", String::as_str);
+                        self.assigned(here, name, statement.part, value, steps);
+                    }
+                    None => self.reads(here, line),
+                }
+            }
+        }
+    }
+
+    fn assigned(
+        &mut self,
+        here: &Here<'_>,
+        name: &str,
+        is_part: bool,
+        value: Cursor<'_>,
+        steps: &mut Vec<Step>,
+    ) {
+        let at = self.files[here.file].at(here.line[0].line);
+        let at_run_time =
+            |what: &str| unknown(Refusal::AtRunTime { what: what.to_owned(), at: at.clone() });
+        let slot = match name {
+            "$BASE" => Some(Slot::Base),
+            "$TOOL" => Some(Slot::Tool),
+            _ => None,
+        };
+        if let Some(slot) = slot {
+            let to = if is_part { at_run_time(name) } else { self.frames(here, name, value) };
+            steps.push(Step::Set(slot, to));
+        }
+        match name {
+            "$IPO_MODE" => {
+                let to = self.mode(here, value);
+                steps.push(Step::Set(Slot::Mode, to));
+            }
+            "FDAT_ACT" => {
+                let to = if is_part { at_run_time(name) } else { self.inline(here, value) };
+                self.any_fixed_tool |= is_fixed(&to);
+                steps.push(Step::Set(Slot::Waiting, to));
+            }
+            "$H_POS" => {}
+            _ => self.reads(here, value),
+        }
+    }
+
+    pub(super) fn mode(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
+        let at = self.files[here.file].at(here.line[0].line);
+        if value.value() == Value::Name("#BASE".to_owned()) {
+            return known(Setting::On(true));
+        }
+        self.any_fixed_tool = true;
+        unknown(Refusal::FixedTool { at })
+    }
+
+    /// `BAS(#BASE, 1)`.
+    fn bas(&mut self, here: &Here<'_>, rest: Cursor<'_>, steps: &mut Vec<Step>) {
+        let at = self.files[here.file].at(here.line[0].line);
+        let mut rest = rest;
+        rest.take_sign(b'(');
+        let mut arguments = rest.take_part(b')').unwrap_or(rest);
+        let command = arguments.take_part(b',').map(Cursor::value);
+        let command = match &command {
+            Some(Value::Name(name)) => name.as_str(),
+            _ => "",
+        };
+        let number = arguments.value();
+        let number = number.number().and_then(|number| super::frames::whole(number.value));
+        let unknown_frames = |steps: &mut Vec<Step>, slots: &[Slot]| {
+            for &slot in slots {
+                let what = format!("{} by BAS({command})", slot.name());
+                let why = Arc::new(Refusal::AtRunTime { what, at: at.clone() });
+                steps.push(Step::Set(slot, Err(why)));
+            }
+        };
+        match (command, number) {
+            ("#BASE" | "#TOOL", Some(number)) => {
+                let (slot, data) = if command == "#BASE" {
+                    (Slot::Base, "BASE_DATA")
+                } else {
+                    (Slot::Tool, "TOOL_DATA")
+                };
+                let frames = Setting::Frames(self.data_frame(data, number));
+                steps.push(Step::Set(slot, known(frames)));
+            }
+            ("#PTP_PARAMS" | "#CP_PARAMS" | "#FRAMES", _) => steps.push(Step::Apply),
+            (
+                "#VEL_PTP" | "#ACC_PTP" | "#VEL_CP" | "#ACC_CP" | "#OV_PRO" | "#PTP_DAT"
+                | "#CP_DAT" | "#ACC_GLOBAL" | "#OUT_SYNC" | "#OUT_ASYNC" | "#GROUP",
+                _,
+            ) => {}
+            ("#BASE" | "#EX_BASE", _) => unknown_frames(steps, &[Slot::Base]),
+            ("#TOOL", _) => unknown_frames(steps, &[Slot::Tool]),
+            _ => unknown_frames(steps, &[Slot::Base, Slot::Tool, Slot::Waiting]),
+        }
+    }
+
+    /// `INTERRUPT DECL 3 WHEN … DO IR_STOPM()`.
+    fn interrupt(&mut self, here: &Here<'_>, rest: Cursor<'_>) {
+        let mut rest = rest;
+        while let Some(token) = rest.take() {
+            if token.kind == Kind::Name
+                && rest.bytes[token.span()].eq_ignore_ascii_case(b"DO")
+                && let Some(name) = rest.peek_name()
+            {
+                let name = self.full_name(here.file, &name);
+                self.interrupts.push(name);
+            }
+        }
+    }
+
+    /// A routine's full name: of its own module first.
+    fn full_name(&self, file: usize, name: &str) -> String {
+        let own = format!("{}/{name}", self.module(file));
+        if self.names_a_routine(&own) {
+            return own;
+        }
+        match self.global.get(name).map(Vec::as_slice) {
+            Some([only]) => only.clone(),
+            _ => name.to_owned(),
+        }
+    }
+
+    fn names_a_routine(&self, full: &str) -> bool {
+        self.local.contains(full)
+    }
+
+    /// The calls in a statement.
+    fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
+        let at = self.files[here.file].at(here.line[0].line);
+        let names: Vec<String> = called(line).collect();
+        for name in names {
+            let routine = self.full_name(here.file, &name);
+            steps.push(Step::Call { routine, at: at.clone() });
+        }
+    }
+
+    /// Positions that a statement reads.
+    pub(super) fn reads(&mut self, here: &Here<'_>, line: Cursor<'_>) {
+        if line.is_empty() {
+            return;
+        }
+        let at = self.files[here.file].at(line.tokens[0].line);
+        each_variable(&mut self.names, here.scopes, line, |variable| {
+            variable.read.get_or_insert_with(|| at.clone());
+        });
+    }
+}
+
+/// Every variable that tokens name.
+pub(super) fn each_variable(
+    names: &mut Names,
+    scopes: &[Scope],
+    line: Cursor<'_>,
+    mut on: impl FnMut(&mut Variable),
+) {
+    for token in line.tokens.iter().filter(|token| token.kind == Kind::Name) {
+        let name = crate::lex::capitals(line.text(token));
+        if let Some(variable) = names.find_mut(scopes, &name) {
+            on(variable);
+        }
+    }
+}
+
+/// Names of the routines that a line calls.
+fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
+    let pairs = line.tokens.windows(2);
+    let calls = pairs.filter(|pair| pair[0].kind == Kind::Name && pair[1].is(b'('));
+    let names = calls.map(move |pair| crate::lex::capitals(line.text(&pair[0])));
+    names.filter(|name| !NO_CALLS.contains(&name.as_str()) && !is_keyword(name))
+}
+
+/// Whether a line calls a routine that is none of the system's.
+pub(super) fn calls_another(line: Cursor<'_>) -> bool {
+    let is_none = line.peek_name().is_none_or(|word| {
+        matches!(word.as_str(), "EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL")
+    });
+    !is_none && called(line).any(|name| name != "BAS" && !is_harmless(&name))
+}
+
+pub(super) fn is_fixed(inline: &Known) -> bool {
+    match inline {
+        Ok(setting) => match &**setting {
+            Setting::Inline(frames) => frames[2].is_err(),
+            _ => false,
+        },
+        Err(_) => false,
+    }
+}
+
+fn block(word: &str) -> Option<Step> {
+    Some(match word {
+        "IF" => Step::If,
+        "ELSE" => Step::Else { is_last: true },
+        "ENDIF" => Step::EndIf,
+        "LOOP" | "FOR" | "WHILE" | "REPEAT" => Step::Loop,
+        "ENDLOOP" | "ENDFOR" | "ENDWHILE" | "UNTIL" => Step::EndLoop,
+        "SWITCH" => Step::Switch,
+        "CASE" => Step::Case { is_default: false },
+        "DEFAULT" => Step::Case { is_default: true },
+        "ENDSWITCH" => Step::EndSwitch,
+        _ => return None,
+    })
+}

@@ -1,0 +1,237 @@
+use crate::write::{Command, applied, edits, marks, undone};
+use crate::{Asked, Branch, Cell, File, Programs, Wanted, read};
+
+const CONFIG: &str = "DEFDAT $CONFIG\nBASE_DATA[1]={X 1000.0,Y 0.0,Z 500.0,A 90.0,B 0.0,C 0.0}\n\
+BASE_DATA[2]={X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nTOOL_DATA[3]={X 0.0,Y 0.0,Z 200.0,A 0.0,B 0.0,C 0.0}\n\
+DECL GLOBAL E6AXIS XHOME={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0}\nENDDAT\n";
+const MACHINE: &str =
+    "DEFDAT $MACHINE PUBLIC\n$ROBROOT={X 0.0,Y 0.0,Z 100.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+
+fn file(name: &str, text: impl AsRef<[u8]>) -> File {
+    File { name: name.to_owned(), bytes: text.as_ref().to_vec() }
+}
+
+pub(crate) fn cell() -> Cell {
+    let text = "[frames]\n\"$ROBROOT\" = { found = \"surveyed\" }\n\"BASE_DATA[1]\" = { found = \"surveyed\" }\n\
+                \"BASE_DATA[2]\" = { found = \"surveyed\" }\n\"TOOL_DATA[3]\" = { found = \"surveyed\" }\n\
+                \"$BASE\" = { found = \"surveyed\" }\n\"$TOOL\" = { found = \"taught\" }\n";
+    toml::from_str(text).unwrap()
+}
+
+fn programs(source: &str, data: &str) -> Programs {
+    let files = vec![
+        file("$config.dat", CONFIG),
+        file("$machine.dat", MACHINE),
+        file("p.src", format!("&ACCESS RVP\r\nDEF P( )\r\n{source}\r\nEND\r\n")),
+        file("p.dat", format!("DEFDAT P\r\n{data}\r\nENDDAT\r\n")),
+    ];
+    read(files, &cell())
+}
+
+/// What becomes of each position, in their order: "ok" or the reason.
+fn verdicts(source: &str, data: &str) -> Vec<String> {
+    let programs = programs(source, data);
+    let told = |index| {
+        programs.ask(index, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    (0..programs.positions.len()).map(told).collect()
+}
+
+fn only(source: &str, data: &str) -> String {
+    let all = verdicts(source, data);
+    assert_eq!(all.len(), 1, "{all:?}");
+    all[0].clone()
+}
+
+fn asked(source: &str, data: &str) -> Asked {
+    programs(source, data).ask(0, &cell()).unwrap()
+}
+
+const POINT: &str = "DECL E6POS XP1={X 10.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 0.0,E2 0.0}\r\n\
+DECL FDAT FP1={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE,POINT2[] \" \"}";
+const INLINE: &str = ";FOLD PTP P1 Vel=100 % PDAT1 Tool[3] Base[1];%{PE}\r\n$BWDSTART=FALSE\r\nPDAT_ACT=PPDAT1\r\nFDAT_ACT=FP1\r\n\
+BAS(#PTP_PARAMS,100)\r\nPTP XP1\r\n;ENDFOLD";
+
+#[test]
+fn an_inline_form_has_the_frames_of_its_fdat_up_to_the_arms_base() {
+    let asked = asked(INLINE, POINT);
+    let Wanted::Pose { base_from_tool, branch, .. } = asked.wanted else { panic!("a pose") };
+    // Base 1 is turned by 90° about z: (10, 20) becomes (−20, 10). ROBROOT is 100 mm up.
+    let expected = [1000.0 - 20.0, 10.0, 500.0 + 30.0 - 100.0];
+    for (found, expected) in base_from_tool.translation.vector.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{base_from_tool}");
+    }
+    assert!((asked.flange_from_tool.translation.vector.z - 200.0).abs() < 1e-12);
+    assert_eq!(branch, Branch::Status { status: 2, turn: Some(35) });
+}
+
+#[test]
+fn new_inline_forms_have_their_frames_behind_with() {
+    let source = "SPTP XP1 WITH $VEL_AXIS[1]=SVEL_JOINT(100.0), $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO), \
+                  $IPO_MODE=SIPO_MODE(FP1.IPO_FRAME), $LOAD=SLOAD(FP1.TOOL_NO)";
+    assert_eq!(only(source, POINT), "ok");
+    let other = POINT.replace("#BASE", "#TCP");
+    assert!(only(source, &other).contains("the tool stands in the cell"));
+}
+
+#[test]
+fn a_linear_motion_goes_on_in_the_configuration_that_a_ptp_stated() {
+    let lin = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP {A1 0,A2 -90,A3 90,A4 0,A5 45,A6 0}\r\n\
+               LIN {X 1.5,Y 2,Z 3,A 0,B 0,C 0} C_DIS";
+    let programs = programs(lin, "");
+    let asked = programs.ask(1, &cell()).unwrap();
+    let Wanted::Pose { branch, .. } = asked.wanted else { panic!("a pose") };
+    assert_eq!(branch, Branch::Joints(vec![0.0, -90.0, 90.0, 0.0, 45.0, 0.0]));
+    let alone = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nLIN {X 1.5,Y 2,Z 3,A 0,B 0,C 0} C_DIS";
+    assert!(
+        only(alone, "").contains("no motion before it states an arm configuration in routine P")
+    );
+}
+
+#[test]
+fn what_is_not_known_is_refused_by_name() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
+    let ptp = "PTP XP1";
+    let cases = [
+        (ptp.to_owned(), "nothing sets the tool before this motion in routine P"),
+        (format!("{set}BAS(#INITMOV,0)\r\n{ptp}"), "is worked out at run time"),
+        (
+            format!("BAS(#BASE,7)\r\nBAS(#TOOL,3)\r\n{ptp}"),
+            "BASE_DATA[7] has no value in the files given; give $config.dat",
+        ),
+        (format!("BAS(#BASE,N)\r\nBAS(#TOOL,3)\r\n{ptp}"), "the base by BAS(#BASE) is worked out"),
+        (format!("{set}FOO()\r\n{ptp}"), "the call of FOO (p.src, line 5) may change"),
+        (
+            format!("{set}IF N==1 THEN\r\nBAS(#BASE,2)\r\nENDIF\r\n{ptp}"),
+            "the base is another by the way",
+        ),
+        (
+            format!("{set}LOOP\r\n{ptp}\r\nBAS(#BASE,2)\r\nENDLOOP"),
+            "the base is another by the way",
+        ),
+        (
+            format!("{set}GOTO M\r\nBAS(#BASE,2)\r\nBAS(#BASE,1)\r\nM:\r\n{ptp}"),
+            "the tool is another by the way",
+        ),
+        (format!("{set}$BASE.X=5\r\n{ptp}"), "$BASE is worked out at run time"),
+        (format!("{set}$BASE=EK(MACHINE_DEF[2].ROOT)\r\n{ptp}"), "moves with an external axis"),
+        (format!("{set}$BASE=BASE_DATA[1]:SHIFT\r\n{ptp}"), "SHIFT has no value"),
+        (format!("{set}$TOOL={{X 1,Y 0,Z 0,A 0,B 0,C 0}}\r\n{ptp}"), "$TOOL is taught with an arm"),
+        (format!("{set}$IPO_MODE=#TCP\r\n{ptp}"), "the tool stands in the cell"),
+        (format!("{set}XP1.X=XP1.X+1\r\n{ptp}"), "XP1 is worked out at run time (p.src, line 5)"),
+        (
+            format!("{set}MOVE_TO(XP1)\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n{ptp}"),
+            "XP1 is worked out at run time",
+        ),
+        (format!("{set}Q=XP1\r\n{ptp}"), "it is also read in p.src, line 5"),
+        (
+            format!("{set}{ptp}\r\nBAS(#BASE,2)\r\n{ptp}"),
+            "it is used under base BASE_DATA[1] with tool TOOL_DATA[3] in line 5",
+        ),
+        (format!("{set}IF N==1 THEN\r\n{ptp}"), "the blocks of routine P do not close"),
+        (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
+    ];
+    for (source, expected) in cases {
+        let told = only(&source, POINT);
+        assert!(told.contains(expected), "{source}\n{told}");
+    }
+}
+
+#[test]
+fn what_holds_on_every_way_is_known() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
+    let sources = [
+        format!("{set}IF N==1 THEN\r\nBAS(#BASE,1)\r\nELSE\r\nBAS(#TOOL,3)\r\nENDIF\r\nPTP XP1"),
+        format!("IF N==1 THEN\r\n{set}ELSE\r\n{set}ENDIF\r\nPTP XP1"),
+        format!("SWITCH N\r\nCASE 1\r\n{set}DEFAULT\r\n{set}ENDSWITCH\r\nPTP XP1"),
+        format!("{set}LOOP\r\nPTP XP1\r\nBAS(#BASE,1)\r\nENDLOOP"),
+        format!("{set}WAIT FOR $IN[1]\r\n$VEL.CP=0.5\r\nOUT($OUT[1])\r\n{set}PTP XP1"),
+        format!("{set}LOCAL()\r\nPTP XP1\r\nEND\r\nDEF LOCAL()\r\nBAS(#BASE,1)\r\n$OUT[1]=TRUE"),
+        format!("{set}$BASE={{X 5,Y 0,Z 0,A 0,B 0,C 0}}\r\nPTP XP1"),
+        format!("{set}PTP XP1:{{X 0,Y 0,Z -50,A 0,B 0,C 0}}"),
+    ];
+    for source in sources {
+        assert_eq!(only(&source, POINT), "ok", "{source}");
+    }
+}
+
+#[test]
+fn a_spline_has_the_frames_that_follow_its_with() {
+    let source = "BAS(#BASE,2)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\nSPLINE WITH $BASE=SBASE(1)\r\nSPL {X 1,Y 2,Z 3,A 0,B 0,C 0}\r\n\
+                  SCIRC XP2, {X 4,Y 5,Z 6,A 0,B 0,C 0}\r\nENDSPLINE\r\nLIN XP3";
+    let data = format!(
+        "{POINT}\r\nDECL POS XP2={{X 1,Y 1,Z 1,A 0,B 0,C 0}}\r\nDECL FRAME XP3={{X 1,Y 1,Z 1,A 0,B 0,C 0}}"
+    );
+    let programs = programs(source, &data);
+    let bases: Vec<String> = programs
+        .positions
+        .iter()
+        .map(|position| {
+            format!("{position} {:?}", position.uses[0].base).contains("BASE_DATA[1]").to_string()
+        })
+        .collect();
+    assert_eq!(bases, ["false", "true", "true", "true", "false"]);
+    for index in 0..5 {
+        assert!(programs.ask(index, &cell()).is_ok(), "{index}");
+    }
+}
+
+#[test]
+fn the_sum_is_what_motions_use() {
+    let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XHOME\r\nPTP $AXIS_ACT\r\nLIN_REL {X 10}\r\nPTP P[1]\r\nPTP P[I]\r\n\
+                  LIN NOWHERE\r\nPTP F(1)\r\nCIRC P[2], P[1], CA 90\r\nPTP {X 5}";
+    let data = "DECL POS P[2]\r\nP[1]={X 1,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2}\r\nP[2]={X 2,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2}\r\n\
+                P[3]={X 2,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2,E1 5.0}";
+    let programs = programs(source, data);
+    let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["XHOME", "P[1]", "P[2]", "P[3]", "NOWHERE", "PTP"]);
+    let computed: Vec<&str> = programs.computed.iter().map(|own| own.text.as_str()).collect();
+    assert_eq!(computed, ["$AXIS_ACT", "{X 10}", "F(1)"]);
+    let told = verdicts(source, data);
+    assert!(told[0].contains("stands in $config.dat"), "{}", told[0]);
+    assert!(told[3].contains("E1 is at 5"), "{}", told[3]);
+    assert!(told[5].contains("it states no X, Y and Z"), "{}", told[5]);
+}
+
+#[test]
+fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
+    let data = b"DEFDAT P PUBLIC\r\n;FOLD \xfc {X 1}\r\ndecl e6pos xp1 = { y 20.0 ,\tX 1.0e1, z 30,A 0.0,B 0.0,C 180.0,S 2,T 'B100011' } ; f\xfcr\r\n\
+                 DECL FDAT FP1={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE}\r\nENDDAT\r\n";
+    let files = vec![
+        file("$config.dat", CONFIG),
+        file("$machine.dat", MACHINE),
+        file("p.src", format!("DEF P( )\r\n{INLINE}\r\nEND\r\n")),
+        file("p.dat", data),
+    ];
+    let programs = read(files, &cell());
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Pose { base_from_frame, base_from_tool, .. } = &asked.wanted else {
+        panic!("a pose")
+    };
+    let mut to = base_from_frame.inverse() * base_from_tool;
+    to.translation.vector += nalgebra::Vector3::new(-10.000_01, 0.5, 0.0);
+    let command = Command {
+        base_from_tool: Some(base_from_frame * to),
+        // A1 and A6 cross 0, and only A1 and A2 agree with T before.
+        joints: Some([
+            vec![-0.001, -1.0, 1.0, 1.0, 1.0, 1.0],
+            vec![0.002, -1.0, 1.0, 1.0, 1.0, -1.0],
+        ]),
+    };
+    let mut edits = edits(&programs.positions[0], &asked, &command);
+    assert_eq!(edits.crossed, 1);
+    edits.all.extend(marks(&programs.files[3], "table t-1\r\nHALT", "t-1"));
+    let written = applied(data, &edits.all);
+    let text = String::from_utf8_lossy(&written);
+    assert!(text.contains("PUBLIC\r\n; corrected by posegrid table t-1??HALT\r\n;FOLD"), "{text}");
+    assert!(
+        text.contains("{ y 20.5000 ,\tX 0.0000, z 30,A 0.0,B 0.0,C 180.0,S 2,T 34 }"),
+        "{text}"
+    );
+    assert!(text.contains("\r\nDECL CHAR POSEGRID_CORRECTED[3]=\"t-1\"\r\nENDDAT\r\n"), "{text}");
+    assert_eq!(undone(&written, data, &edits.all), data);
+    let mut again = programs.files.clone();
+    again[3].bytes = written;
+    let told = read(again, &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("corrected already by posegrid (p.dat, line 2)"), "{told}");
+}

@@ -1,0 +1,59 @@
+//! Robot programs as they lie on controllers → what their motions' positions are, and the same programs with corrected numbers.
+//!
+//! ```text
+//! files ─→ lex ─→ krl, rapid ─→ flow ─→ positions ─→ asked ─→ (corrections) ─→ write ─→ files
+//!         tokens  statements   frames   Programs    poses in              numbers
+//!                              at each              the arm's base        in place
+//! ```
+//! 1. [`read`] gives every position that a motion uses, with the frames that hold at the motion.
+//! 2. [`Programs::ask`] makes a pose in the arm's base of a position, or says why it is not corrected.
+//! 3. [`write::edits`] puts corrected poses back: every byte but the numbers of positions stays, and but marks.
+//!
+//! A position is one of three: asked for, refused by name, or computed while the program runs. Nothing is guessed: where
+//! a frame, a tool or a way through the program is not known, the position is refused.
+//!
+//! # Another dialect
+//! `FANUC TP` and `URScript` need a [`lex::Dialect`], a reader that fills [`program::Motion`]s and [`flow::Step`]s, and their
+//! [`program::Shape`]s; flow, frames, asking and writing stay as they are. `/POS` of FANUC is a list of declared values
+//! (`P[n]`, with UF and UT as the motion's own settings of base and tool), `UFRAME_NUM` and `UTOOL_NUM` set the slots of
+//! base and tool. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
+
+pub mod ask;
+pub mod flow;
+pub mod frame;
+pub mod krl;
+pub mod lex;
+mod names;
+pub mod program;
+pub mod rapid;
+pub mod refusal;
+pub mod value;
+pub mod write;
+
+// Names of the crates below, as if they were modules here.
+use posegrid_arm::geometry;
+
+pub use ask::{Asked, Branch, Wanted};
+pub use frame::{Cell, CellFrame, ExternalAxes, Found};
+pub use program::{Computed, File, Position, Programs};
+pub use refusal::{Place, Refusal};
+
+/// Whether a file belongs to a program or says something of its frames.
+pub fn is_program(file: &File) -> bool {
+    matches!(file.ending().as_str(), "src" | "sub" | "dat") || rapid::is_known(file)
+}
+
+/// Everything that motions of these files use.
+pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
+    let (positions, computed, krl_root) = krl::read(&files);
+    let (positions, computed, rapid_root) = rapid::read(&files, cell, positions, computed);
+    let root = |file: &File| {
+        if rapid::is_known(file) { rapid_root.clone() } else { krl_root.clone() }
+    };
+    let roots = files.iter().map(root).collect();
+    let marks = files.iter().map(write::mark).collect();
+    Programs { files, positions, computed, marks, roots }
+}
+
+#[cfg(test)]
+mod tests;

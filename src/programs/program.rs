@@ -1,0 +1,268 @@
+//! What is read of programs: their positions, and what each motion that uses one is in.
+
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::flow::{Known, Setting, Slot, State, known, unknown};
+use crate::frame::Chain;
+use crate::refusal::{Place, Refusal};
+use crate::value::Number;
+
+/// A file as it lies on the controller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct File {
+    /// Its path, as messages name it.
+    pub name: String,
+    pub bytes: Vec<u8>,
+}
+
+impl File {
+    /// Its name without folders.
+    pub fn base_name(&self) -> &str {
+        self.name.rsplit(['/', '\\']).next().unwrap_or(&self.name)
+    }
+
+    /// Its name without folders and ending, in capitals.
+    pub fn stem(&self) -> String {
+        let name = self.base_name();
+        name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_ascii_uppercase()
+    }
+
+    /// The ending of its name in small letters, without the point; empty where it has none.
+    pub fn ending(&self) -> String {
+        let ending = self.base_name().rsplit_once('.').map(|(_, ending)| ending);
+        ending.unwrap_or_default().to_ascii_lowercase()
+    }
+
+    pub fn at(&self, line: u32) -> Place {
+        Place { file: self.name.clone(), line }
+    }
+}
+
+/// Numbers of an orientation.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Turn {
+    /// A, B, C, degrees: `Rz(A) Ry(B) Rx(C)`.
+    Abc([Number; 3]),
+    /// Real part first.
+    Quaternion([Number; 4]),
+}
+
+/// Numbers that state an arm configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Stated {
+    /// S and T of KUKA.
+    Status { status: Number, turn: Option<Number> },
+    /// cf1, cf4, cf6 and cfx of ABB.
+    Quadrants([Number; 4]),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "nearly all positions are poses")]
+pub enum Shape {
+    Pose {
+        /// mm.
+        xyz: [Number; 3],
+        turn: Turn,
+        stated: Option<Stated>,
+    },
+    /// Degrees; mm of a joint that slides.
+    Joints(Vec<Number>),
+}
+
+/// A motion that moves to a position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Use {
+    pub file: usize,
+    pub line: u32,
+    /// The instruction: `LIN`, `MOVEJ`.
+    pub word: String,
+    pub base: Known,
+    pub tool: Known,
+    /// The position whose statement of an arm configuration the motion has; its own where it reads that.
+    pub branch: Known,
+    /// Whether it moves to a point beside the position.
+    pub is_beside: bool,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Position {
+    pub file: usize,
+    pub line: u32,
+    /// As the program has it, in capitals; the instruction for one that has none.
+    pub name: String,
+    /// Its numbers; otherwise why they are not rewritten.
+    pub shape: Result<Shape, Refusal>,
+    /// An external axis that is not at 0, with its value.
+    pub external: Option<(String, String)>,
+    /// What forbids to correct it under any frame.
+    pub obstacle: Option<Refusal>,
+    pub uses: Vec<Use>,
+    /// Bytes of the value, for reports and comparisons.
+    pub span: Range<usize>,
+}
+
+/// A position of a motion that is no literal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Computed {
+    pub file: usize,
+    pub line: u32,
+    pub word: String,
+    /// What the program has in its place.
+    pub text: String,
+}
+
+/// Files with everything that was read of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Programs {
+    pub files: Vec<File>,
+    /// Positions that a motion uses.
+    pub positions: Vec<Position>,
+    pub computed: Vec<Computed>,
+    /// The line of each file's mark; `None` for one that is not corrected.
+    pub marks: Vec<Option<u32>>,
+    /// The frame of the arm's base in the world, one for each file.
+    pub roots: Vec<Chain>,
+}
+
+/// Target of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Target {
+    /// Indices among the positions: of an array whose element is worked out, all.
+    Literal {
+        positions: Vec<usize>,
+        is_beside: bool,
+    },
+    Computed(String),
+}
+
+/// A motion before what earlier statements have set is known.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Motion {
+    pub(crate) file: usize,
+    pub(crate) line: u32,
+    pub(crate) word: String,
+    pub(crate) targets: Vec<Target>,
+    /// Settings of this motion alone.
+    pub(crate) own: Vec<(Slot, Known)>,
+    pub(crate) reads: Reads,
+    /// What forbids to correct its positions.
+    pub(crate) obstacle: Option<Arc<Refusal>>,
+}
+
+/// When a motion reads the arm configuration that its position states.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reads {
+    Always,
+    /// Goes on in the arm configuration that it begins in.
+    Never,
+    /// Where a setting is on.
+    With(Slot),
+}
+
+impl Motion {
+    /// The last position that it moves to.
+    fn end(&self) -> Option<usize> {
+        match self.targets.last()? {
+            Target::Literal { positions, .. } if positions.len() == 1 => positions.first().copied(),
+            _ => None,
+        }
+    }
+
+    /// The arm configuration that it states where it reads its position's.
+    fn branch(&self) -> Known {
+        match self.end() {
+            Some(end) => known(Setting::Position(end)),
+            None => unknown(Refusal::Other(format!(
+                "the position of {} in line {} is worked out, and with it the arm configuration; state one by a motion \
+                 to a constant position",
+                self.word, self.line
+            ))),
+        }
+    }
+
+    /// The position that states the arm configuration in which the motion reaches one of its own.
+    fn branch_at(&self, position: usize, is_end: bool, state: &State) -> Known {
+        let reads = match self.reads {
+            Reads::Always => true,
+            Reads::Never => false,
+            // The arm passes a helper point in the configuration in which it begins.
+            Reads::With(_) if !is_end => false,
+            Reads::With(slot) => match state.get(slot) {
+                Ok(on) => **on == Setting::On(true),
+                Err(why) => return Err(why.clone()),
+            },
+        };
+        if reads {
+            return known(Setting::Position(position));
+        }
+        state.get(Slot::Branch).clone()
+    }
+
+    fn obstacle(&self, state: &State) -> Option<Arc<Refusal>> {
+        let slot_forbids = |slot| match state.get(slot) {
+            Ok(_) => None,
+            Err(why) => Some(why.clone()),
+        };
+        let own = self.obstacle.clone();
+        own.or_else(|| slot_forbids(Slot::Mode)).or_else(|| slot_forbids(Slot::Displacement))
+    }
+}
+
+/// Motions with the positions that they use.
+pub(crate) struct Recorder<'r> {
+    pub(crate) motions: &'r [Motion],
+    pub(crate) positions: &'r mut [Position],
+}
+
+impl crate::flow::Motions for Recorder<'_> {
+    fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known> {
+        let motion = &self.motions[motion];
+        match (motion.reads, state) {
+            (Reads::Never, _) => None,
+            (Reads::Always, _) | (_, None) => Some(motion.branch()),
+            (Reads::With(slot), Some(state)) => match state.get(slot) {
+                Ok(on) => (**on == Setting::On(true)).then(|| motion.branch()),
+                Err(why) => Some(Err(why.clone())),
+            },
+        }
+    }
+
+    fn happens(&mut self, index: usize, state: &State) {
+        let motion = &self.motions[index];
+        let mut state = state.clone();
+        for (slot, to) in &motion.own {
+            state.set(*slot, to.clone());
+        }
+        let refused = motion.obstacle(&state);
+        let frame = |slot| match &refused {
+            Some(why) => Err(why.clone()),
+            None => state.get(slot).clone(),
+        };
+        let (base, tool) = (frame(Slot::Base), frame(Slot::Tool));
+        for (place, target) in motion.targets.iter().enumerate() {
+            let is_end = place + 1 == motion.targets.len();
+            let Target::Literal { positions, is_beside } = target else {
+                continue;
+            };
+            for &position in positions {
+                self.positions[position].uses.push(Use {
+                    file: motion.file,
+                    line: motion.line,
+                    word: motion.word.clone(),
+                    base: base.clone(),
+                    tool: tool.clone(),
+                    branch: motion.branch_at(position, is_end, &state),
+                    is_beside: *is_beside,
+                });
+            }
+        }
+    }
+}
+
+impl fmt::Display for Position {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}

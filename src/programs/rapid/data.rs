@@ -1,0 +1,175 @@
+//! Declarations of modules and routines, and everything that may change what they declare.
+
+use super::Reading;
+use super::statement::{Header, Statement, assignment, header};
+use crate::lex::Kind;
+use crate::names::{Written, parts};
+use crate::refusal::Place;
+use crate::value::{Cursor, Value};
+
+/// A declaration: `LOCAL PERS wobjdata wobj1 := […]`.
+pub(super) struct Declaration<'t> {
+    is_local: bool,
+    kind: String,
+    name: String,
+    /// How many indices an element has.
+    dimensions: usize,
+    value: Option<Cursor<'t>>,
+}
+
+pub(super) fn declaration<'t>(statement: &Statement<'t>) -> Option<Declaration<'t>> {
+    let mut all = statement.all;
+    let mut is_local = false;
+    while let Some(word) = all.peek_name().filter(|word| matches!(word.as_str(), "LOCAL" | "TASK"))
+    {
+        is_local |= word == "LOCAL";
+        all.take();
+    }
+    if !matches!(all.take_name()?.as_str(), "CONST" | "PERS" | "VAR") {
+        return None;
+    }
+    let kind = all.take_name()?;
+    let name = all.take_name()?;
+    let mut dimensions = 0;
+    if all.take_sign(b'{') {
+        let inside = all.take_part(b'}')?;
+        dimensions = 1 + inside.tokens.iter().filter(|token| token.is(b',')).count();
+    }
+    let is_valued = all.take_sign(b':') && all.take_sign(b'=');
+    Some(Declaration { is_local, kind, name, dimensions, value: is_valued.then_some(all) })
+}
+
+/// Values of elements with their indices.
+fn elements(value: Value, dimensions: usize, index: &[usize], into: &mut Vec<(String, Value)>) {
+    if dimensions == 0 {
+        let indices: Vec<String> = index.iter().map(usize::to_string).collect();
+        let name =
+            if index.is_empty() { String::new() } else { format!("[{}]", indices.join(",")) };
+        into.push((name, value));
+        return;
+    }
+    let Value::List(values) = value else {
+        return;
+    };
+    for (place, value) in values.into_iter().enumerate() {
+        let own: Vec<usize> = index.iter().copied().chain([place + 1]).collect();
+        elements(value, dimensions - 1, &own, into);
+    }
+}
+
+impl Reading<'_> {
+    pub(super) fn data(&mut self, file: usize, statements: &[Statement<'_>]) {
+        let mut inside = None;
+        for statement in statements {
+            if let Some(header) = header(statement) {
+                self.routine(file, &header);
+                inside = Some(header.name);
+            } else if let Some(declaration) = declaration(statement) {
+                self.declared(file, inside.as_deref(), statement, &declaration);
+            } else if is_end(statement) {
+                inside = None;
+            }
+        }
+    }
+
+    fn routine(&mut self, file: usize, header: &Header<'_>) {
+        let full = format!("{}/{}", self.module(file), header.name);
+        if !header.is_local {
+            self.global.entry(header.name.clone()).or_default().push(full.clone());
+        }
+        let mut rest = header.parameters;
+        let mut changes = false;
+        for token in rest.tokens.iter().filter(|token| token.kind == Kind::Name) {
+            let word = crate::lex::capitals(rest.text(token));
+            changes |= matches!(word.as_str(), "INOUT" | "VAR" | "PERS");
+        }
+        while let Some(part) = rest.take_part(b',') {
+            // The name stands before the end, or before the braces of an array: all names of it do no harm.
+            for token in part.tokens.iter().filter(|token| token.kind == Kind::Name) {
+                let name = crate::lex::capitals(part.text(token));
+                self.names.declare(&full, &name, "").is_parameter = true;
+            }
+        }
+        self.given.insert(full, changes);
+    }
+
+    fn declared(
+        &mut self,
+        file: usize,
+        inside: Option<&str>,
+        statement: &Statement<'_>,
+        declaration: &Declaration<'_>,
+    ) {
+        let scopes = self.scopes(file, inside);
+        let scope = if inside.is_none() && !declaration.is_local {
+            String::new()
+        } else {
+            scopes[0].clone()
+        };
+        let variable = self.names.declare(&scope, &declaration.name, &declaration.kind);
+        let Some(value) = declaration.value else {
+            return;
+        };
+        let span = value.tokens.first().zip(value.tokens.last());
+        let span = span.map_or(0..0, |(first, last)| first.span().start..last.span().end);
+        let mut all = Vec::new();
+        elements(value.value(), declaration.dimensions, &[], &mut all);
+        for (element, value) in all {
+            let written = Written { file, line: statement.line, value, span: span.clone() };
+            variable.values.entry(element).or_default().push(written);
+        }
+    }
+
+    /// Marks what statements may change.
+    pub(super) fn touches(&mut self, file: usize, statements: &[Statement<'_>]) {
+        let mut inside = None;
+        for statement in statements {
+            if let Some(header) = header(statement) {
+                inside = Some(header.name);
+                continue;
+            }
+            let at = self.files[file].at(statement.line);
+            let scopes = self.scopes(file, inside.as_deref());
+            if let Some(declaration) = declaration(statement) {
+                if let Some(value) = declaration.value {
+                    self.reads(&scopes, value, file, statement.line);
+                }
+                continue;
+            }
+            if let Some((left, _)) = assignment(statement.all) {
+                let name = left.peek_name().unwrap_or_default();
+                if let Some(variable) = self.names.find_mut(&scopes, &name) {
+                    variable.touched.get_or_insert(at);
+                }
+            } else if self.may_change(file, statement) {
+                self.touch_all(&scopes, statement.all, &at);
+            }
+        }
+    }
+
+    /// Whether a statement is a call that may change what is passed to it.
+    fn may_change(&self, file: usize, statement: &Statement<'_>) -> bool {
+        let Some(word) = statement.all.peek_name() else {
+            return true;
+        };
+        if super::steps::is_word(&word) || self.is_motion(&word) || super::steps::is_harmless(&word)
+        {
+            return false;
+        }
+        self.given.get(&self.full_name(file, &word)).copied().unwrap_or(true)
+    }
+
+    fn touch_all(&mut self, scopes: &[String], all: Cursor<'_>, at: &Place) {
+        for token in all.tokens.iter().filter(|token| token.kind == Kind::Name) {
+            let name = crate::lex::capitals(all.text(token));
+            if let Some(variable) = self.names.find_mut(scopes, parts(&name).0) {
+                variable.touched.get_or_insert(at.clone());
+            }
+        }
+    }
+}
+
+pub(super) fn is_end(statement: &Statement<'_>) -> bool {
+    let word = statement.all.peek_name().unwrap_or_default();
+    matches!(word.as_str(), "ENDPROC" | "ENDFUNC" | "ENDTRAP")
+}

@@ -1,0 +1,512 @@
+//! Motion instructions: their positions, work objects and tools.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use super::Reading;
+use crate::flow::{Known, Setting, Slot, Step, known, unknown};
+use crate::frame::Chain;
+use crate::names::{Scope, Written, parts};
+use crate::program::{Computed, Motion, Position, Reads, Shape, Stated, Target, Turn};
+use crate::refusal::Refusal;
+use crate::value::{Cursor, Number, Value};
+
+/// Where a motion's tool stands among its arguments without a backslash.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Tool {
+    At(usize),
+    Last,
+    /// The motion is refused by its name.
+    Refused,
+}
+
+/// A motion instruction: the places of its positions and of its tool, and when it reads configuration data.
+struct Instruction {
+    words: &'static [&'static str],
+    positions: &'static [usize],
+    tool: Tool,
+    reads: Reads,
+}
+
+const fn instruction(
+    words: &'static [&'static str],
+    positions: &'static [usize],
+    tool: Tool,
+    reads: Reads,
+) -> Instruction {
+    Instruction { words, positions, tool, reads }
+}
+
+const J: Reads = Reads::With(Slot::ConfJ);
+const L: Reads = Reads::With(Slot::ConfL);
+
+const INSTRUCTIONS: [Instruction; 13] = [
+    instruction(&["MOVEABSJ"], &[0], Tool::At(3), Reads::Always),
+    instruction(
+        &["MOVEJ", "MOVEJDO", "MOVEJAO", "MOVEJGO", "MOVEJSYNC", "TRIGGJIOS"],
+        &[0],
+        Tool::At(3),
+        J,
+    ),
+    instruction(
+        &["MOVEL", "MOVELDO", "MOVELAO", "MOVELGO", "MOVELSYNC", "TRIGGLIOS"],
+        &[0],
+        Tool::At(3),
+        L,
+    ),
+    instruction(&["MOVEC", "MOVECDO", "MOVECAO", "MOVECGO", "MOVECSYNC"], &[0, 1], Tool::At(4), L),
+    instruction(&["TRIGGJ"], &[0], Tool::At(4), J),
+    instruction(&["TRIGGL", "SPOTL"], &[0], Tool::At(4), L),
+    instruction(&["SPOTJ"], &[0], Tool::At(4), J),
+    instruction(&["TRIGGC"], &[0, 1], Tool::At(5), L),
+    instruction(&["ARCL", "ARCLSTART", "ARCLEND"], &[0], Tool::Last, L),
+    instruction(&["ARCC", "ARCCSTART", "ARCCEND"], &[0, 1], Tool::Last, L),
+    instruction(&["SEARCHL"], &[2], Tool::Refused, L),
+    instruction(&["SEARCHC"], &[2, 3], Tool::Refused, L),
+    instruction(&["MOVEEXTJ"], &[0], Tool::Refused, Reads::Never),
+];
+
+fn known_instruction(word: &str) -> Option<&'static Instruction> {
+    INSTRUCTIONS.iter().find(|own| own.words.contains(&word))
+}
+
+/// An argument with its options.
+struct Argument<'t> {
+    value: Cursor<'t>,
+    /// Names in capitals, each with the expression behind its `:=`.
+    options: Vec<(String, Cursor<'t>)>,
+}
+
+fn arguments(rest: Cursor<'_>) -> Vec<Argument<'_>> {
+    let mut rest = rest;
+    let mut all = Vec::new();
+    while let Some(mut part) = rest.take_part(b',') {
+        let begins = part.first().is_some_and(|token| token.is(b'\\'));
+        let value = if begins {
+            part.take();
+            Cursor { tokens: &[], ..part }
+        } else {
+            part.take_part(b'\\').unwrap_or(part)
+        };
+        let mut options = Vec::new();
+        while let Some(mut option) = part.take_part(b'\\') {
+            let name = option.take_name().unwrap_or_default();
+            let _ = option.take_sign(b':') && option.take_sign(b'=');
+            options.push((name, option));
+        }
+        all.push(Argument { value, options });
+    }
+    all
+}
+
+impl Reading<'_> {
+    /// The controller's instruction that a word is or, by the cell, is like.
+    fn like(&self, word: &str) -> Option<&'static Instruction> {
+        let like = self.cell.motions.iter().find(|(own, _)| own.eq_ignore_ascii_case(word));
+        like.map_or_else(
+            || known_instruction(word),
+            |(_, like)| known_instruction(&like.to_ascii_uppercase()),
+        )
+    }
+
+    pub(super) fn is_motion(&self, word: &str) -> bool {
+        self.like(word).is_some()
+    }
+
+    pub(super) fn motion(
+        &mut self,
+        file: usize,
+        scopes: &[Scope],
+        line: u32,
+        word: &str,
+        rest: Cursor<'_>,
+        steps: &mut Vec<Step>,
+    ) {
+        let Some(instruction) = self.like(word) else {
+            return;
+        };
+        let all = arguments(rest);
+        let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
+        let here = Here { file, line, scopes };
+        let mut targets = Vec::new();
+        for place in instruction.positions {
+            let Some(argument) = valued.get(*place) else {
+                continue;
+            };
+            let target = self.target(&here, word, argument.value);
+            if let Target::Computed(text) = &target {
+                let text = text.clone();
+                self.computed.push(Computed { file, line, word: word.to_owned(), text });
+            }
+            targets.push(target);
+        }
+        let motion = Motion {
+            file,
+            line,
+            word: word.to_owned(),
+            targets,
+            own: self.frames(&here, instruction, &all, &valued),
+            reads: instruction.reads,
+            obstacle: self.obstacle(&here, word, instruction, &all),
+        };
+        steps.push(Step::Move(self.motions.len()));
+        self.motions.push(motion);
+    }
+
+    fn obstacle(
+        &self,
+        here: &Here<'_>,
+        word: &str,
+        instruction: &Instruction,
+        all: &[Argument<'_>],
+    ) -> Option<Arc<Refusal>> {
+        let at = || self.files[here.file].at(here.line);
+        if instruction.tool == Tool::Refused {
+            return Some(Arc::new(Refusal::Instruction { word: word.to_owned(), at: at() }));
+        }
+        let mut options = all.iter().flat_map(|own| &own.options);
+        let found = options.find(|(name, _)| matches!(name.as_str(), "ID" | "CORR" | "CORRTIME"));
+        found.map(|(name, _)| {
+            Arc::new(Refusal::Instruction { word: format!("{word} with \\{name}"), at: at() })
+        })
+    }
+
+    fn frames(
+        &self,
+        here: &Here<'_>,
+        instruction: &Instruction,
+        all: &[Argument<'_>],
+        valued: &[&Argument<'_>],
+    ) -> Vec<(Slot, Known)> {
+        let mut options = all.iter().flat_map(|own| &own.options);
+        let base = match options.find(|(name, _)| name == "WOBJ") {
+            Some((_, expression)) => self.work_object(here, *expression),
+            None => known(Setting::Frames(Chain::default())),
+        };
+        let tool = match instruction.tool {
+            Tool::At(place) => valued.get(place),
+            Tool::Last | Tool::Refused => valued.last(),
+        };
+        let none = || {
+            let what = "the tool".to_owned();
+            unknown(Refusal::AtRunTime { what, at: self.files[here.file].at(here.line) })
+        };
+        let tool = tool.map_or_else(none, |argument| self.tool(here, argument.value));
+        vec![(Slot::Base, base), (Slot::Tool, tool)]
+    }
+
+    fn tool(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
+        self.data_of(here, expression, "TOOL0", |name, parts| {
+            let [holds, frame, ..] = parts else {
+                return None;
+            };
+            match holds {
+                Value::Name(word) if word == "TRUE" => {
+                    let frame = pose(frame)?;
+                    Some(Ok(Chain::one(name, Ok(frame))))
+                }
+                Value::Name(word) if word == "FALSE" => {
+                    Some(Err(Refusal::FixedTool { at: self.files[here.file].at(here.line) }))
+                }
+                _ => None,
+            }
+        })
+    }
+
+    fn work_object(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
+        self.data_of(here, expression, "WOBJ0", |name, parts| {
+            let [holds, fixed, _, user, object] = parts else {
+                return None;
+            };
+            let is = |value: &Value, word: &str| *value == Value::Name(word.to_owned());
+            let at = || self.files[here.file].at(here.line);
+            if is(holds, "TRUE") {
+                return Some(Err(Refusal::FixedTool { at: at() }));
+            }
+            if is(fixed, "FALSE") {
+                return Some(Err(Refusal::Moving { name: name.to_owned(), at: at() }));
+            }
+            if !is(holds, "FALSE") || !is(fixed, "TRUE") {
+                return None;
+            }
+            let mut chain = Chain::one(format!("{name}.UFRAME"), Ok(pose(user)?));
+            chain.0.extend(Chain::one(format!("{name}.OFRAME"), Ok(pose(object)?)).0);
+            Some(Ok(chain))
+        })
+    }
+
+    /// The frames of a tool or work object by its name; `predefined` is the identity.
+    fn data_of(
+        &self,
+        here: &Here<'_>,
+        expression: Cursor<'_>,
+        predefined: &str,
+        frames: impl Fn(&str, &[Value]) -> Option<Result<Chain, Refusal>>,
+    ) -> Known {
+        let at = || self.files[here.file].at(here.line);
+        let Value::Name(name) = expression.value() else {
+            return unknown(Refusal::AtRunTime { what: shown(expression), at: at() });
+        };
+        match self.names.find(here.scopes, parts(&name).0) {
+            None if name == predefined => return known(Setting::Frames(Chain::default())),
+            Some(variable) if variable.is_parameter => {
+                return unknown(Refusal::AtRunTime {
+                    what: format!("{name}, a parameter,"),
+                    at: at(),
+                });
+            }
+            _ => {}
+        }
+        let give = "the module that declares it";
+        let found = self.names.constant(here.scopes, &name, self.files, give).and_then(|written| {
+            let own = written.value.list().and_then(|parts| frames(&name, parts));
+            let at = self.files[written.file].at(written.line);
+            own.unwrap_or(Err(Refusal::NoFrame { name: name.clone(), at }))
+        });
+        match found {
+            Ok(chain) => known(Setting::Frames(chain)),
+            Err(why) => unknown(why),
+        }
+    }
+
+    fn target(&mut self, here: &Here<'_>, word: &str, value: Cursor<'_>) -> Target {
+        let computed = || Target::Computed(shown(value));
+        match value.value() {
+            list @ Value::List(_) => {
+                let span =
+                    value.tokens[0].span().start..value.tokens[value.tokens.len() - 1].span().end;
+                let line = value.tokens[0].line;
+                let written = Written { file: here.file, line, value: list, span };
+                let position = self.add(here, word, &written);
+                Target::Literal { positions: vec![position], is_beside: false }
+            }
+            Value::Name(name) => self.declared_position(here, &name).unwrap_or_else(computed),
+            _ => {
+                let found = self.beside(here, value).or_else(|| self.all_elements(here, value));
+                found.unwrap_or_else(|| {
+                    self.reads(here.scopes, value, here.file, here.line);
+                    computed()
+                })
+            }
+        }
+    }
+
+    /// `Offs(p10, 0, 0, 50)`, `RelTool(p10, 0, 0, 50)`.
+    fn beside(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Option<Target> {
+        let mut rest = value;
+        let word = rest.take_name()?;
+        if !matches!(word.as_str(), "OFFS" | "RELTOOL") || !rest.take_sign(b'(') {
+            return None;
+        }
+        let mut inside = rest.take_part(b')').filter(|_| rest.is_empty())?;
+        let first = inside.take_part(b',')?;
+        let target = match first.value() {
+            Value::Name(name) => self.declared_position(here, &name)?,
+            Value::Expression => self.all_elements(here, first)?,
+            _ => return None,
+        };
+        self.reads(here.scopes, inside, here.file, here.line);
+        match target {
+            Target::Literal { positions, .. } => {
+                Some(Target::Literal { positions, is_beside: true })
+            }
+            Target::Computed(_) => None,
+        }
+    }
+
+    /// `p{i}`: all elements of an array.
+    fn all_elements(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Option<Target> {
+        let mut rest = value;
+        let name = rest.take_name()?;
+        let is_element = rest.take_sign(b'{') && rest.take_part(b'}').is_some() && rest.is_empty();
+        let variable = self.names.find(here.scopes, &name).filter(|_| is_element)?;
+        let elements: Vec<String> = variable.values.keys().cloned().collect();
+        let mut positions = Vec::new();
+        for element in elements {
+            match self.declared_position(here, &format!("{name}{element}"))? {
+                Target::Literal { positions: own, .. } => positions.extend(own),
+                Target::Computed(_) => return None,
+            }
+        }
+        (!positions.is_empty()).then_some(Target::Literal { positions, is_beside: false })
+    }
+
+    fn declared_position(&mut self, here: &Here<'_>, name: &str) -> Option<Target> {
+        let (own, element) = parts(name);
+        let literal =
+            |position| Some(Target::Literal { positions: vec![position], is_beside: false });
+        let Some(variable) = self.names.find(here.scopes, own) else {
+            self.names.declare(&here.scopes[here.scopes.len() - 2], own, "");
+            return self.remember(here, name, |reading| reading.missing(here, name, None));
+        };
+        if variable.is_parameter {
+            return None;
+        }
+        if let Some(position) = variable.positions.get(element) {
+            return literal(*position);
+        }
+        let give = "the module that declares it";
+        match self.names.constant(here.scopes, name, self.files, give).cloned() {
+            Ok(written) => self.remember(here, name, |reading| reading.add(here, name, &written)),
+            Err(why) => self.remember(here, name, |reading| reading.missing(here, name, Some(why))),
+        }
+    }
+
+    fn remember(
+        &mut self,
+        here: &Here<'_>,
+        name: &str,
+        add: impl FnOnce(&mut Self) -> usize,
+    ) -> Option<Target> {
+        let position = add(self);
+        let (own, element) = parts(name);
+        let variable = self.names.find_mut(here.scopes, own)?;
+        variable.positions.insert(element.to_owned(), position);
+        Some(Target::Literal { positions: vec![position], is_beside: false })
+    }
+
+    fn missing(&mut self, here: &Here<'_>, name: &str, why: Option<Refusal>) -> usize {
+        let give = "the module that declares it".to_owned();
+        let why = why.unwrap_or(Refusal::NotGiven { name: name.to_owned(), give });
+        self.positions.push(Position {
+            file: here.file,
+            line: here.line,
+            name: name.to_owned(),
+            shape: Err(why.clone()),
+            external: None,
+            obstacle: Some(why),
+            uses: Vec::new(),
+            span: 0..0,
+        });
+        self.positions.len() - 1
+    }
+
+    fn add(&mut self, here: &Here<'_>, name: &str, written: &Written) -> usize {
+        let (shape, external) = self.shape(here.scopes, &written.value);
+        self.positions.push(Position {
+            file: written.file,
+            line: written.line,
+            name: name.to_owned(),
+            shape,
+            external,
+            obstacle: None,
+            uses: Vec::new(),
+            span: written.span.clone(),
+        });
+        self.positions.len() - 1
+    }
+
+    fn shape(
+        &self,
+        scopes: &[Scope],
+        value: &Value,
+    ) -> (Result<Shape, Refusal>, Option<(String, String)>) {
+        let no = |words: &str| (Err(Refusal::Other(words.to_owned())), None);
+        match value.list() {
+            Some([joints, external]) => match joints.numbers::<6>() {
+                Some(joints) => {
+                    let shape = Shape::Joints(joints.map(Clone::clone).to_vec());
+                    self.with_external(scopes, shape, external)
+                }
+                None => no("its joint angles are not all written out"),
+            },
+            Some([place, turn, stated, external]) => {
+                let (Some(xyz), Some(turn)) = (place.numbers::<3>(), turn.numbers::<4>()) else {
+                    return no("its position and orientation are not all written out");
+                };
+                let stated =
+                    stated.numbers::<4>().map(|own| Stated::Quadrants(own.map(Clone::clone)));
+                let (xyz, turn) = (xyz.map(Clone::clone), Turn::Quaternion(turn.map(Clone::clone)));
+                self.with_external(scopes, Shape::Pose { xyz, turn, stated }, external)
+            }
+            _ => no("its value is no position that is written out"),
+        }
+    }
+
+    /// A position whose external axes are known; those at 9E9 are not there.
+    fn with_external(
+        &self,
+        scopes: &[Scope],
+        shape: Shape,
+        external: &Value,
+    ) -> (Result<Shape, Refusal>, Option<(String, String)>) {
+        let named = match external {
+            Value::Name(name) => {
+                self.names.constant(scopes, name, self.files, "").ok().map(|own| &own.value)
+            }
+            value => Some(value),
+        };
+        let Some(numbers) = named.and_then(Value::numbers::<6>) else {
+            return (Err(Refusal::Partial { what: "numbers of its external axes" }), None);
+        };
+        let is_there = |number: &Number| number.value != 0.0 && number.value < 8.9e9;
+        let mut numbers =
+            numbers.iter().zip(["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"]);
+        let found = numbers.find(|(number, _)| is_there(number));
+        let found = found.map(|(number, name)| (name.to_owned(), number.value.to_string()));
+        (Ok(shape), found)
+    }
+
+    /// Positions that are passed to a routine other than a motion.
+    pub(super) fn passed(
+        &mut self,
+        file: usize,
+        scopes: &[Scope],
+        line: u32,
+        word: &str,
+        rest: Cursor<'_>,
+    ) {
+        for argument in arguments(rest) {
+            let is_position = match argument.value.value() {
+                Value::Name(name) => {
+                    let kind = self.names.find(scopes, parts(&name).0).map(|own| own.kind.as_str());
+                    matches!(kind, Some("ROBTARGET" | "JOINTTARGET"))
+                }
+                Value::List(parts) => {
+                    parts.len() == 4 && parts.iter().all(|part| part.list().is_some())
+                }
+                _ => false,
+            };
+            if is_position {
+                let text = shown(argument.value);
+                self.computed.push(Computed { file, line, word: word.to_owned(), text });
+            }
+        }
+    }
+}
+
+struct Here<'h> {
+    file: usize,
+    line: u32,
+    scopes: &'h [Scope],
+}
+
+/// `[[x, y, z], [q1, q2, q3, q4]]` as an isometry.
+pub(super) fn pose(value: &Value) -> Option<Isometry3<f64>> {
+    let [place, turn] = value.list()? else {
+        return None;
+    };
+    let at = place.numbers::<3>()?.map(|number| number.value);
+    let turn = quaternion(turn.numbers::<4>()?.map(|number| number.value))?;
+    Some(Isometry3::from_parts(Translation3::from(at), turn))
+}
+
+/// A rotation by its four numbers, real part first; `None` where they are far from a unit quaternion.
+pub fn quaternion([w, x, y, z]: [f64; 4]) -> Option<UnitQuaternion<f64>> {
+    let quaternion = Quaternion::new(w, x, y, z);
+    let is_unit = (quaternion.norm() - 1.0).abs() < 1e-2;
+    is_unit.then(|| UnitQuaternion::from_quaternion(quaternion))
+}
+
+/// The text of an expression, shortened.
+fn shown(value: Cursor<'_>) -> String {
+    let (Some(first), Some(last)) = (value.tokens.first(), value.tokens.last()) else {
+        return String::new();
+    };
+    let end = last.span().end.min(first.span().start + 60);
+    let text = &value.bytes[first.span().start..end];
+    let shown =
+        |byte: &u8| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '?' };
+    text.iter().map(shown).collect()
+}

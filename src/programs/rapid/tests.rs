@@ -1,0 +1,192 @@
+use crate::write::{Command, applied, edits, marks, undone};
+use crate::{Branch, Cell, File, Programs, Wanted, read};
+
+fn cell() -> Cell {
+    let text = "[frames]\nbase_frame = { found = \"surveyed\", place = { xyz_mm = [0.0, 0.0, 100.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] } }\n\
+                \"wobj1.uframe\" = { found = \"surveyed\" }\ntool1 = { found = \"surveyed\" }\n[motions]\nMyMoveL = \"MoveL\"\n";
+    toml::from_str(text).unwrap()
+}
+
+const DATA: &str = "MODULE M1\r\n  PERS tooldata tool1:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\r\n\
+  TASK PERS wobjdata wobj1:=[FALSE,TRUE,\"\",[[1000,0,500],[0.707106781,0,0,0.707106781]],[[0,0,0],[1,0,0,0]]];\r\n\
+  PERS wobjdata held:=[TRUE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\r\n\
+  PERS wobjdata moved:=[FALSE,FALSE,\"STN1\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\r\n\
+  CONST robtarget p10:=[[10,20,30],[0,0,1,0],[0,-1,2,0],[9E9,9E+09,9E9,9E9,9E9,9E9]];\r\n";
+
+fn programs(body: &str, more: &str) -> Programs {
+    let text = format!(
+        "%%%\r\nVERSION:1\r\n%%%\r\n{DATA}{more}\r\n  PROC main()\r\n{body}\r\n  ENDPROC\r\nENDMODULE\r\n"
+    );
+    let text = text.replacen("%%%\r\nVERSION:1\r\n%%%\r\n", "", 1);
+    read(vec![File { name: "m1.mod".to_owned(), bytes: text.into_bytes() }], &cell())
+}
+
+fn verdicts(body: &str, more: &str) -> Vec<String> {
+    let programs = programs(body, more);
+    let told = |index| {
+        programs.ask(index, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    (0..programs.positions.len()).map(told).collect()
+}
+
+fn only(body: &str, more: &str) -> String {
+    let all = verdicts(body, more);
+    assert_eq!(all.len(), 1, "{body}: {all:?}");
+    all[0].clone()
+}
+
+#[test]
+fn a_position_stands_in_its_work_object_and_that_in_the_world() {
+    let programs = programs("MoveL p10,v100,fine,tool1\\WObj:=wobj1;", "");
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Pose { base_from_tool, branch, .. } = asked.wanted else { panic!("a pose") };
+    let expected = [1000.0 - 20.0, 10.0, 500.0 + 30.0 - 100.0];
+    for (found, expected) in base_from_tool.translation.vector.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-6, "{base_from_tool}");
+    }
+    assert_eq!(branch, Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: true });
+}
+
+#[test]
+fn every_form_of_a_motion_is_read() {
+    let bodies = [
+        "MoveJ p10,v100,fine,tool1;",
+        "MoveL\\Conc,p10,v100\\V:=5,z10\\Inpos:=inpos20,tool1\\WObj:=wobj1\\TLoad:=load1;",
+        "movel p10 , v100 , z10 , tool1 \\wobj:= wobj1 ;",
+        "MoveLDO p10,v100,z10,tool1\\WObj:=wobj1,do1,1;",
+        "TriggL p10,v100,trig1\\T2:=trig2,z10,tool1;",
+        "ArcL p10,v100,seam1,weld1\\Weave:=weave1,z1,tool1\\WObj:=wobj1;",
+        "SpotL p10,v100,gun1,spot1,tool1;",
+        "MyMoveL p10,v100,z10,tool1;",
+        "IF a=1 MoveL p10,v100,z10,tool1;",
+        "IF (a=1 AND b) OR c>2 THEN MoveL p10,v100,z10,tool1; ELSEIF d THEN stop; ENDIF",
+        "TEST a CASE 1,2: MoveL p10,v100,z10,tool1; DEFAULT: Stop; ENDTEST",
+        "FOR i FROM 1 TO 3 DO MoveL Offs(p10,0,0,i),v100,z10,tool1; ENDFOR",
+        "MoveL RelTool(p10,0,0,-5\\Rx:=2),v100,z10,tool1;",
+        "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v100,fine,tool1;",
+        "MoveC p10,[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z10,tool1;",
+    ];
+    for body in bodies {
+        let programs = programs(body, "");
+        assert!(programs.computed.is_empty(), "{body}");
+        let last = programs.positions.len() - 1;
+        let told = programs.ask(last, &cell());
+        assert!(told.is_ok(), "{body}: {told:?}");
+    }
+}
+
+#[test]
+fn what_is_not_known_is_refused_by_name() {
+    let cases = [
+        ("MoveL p10,v100,z10,tool9;", "TOOL9 has no value in the files given"),
+        ("MoveL p10,v100,z10,tools{i};", "tools{i} is worked out"),
+        ("MoveL p10,v100,z10,tool1\\WObj:=held;", "the tool stands in the cell"),
+        ("MoveL p10,v100,z10,tool1\\WObj:=moved;", "MOVED moves with an external axis"),
+        (
+            "wobj1.oframe:=f1; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
+            "WOBJ1 is worked out at run time",
+        ),
+        (
+            "Calibrate wobj1; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
+            "WOBJ1 is worked out at run time",
+        ),
+        ("PDispSet pose1; MoveL p10,v100,z10,tool1;", "a displacement may be on (PDisp)"),
+        ("EOffsOn p1; MoveL p10,v100,z10,tool1;", "a displacement may be on (EOffs)"),
+        ("MoveL p10\\ID:=5,v100,z10,tool1;", "MOVEL with \\ID is not followed"),
+        ("SearchL di1,ps,p10,v100,tool1;", "SEARCHL is not followed"),
+        ("p10.trans.x:=5; MoveL p10,v100,z10,tool1;", "P10 is worked out at run time"),
+        ("p20:=p10; MoveL p10,v100,z10,tool1;", "it is also read in m1.mod"),
+        (
+            "MoveL p10,v100,z10,tool1; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
+            "it is used under base none with tool TOOL1",
+        ),
+        (
+            "ConfL\\Off; MoveL p10,v100,z10,tool1;",
+            "no motion before it states an arm configuration",
+        ),
+        ("IF a THEN MoveL p10,v100,z10,tool1;", "the blocks of routine"),
+    ];
+    for (body, expected) in cases {
+        let told = only(body, "");
+        assert!(told.contains(expected), "{body}\n{told}");
+    }
+}
+
+#[test]
+fn a_displacement_that_is_off_again_is_off() {
+    assert_eq!(only("PDispSet pose1; PDispOff; MoveL p10,v100,z10,tool1;", ""), "ok");
+}
+
+#[test]
+fn linear_motions_go_on_in_the_configuration_where_confl_is_off() {
+    let programs = programs(
+        "ConfL\\Off; MoveJ p10,v100,z10,tool1; MoveL [[1,2,3],[1,0,0,0],[9,9,9,9],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z10,tool1;",
+        "",
+    );
+    let Ok(asked) = programs.ask(1, &cell()) else { panic!("asked") };
+    let Wanted::Pose { branch, .. } = asked.wanted else { panic!("a pose") };
+    assert_eq!(branch, Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: false });
+}
+
+#[test]
+fn arrays_and_what_is_passed_on_are_counted() {
+    let more = "CONST robtarget a{2}:=[[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],\r\n\
+                [[4,2,3],[1,0,0,0],[0,0,0,0],[1000,9E9,9E9,9E9,9E9,9E9]]];";
+    let body = "MoveL a{1},v100,z10,tool1; MoveJ a{i},v100,z10,tool1; Weld p10,5; MoveL CRobT(),v100,z10,tool1; MoveL *,v1,z1,tool1;";
+    let programs = programs(body, more);
+    let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["A[1]", "A[2]"]);
+    let computed: Vec<String> =
+        programs.computed.iter().map(|own| format!("{} {}", own.word, own.text)).collect();
+    assert_eq!(computed, ["WELD p10", "MOVEL CRobT()", "MOVEL *"]);
+    assert!(programs.ask(1, &cell()).unwrap_err().to_string().contains("eax_a is at 1000"));
+}
+
+#[test]
+fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
+    let programs = programs("MoveL p10,v100,fine,tool1\\WObj:=wobj1;", "");
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Pose { base_from_frame, base_from_tool, .. } = &asked.wanted else {
+        panic!("a pose")
+    };
+    let mut to = base_from_frame.inverse() * base_from_tool;
+    to.translation.vector.x += 0.25;
+    to.rotation *= nalgebra::UnitQuaternion::from_euler_angles(0.001, 0.0, 0.0);
+    let command = Command {
+        base_from_tool: Some(base_from_frame * to),
+        joints: Some([
+            vec![1.0, 0.0, 0.0, -0.001, 0.0, 200.0],
+            vec![1.0, 0.0, 0.0, 0.002, 0.0, 200.0],
+        ]),
+    };
+    let mut edits = edits(&programs.positions[0], &asked, &command);
+    edits.all.extend(marks(&programs.files[0], "table t-1", "t-1"));
+    let written = applied(&programs.files[0].bytes, &edits.all);
+    let text = String::from_utf8_lossy(&written);
+    assert!(
+        text.starts_with("MODULE M1\r\n! corrected by posegrid table t-1\r\nLOCAL CONST string posegrid_corrected:=\"t-1\";\r\n  PERS"),
+        "{text}"
+    );
+    assert!(
+        text.contains("p10:=[[10.2500,20,30],[0,0,0.99999987,-0.00050000],[0,0,2,0],[9E9,9E+09,"),
+        "{text}"
+    );
+    assert_eq!(edits.crossed, 1);
+    assert_eq!(undone(&written, &programs.files[0].bytes, &edits.all), programs.files[0].bytes);
+    let again = File { name: "m1.mod".to_owned(), bytes: written };
+    let told = read(vec![again], &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("corrected already by posegrid (m1.mod, line 2)"), "{told}");
+}
+
+#[test]
+fn the_arms_base_is_that_of_the_only_robot_of_moc() {
+    let text = "MOC:CFG_1.0:5:0::\r\n#\r\nROBOT:\r\n\r\n      -name \"ROB_1\" -use_robot_type \"IRB\" \\\r\n      -base_frame_pos_z 0.5\r\n#\r\n";
+    let module = format!("{DATA}PROC main()\r\nMoveL p10,v100,fine,tool1;\r\nENDPROC\r\nENDMODULE");
+    let files = vec![
+        File { name: "SYSPAR/MOC.cfg".to_owned(), bytes: text.as_bytes().to_vec() },
+        File { name: "m.mod".to_owned(), bytes: module.into_bytes() },
+    ];
+    let Ok(asked) = read(files, &cell()).ask(0, &cell()) else { panic!("asked") };
+    let Wanted::Pose { base_from_tool, .. } = asked.wanted else { panic!("a pose") };
+    assert!((base_from_tool.translation.vector.z - (30.0 - 500.0)).abs() < 1e-9);
+}

@@ -1,0 +1,148 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::program::Shape;
+use crate::write::{Command, applied, edits, undone};
+
+/// Pieces of programs of both dialects, sound and broken.
+const PIECES: [&str; 58] = [
+    "DEF P()\r\n",
+    "END\n",
+    "DEFDAT P\n",
+    "ENDDAT\n",
+    "LIN ",
+    "PTP ",
+    "CIRC ",
+    "XP1",
+    "P[1]",
+    "P[i]",
+    "{X 1.5,Y 2,Z -3,A 0,B 0,C 0,S 2,T 2}",
+    "{A1 0,A2 1,A3 2,A4 3,A5 4,A6 5}",
+    "=",
+    ",",
+    "DECL E6POS XP1=",
+    "BAS(#BASE,1)\n",
+    "$BASE=",
+    "$NULLFRAME",
+    "$TOOL={X 0,Y 0,Z 0,A 0,B 0,C 0}\n",
+    "IF a THEN\n",
+    "ENDIF\n",
+    "ELSE\n",
+    "LOOP\n",
+    "ENDLOOP\n",
+    "SWITCH n\n",
+    "CASE 1\n",
+    "ENDSWITCH\n",
+    "L:\n",
+    "SPLINE WITH $BASE=SBASE(1)\n",
+    "ENDSPLINE\n",
+    "FOO(XP1)\n",
+    "\"open\n",
+    "; {X 1}\n",
+    "\u{fc}",
+    "\r",
+    "\n",
+    " ",
+    "MODULE M\n",
+    "ENDMODULE\n",
+    "PROC p(robtarget q)\n",
+    "ENDPROC\n",
+    "MoveL p10,v1,z1,tool0;",
+    "MoveJ\\Conc,[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1,z1,tool0\\WObj:=wobj0;",
+    "CONST robtarget p10:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];",
+    "VAR robtarget a{2,2}:=",
+    "[[",
+    "]]",
+    ";",
+    "IF a MoveL p10,v1,z1,tool0;",
+    "TEST a CASE 1:",
+    "ENDTEST",
+    "p10:=",
+    "Offs(p10,1,2,3)",
+    "ConfL\\Off;",
+    "PDispOff;",
+    "!",
+    "%%%\n",
+    "ERROR\n",
+];
+
+fn text() -> impl Strategy<Value = Vec<u8>> {
+    let piece = prop_oneof![
+        9 => (0..PIECES.len()).prop_map(|place| PIECES[place].as_bytes().to_vec()),
+        1 => proptest::collection::vec(any::<u8>(), 0..4),
+    ];
+    proptest::collection::vec(piece, 0..60).prop_map(|pieces| pieces.concat())
+}
+
+/// A cell that knows where an arm's base is.
+fn cell() -> Cell {
+    let place = posegrid_arm::geometry::Placement::of(&nalgebra::Isometry3::identity());
+    let frame = CellFrame { found: Found::Surveyed, place: Some(place) };
+    let names = ["$ROBROOT", "base_frame"].map(|name| (name.to_owned(), frame.clone()));
+    Cell { frames: names.into_iter().collect(), ..Cell::default() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn any_bytes_are_read_and_only_numbers_are_replaced(source in text(), data in text(), module in text()) {
+        let named = [("p.src", source), ("p.dat", data), ("m.mod", module)];
+        let files = named.map(|(name, bytes)| File { name: name.to_owned(), bytes });
+        let programs = read(files.to_vec(), &cell());
+        let mut all = vec![Vec::new(); files.len()];
+        for index in 0..programs.positions.len() {
+            let Ok(asked) = programs.ask(index, &cell()) else { continue };
+            let position = &programs.positions[index];
+            prop_assert!(!position.uses.is_empty());
+            let command = match (&asked.wanted, &position.shape) {
+                (Wanted::Pose { base_from_tool, .. }, _) => {
+                    let mut to = *base_from_tool;
+                    to.translation.vector.x += 0.123_456;
+                    Command { base_from_tool: Some(to), joints: None }
+                }
+                (Wanted::Joints(joints), Ok(Shape::Joints(_))) => {
+                    let to = joints.iter().map(|joint| joint + 0.01).collect();
+                    Command { base_from_tool: None, joints: Some([joints.clone(), to]) }
+                }
+                _ => continue,
+            };
+            all[position.file].extend(edits(position, &asked, &command).all);
+        }
+        for (file, edits) in files.iter().zip(&all) {
+            let written = applied(&file.bytes, edits);
+            prop_assert_eq!(undone(&written, &file.bytes, edits), file.bytes.clone());
+        }
+    }
+}
+
+#[test]
+fn a_hundred_thousand_positions_take_a_linear_time() {
+    let each = |count: u32, line: &dyn Fn(u32) -> String| -> String {
+        (0..count).map(line).collect::<Vec<_>>().concat()
+    };
+    let lines = each(100_000, &|n| format!("LIN {{X {n}.5,Y 2,Z -3,A 0,B 0,C 0}} C_DIS\r\n"));
+    let module = each(20_000, &|n| {
+        format!(
+            "CONST robtarget p{n}:=[[{n},2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        )
+    });
+    let moves = each(20_000, &|n| format!("MoveL p{n},v1,z1,tool0;\n"));
+    let files = vec![
+        File {
+            name: "p.src".to_owned(),
+            bytes: format!("DEF P()\nPTP {{A1 0,A2 0,A3 0,A4 0,A5 9,A6 0}}\n{lines}END\n")
+                .into_bytes(),
+        },
+        File {
+            name: "m.mod".to_owned(),
+            bytes: format!("MODULE M\n{module}PROC main()\n{moves}ENDPROC\nENDMODULE").into_bytes(),
+        },
+    ];
+    let begun = std::time::Instant::now();
+    let programs = read(files, &cell());
+    assert_eq!(programs.positions.len(), 120_001);
+    let asked = (0..programs.positions.len()).filter(|index| programs.ask(*index, &cell()).is_ok());
+    assert_eq!(asked.count(), 20_000);
+    assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
+}

@@ -1,0 +1,353 @@
+//! Corrected poses → numbers in the places of the old ones, and marks; every other byte stays.
+//!
+//! A number has as many decimals as the file has for it, and at least [`MM_DECIMALS`] or [`DEGREE_DECIMALS`], which every dialect here
+//! takes; no exponent and no −0. A number that is the same when it is read again keeps its text. An orientation that is
+//! not corrected keeps its text too.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use crate::geometry::rpy;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+use crate::ask::{Asked, Wanted, pose};
+use crate::krl::abc;
+use crate::lex::{Dialect, Kind, Token, capitals, tokens};
+use crate::program::{File, Position, Shape, Stated, Turn};
+use crate::rapid::is_module;
+use crate::value::Number;
+
+/// A tenth of a micrometre and less is nothing to a controller, whose numbers are single precision.
+pub const MM_DECIMALS: usize = 4;
+/// 1e-5° at 2 m is a third of a micrometre.
+pub const DEGREE_DECIMALS: usize = 5;
+const QUATERNION_DECIMALS: usize = 8;
+/// An orientation that is turned by less is not turned, rad.
+const UNTURNED: f64 = 1e-8;
+
+/// Bytes of a file to replace.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Edit {
+    pub span: Range<usize>,
+    pub text: String,
+}
+
+/// The command for a position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Command {
+    /// The tool in the arm's base, mm; of a position in joint angles `None`.
+    pub base_from_tool: Option<Isometry3<f64>>,
+    /// Joint angles at which the nominal arm has the position, and those of the command, degrees as the controller counts them.
+    pub joints: Option<[Vec<f64>; 2]>,
+}
+
+/// What a command changes at a position.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Edits {
+    pub all: Vec<Edit>,
+    /// Joints that cross a border of T or of the quarter turns, so that these are written anew.
+    pub crossed: usize,
+}
+
+/// Replaces the numbers of one position by those of its command.
+pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
+    let mut edits = Edits::default();
+    match (&position.shape, &asked.wanted, command) {
+        (Ok(Shape::Joints(numbers)), Wanted::Joints(_), Command { joints: Some([_, to]), .. }) => {
+            for (number, to) in numbers.iter().zip(to) {
+                edits.number(number, *to, DEGREE_DECIMALS);
+            }
+        }
+        (
+            Ok(Shape::Pose { xyz, turn, stated }),
+            Wanted::Pose { base_from_frame, .. },
+            Command { base_from_tool: Some(base_from_tool), joints },
+        ) => {
+            let to = base_from_frame.inverse() * base_from_tool;
+            for (number, to) in xyz.iter().zip(to.translation.vector.iter()) {
+                edits.number(number, *to, MM_DECIMALS);
+            }
+            let before = pose(xyz, turn).map(|pose| pose.rotation);
+            if before.is_ok_and(|before| before.angle_to(&to.rotation) > UNTURNED) {
+                edits.turn(turn, &to.rotation);
+            }
+            if let (Some(stated), Some([from, to])) = (stated, joints) {
+                edits.stated(stated, from, to);
+            }
+        }
+        _ => {}
+    }
+    edits
+}
+
+impl Edits {
+    fn number(&mut self, number: &Number, to: f64, least: usize) {
+        let text = decimal(to, number.decimals.max(least).min(9));
+        self.text(number, text);
+    }
+
+    fn text(&mut self, number: &Number, text: String) {
+        #[expect(clippy::float_cmp, reason = "the same number is the same text")]
+        let is_same = text.parse::<f64>().is_ok_and(|value| value == number.value);
+        if !is_same {
+            self.all.push(Edit { span: number.span.clone(), text });
+        }
+    }
+
+    fn turn(&mut self, turn: &Turn, to: &UnitQuaternion<f64>) {
+        match turn {
+            Turn::Abc(numbers) => {
+                let near = numbers.each_ref().map(|number| number.value);
+                for (number, to) in numbers.iter().zip(abc_near(to, near)) {
+                    self.number(number, to, DEGREE_DECIMALS);
+                }
+            }
+            Turn::Quaternion(numbers) => {
+                let near = numbers.each_ref().map(|number| number.value);
+                for (number, to) in numbers.iter().zip(quaternion_near(to, near)) {
+                    let decimals = QUATERNION_DECIMALS;
+                    self.text(number, decimal(to, decimals));
+                }
+            }
+        }
+    }
+
+    /// T, and the quarter turns, where a joint crosses a border at which the old ones agree with the joints.
+    fn stated(&mut self, stated: &Stated, from: &[f64], to: &[f64]) {
+        match stated {
+            Stated::Status { turn: Some(turn), .. } => {
+                let old = turn.value;
+                let mut new = old;
+                for (joint, (from, to)) in from.iter().zip(to).take(6).enumerate() {
+                    let bit = 2_f64.powi(i32::try_from(joint).unwrap_or_default());
+                    let is_set = (old / bit).floor() % 2.0 >= 1.0;
+                    if is_set == (*from < 0.0) && is_set != (*to < 0.0) {
+                        new += if is_set { -bit } else { bit };
+                        self.crossed += 1;
+                    }
+                }
+                self.text(turn, decimal(new, 0));
+            }
+            Stated::Status { turn: None, .. } => {}
+            Stated::Quadrants(numbers) => {
+                let quarter = |joints: &[f64], joint: usize| {
+                    joints.get(joint).map(|degrees| (degrees / 90.0).floor())
+                };
+                for (number, joint) in numbers.iter().zip([0, 3, 5]) {
+                    let (from, to) = (quarter(from, joint), quarter(to, joint));
+                    if from == Some(number.value)
+                        && let Some(to) = to.filter(|to| Some(*to) != from)
+                    {
+                        self.crossed += 1;
+                        self.text(number, decimal(to, 0));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A number as decimal digits, without a negative zero.
+fn decimal(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+    if is_zero { text.replace('-', "") } else { text }
+}
+
+/// A, B, C of a rotation, degrees: of all that make it, those nearest to others.
+fn abc_near(rotation: &UnitQuaternion<f64>, near: [f64; 3]) -> [f64; 3] {
+    let [c, b, a] = rpy(rotation).map(f64::to_degrees);
+    let half = 180.0;
+    let mut all = vec![[a, b, c], [a + half, half - b, c + half]];
+    // Where B is a quarter turn A and C turn about one axis: A stays.
+    if b.to_radians().cos() < 1e-3 {
+        let behind =
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -near[0].to_radians()) * rotation;
+        let [c, b, a] = rpy(&behind).map(f64::to_degrees);
+        all.extend([[near[0] + a, b, c], [near[0] + a + half, half - b, c + half]]);
+    }
+    let near_turn = |own: [f64; 3]| {
+        let mut own = own;
+        for (own, near) in own.iter_mut().zip(near) {
+            let turns = ((near - *own) / 360.0).round();
+            *own += 360.0 * turns;
+            // Within half a turn angles stay within it.
+            if near.abs() <= half && own.abs() > half {
+                *own -= 360.0 * own.signum();
+            }
+        }
+        own
+    };
+    let apart = |own: &[f64; 3]| -> f64 {
+        let pairs = own.iter().zip(near);
+        pairs
+            .map(|(own, near)| {
+                let apart = (own - near).to_radians();
+                (apart - TAU * (apart / TAU).round()).powi(2)
+            })
+            .sum()
+    };
+    let near = all.into_iter().map(near_turn).filter(|own| is_of(rotation, own));
+    near.min_by(|one, other| apart(one).total_cmp(&apart(other))).unwrap_or([a, b, c])
+}
+
+fn is_of(rotation: &UnitQuaternion<f64>, own: &[f64; 3]) -> bool {
+    abc(*own).angle_to(rotation) < 1e-7
+}
+
+/// Four numbers of a rotation, real part first, of the sign of others and of norm 1 after rounding.
+fn quaternion_near(rotation: &UnitQuaternion<f64>, near: [f64; 4]) -> [f64; 4] {
+    let own = rotation.quaternion();
+    let mut parts = [own.w, own.i, own.j, own.k];
+    let along: f64 = parts.iter().zip(near).map(|(own, near)| own * near).sum();
+    if along < 0.0 {
+        parts = parts.map(|part| -part);
+    }
+    let digits = 1e8;
+    let mut parts = parts.map(|part| (part * digits).round() / digits);
+    let largest = (0..4).max_by(|a, b| parts[*a].abs().total_cmp(&parts[*b].abs())).unwrap_or(0);
+    let others: f64 =
+        (0..4).filter(|place| *place != largest).map(|place| parts[place].powi(2)).sum();
+    parts[largest] = parts[largest].signum() * (1.0 - others).max(0.0).sqrt();
+    parts
+}
+
+/// The words that begin the comment of a corrected file.
+pub const CORRECTED: &str = "corrected by posegrid";
+/// The constant that marks a corrected file where comments are removed.
+const CONSTANT: &str = "POSEGRID_CORRECTED";
+
+/// The line of a file's mark; `None` for a file that is not corrected.
+pub fn mark(file: &File) -> Option<u32> {
+    let lines = file.bytes.split(|byte| *byte == b'\n');
+    let is_mark = |line: &[u8]| {
+        let start = line.iter().position(|byte| !matches!(byte, b' ' | b'\t' | b';' | b'!'));
+        let rest = &line[start.unwrap_or(line.len())..];
+        let begins = |words: &str| {
+            rest.get(..words.len()).is_some_and(|own| own.eq_ignore_ascii_case(words.as_bytes()))
+        };
+        let has_constant = || {
+            line.windows(CONSTANT.len()).any(|own| own.eq_ignore_ascii_case(CONSTANT.as_bytes()))
+        };
+        begins(CORRECTED) || has_constant()
+    };
+    let found = lines.enumerate().find(|(_, line)| is_mark(line));
+    found.and_then(|(place, _)| u32::try_from(place + 1).ok())
+}
+
+/// The lines that mark a file as corrected by `words`: a comment, and a constant named after `id` where the dialect has one.
+pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
+    let is_rapid = is_module(file);
+    let dialect: &Dialect = if is_rapid { &crate::rapid::RAPID } else { &crate::krl::KRL };
+    let tokens = tokens(&file.bytes, dialect);
+    let end = line_end(&file.bytes);
+    let comment = if is_rapid { '!' } else { ';' };
+    let id: String = plain(id).replace('"', "?").chars().take(80).collect();
+    let mut line = format!("{comment} {CORRECTED} {}{end}", plain(words));
+    if is_rapid {
+        line = format!("{line}LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
+    }
+    let mut marks = Vec::new();
+    if let Some(place) = behind_head(file, &tokens, is_rapid) {
+        marks.push(insert(&file.bytes, place, line, end));
+    }
+    if let Some(place) = before_end_of_list(file, &tokens)
+        && !id.is_empty()
+    {
+        let text = format!("DECL CHAR {CONSTANT}[{}]=\"{id}\"{end}", id.len());
+        marks.push(Edit { span: place..place, text });
+    }
+    marks
+}
+
+/// An insertion of whole lines at a place; a line is ended first where the place is inside one.
+fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
+    let is_line_start = place == 0 || matches!(bytes[place - 1], b'\n' | b'\r');
+    let text = if is_line_start { line } else { format!("{end}{line}") };
+    Edit { span: place..place, text }
+}
+
+/// The end of the header's line: of `DEF`, `DEFDAT` or `MODULE`; that of the header itself where code follows it in its line.
+fn behind_head(file: &File, tokens: &[Token], is_rapid: bool) -> Option<usize> {
+    let words: &[&str] = if is_rapid { &["MODULE"] } else { &["DEF", "DEFFCT", "DEFDAT"] };
+    let is_head = |token: &&Token| {
+        token.kind == Kind::Name && words.contains(&capitals(&file.bytes[token.span()]).as_str())
+    };
+    let head = tokens.iter().find(is_head)?;
+    let in_line = || tokens.iter().filter(|token| token.line == head.line);
+    let mut last = in_line().filter(|token| token.kind != Kind::LineEnd);
+    let own_words = last.clone().skip_while(|token| !is_head(token)).take(2);
+    let listed = in_line().position(|token| token.is(b')')).map(|place| place + 1);
+    let count = in_line().filter(|token| token.kind != Kind::LineEnd).count();
+    let is_alone =
+        !is_rapid || listed.map_or(own_words.clone().count() == count, |place| place == count);
+    if is_alone {
+        let end = in_line().find(|token| token.kind == Kind::LineEnd);
+        return Some(end.map_or(file.bytes.len(), |token| token.span().end));
+    }
+    let end_of_head = match listed {
+        Some(place) => last.nth(place - 1),
+        None => own_words.last(),
+    };
+    end_of_head.map(|token| token.span().end)
+}
+
+/// The line of ENDDAT.
+fn before_end_of_list(file: &File, tokens: &[Token]) -> Option<usize> {
+    let is_end = |token: &&Token| {
+        token.kind == Kind::Name && file.bytes[token.span()].eq_ignore_ascii_case(b"ENDDAT")
+    };
+    let end = tokens.iter().rev().find(is_end).filter(|_| file.ending() == "dat")?;
+    let before =
+        file.bytes[..end.span().start].iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
+    Some(before.map_or(0, |place| place + 1))
+}
+
+/// The ends of a file's lines: those of its first.
+fn line_end(bytes: &[u8]) -> &'static str {
+    match bytes.iter().position(|byte| *byte == b'\n') {
+        Some(place) if place > 0 && bytes[place - 1] == b'\r' => "\r\n",
+        Some(_) => "\n",
+        None => "\r\n",
+    }
+}
+
+/// Text that cannot end its comment: printable ASCII only.
+fn plain(words: &str) -> String {
+    words.chars().map(|letter| if matches!(letter, ' '..='~') { letter } else { '?' }).collect()
+}
+
+/// A file with edits, which do not overlap.
+pub fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
+    let mut sorted: Vec<&Edit> = edits.iter().collect();
+    sorted.sort_by_key(|edit| edit.span.start);
+    let mut written = Vec::with_capacity(bytes.len() + 16 * edits.len());
+    let mut copied = 0;
+    for edit in sorted.into_iter().filter(|edit| edit.span.end <= bytes.len()) {
+        if edit.span.start < copied {
+            continue;
+        }
+        written.extend(&bytes[copied..edit.span.start]);
+        written.extend(edit.text.bytes());
+        copied = edit.span.end;
+    }
+    written.extend(&bytes[copied..]);
+    written
+}
+
+/// The inverse of edits: places in the written bytes with the old text, which need not be UTF-8.
+pub fn undone(written: &[u8], before: &[u8], edits: &[Edit]) -> Vec<u8> {
+    let mut sorted: Vec<&Edit> = edits.iter().collect();
+    sorted.sort_by_key(|edit| edit.span.start);
+    let mut out = Vec::with_capacity(before.len());
+    let (mut at, mut copied) = (0, 0);
+    for edit in sorted {
+        let kept = edit.span.start - copied;
+        out.extend(&written[at..at + kept]);
+        out.extend(&before[edit.span.clone()]);
+        at += kept + edit.text.len();
+        copied = edit.span.end;
+    }
+    out.extend(&written[at..]);
+    out
+}
