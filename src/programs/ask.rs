@@ -29,7 +29,8 @@ pub enum Wanted {
         base_from_frame: Isometry3<f64>,
         /// The tool in the arm's base, mm.
         base_from_tool: Isometry3<f64>,
-        branch: Branch,
+        /// Of each of its motions one; all have to agree.
+        branches: Vec<Branch>,
     },
     /// Degrees; mm of a joint that slides.
     Joints(Vec<f64>),
@@ -68,11 +69,23 @@ impl Programs {
                 let root = self.roots[position.file].resolved(cell)?;
                 let base_from_frame = root.inverse() * chain(&first.base)?.resolved(cell)?;
                 let base_from_tool = base_from_frame * pose(xyz, turn)?;
-                let branch = self.branch(index, &first.branch)?;
-                Wanted::Pose { base_from_frame, base_from_tool, branch }
+                let branches = self.branches(index)?;
+                Wanted::Pose { base_from_frame, base_from_tool, branches }
             }
         };
         Ok(Asked { position: index, flange_from_tool, wanted })
+    }
+
+    /// The arm configurations in which its motions reach a position, each once.
+    fn branches(&self, index: usize) -> Result<Vec<Branch>, Refusal> {
+        let mut branches = Vec::new();
+        for own in &self.positions[index].uses {
+            let branch = self.branch(index, &own.branch)?;
+            if !branches.contains(&branch) {
+                branches.push(branch);
+            }
+        }
+        Ok(branches)
     }
 
     fn branch(&self, index: usize, stated_by: &Known) -> Result<Branch, Refusal> {
@@ -115,7 +128,7 @@ impl Programs {
     }
 }
 
-/// The first of a position's uses, if the others are under the same frames and in the same arm configuration.
+/// The first of a position's uses, if the others are under the same frames.
 fn agreed<'p>(position: &'p Position, shape: &Shape) -> Result<&'p Use, Refusal> {
     let twice = || {
         Refusal::Other("its routine stands twice in the files given; give one of them".to_owned())
@@ -140,9 +153,6 @@ fn agreed<'p>(position: &'p Position, shape: &Shape) -> Result<&'p Use, Refusal>
             second: frames(other),
             second_line: other.line,
         });
-    }
-    if is_pose && others.iter().any(|own| own.branch != first.branch) {
-        return Err(Refusal::TwoBranches);
     }
     Ok(first)
 }

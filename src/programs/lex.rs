@@ -11,7 +11,7 @@ use std::ops::Range;
 /// | | comment | header line | quotes | statement ends at |
 /// |---|---|---|---|---|
 /// | KRL | `;` | `&` | `"`, and `'` around numbers of another base | the end of the line |
-/// | RAPID | `!` | `%` | `"`, doubled inside | `;` |
+/// | RAPID | `!` | `%%%` | `"`, doubled inside | `;` |
 /// | FANUC TP | `!`, `//`, `--` | | `"`, `'` | `;` |
 /// | URScript | `#` | | `"` | the end of the line, outside brackets |
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +19,8 @@ pub struct Dialect {
     pub name: &'static str,
     /// Each begins a comment that ends with the line.
     pub comments: &'static [&'static [u8]],
-    /// First byte of a line that is no code.
-    pub header: Option<u8>,
+    /// The beginning of a line that is no code.
+    pub header: Option<&'static [u8]>,
     /// A text is between two of these.
     pub text_quote: u8,
     /// A number of another base is between two of these: `'B0101'`, `'H1F'`.
@@ -119,7 +119,7 @@ impl Lexer<'_> {
             self.while_byte(|_, byte| matches!(byte, b' ' | b'\t' | 0x0b | 0x0c | 0x1a | 0));
             let rest = &self.bytes[self.at..];
             let is_header = self.at_line_start
-                && rest.first().is_some_and(|byte| Some(*byte) == self.dialect.header);
+                && self.dialect.header.is_some_and(|begin| rest.starts_with(begin));
             if !is_header && !self.dialect.comments.iter().any(|begin| rest.starts_with(begin)) {
                 return;
             }

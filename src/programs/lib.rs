@@ -26,6 +26,7 @@ pub mod lex;
 mod names;
 pub mod program;
 pub mod rapid;
+mod reading;
 pub mod refusal;
 pub mod value;
 pub mod write;

@@ -17,14 +17,14 @@ pub(crate) mod motion;
 mod statement;
 mod steps;
 
-use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
+use std::collections::{BTreeSet, HashMap};
 
-use crate::flow::{Others, Routine, SLOTS, Setting, Slot, State, Summaries, known, unknown, walk};
+use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
-use crate::names::{Names, Scope};
-use crate::program::{Computed, File, Motion, Position, Recorder};
+use crate::names::Scope;
+use crate::program::{Computed, File, Position};
+use crate::reading::Common;
 use crate::refusal::Refusal;
 use statement::Statement;
 
@@ -33,7 +33,7 @@ pub(crate) use motion::quaternion;
 pub const RAPID: Dialect = Dialect {
     name: "RAPID",
     comments: &[b"!"],
-    header: Some(b'%'),
+    header: Some(b"%%%"),
     text_quote: b'"',
     number_quote: None,
     in_names: b"_",
@@ -49,17 +49,12 @@ pub(crate) fn is_known(file: &File) -> bool {
 }
 
 pub(crate) struct Reading<'f> {
-    pub(crate) files: &'f [File],
+    common: Common<'f>,
     cell: &'f Cell,
-    names: Names,
-    /// Full names of the routines that a short name may mean from anywhere.
-    global: BTreeMap<String, Vec<String>>,
+    /// The tasks that modules stand in.
+    tasks: BTreeSet<String>,
     /// Routines by their full names, and whether they may change what is passed to them.
     given: HashMap<String, bool>,
-    routines: BTreeMap<String, Routine>,
-    motions: Vec<Motion>,
-    positions: Vec<Position>,
-    computed: Vec<Computed>,
     any_displacement: bool,
     any_offset: bool,
     any_conf_off: [bool; 2],
@@ -74,106 +69,117 @@ pub(crate) fn read(
     computed: Vec<Computed>,
 ) -> (Vec<Position>, Vec<Computed>, Chain) {
     let own = files.iter().enumerate().filter(|(_, file)| is_module(file));
-    let own: Vec<(usize, Vec<Token>)> =
-        own.map(|(place, file)| (place, tokens(&file.bytes, &RAPID))).collect();
-    let split =
-        |(file, tokens): &(usize, Vec<Token>)| (*file, statement::without_line_ends(tokens));
-    let own: Vec<(usize, Vec<Token>)> = own.iter().map(split).collect();
+    let tokens = |file: &File| statement::without_line_ends(&tokens(&file.bytes, &RAPID));
+    let own: Vec<(usize, Vec<Token>)> = own.map(|(place, file)| (place, tokens(file))).collect();
     let statements: Vec<(usize, Vec<Statement<'_>>)> = own
         .iter()
         .map(|(file, tokens)| (*file, statement::all(&files[*file].bytes, tokens)))
         .collect();
+    let give = "the module that declares it";
     let mut reading = Reading {
-        files,
+        common: Common::new(files, positions, computed, motion::shape, give),
         cell,
-        names: Names::default(),
-        global: BTreeMap::new(),
+        tasks: BTreeSet::new(),
         given: HashMap::new(),
-        routines: BTreeMap::new(),
-        motions: Vec::new(),
-        positions,
-        computed,
         any_displacement: false,
         any_offset: false,
         any_conf_off: [false; 2],
     };
-    for (file, statements) in &statements {
-        reading.data(*file, statements);
-    }
-    for (file, statements) in &statements {
-        reading.touches(*file, statements);
-    }
-    for (file, statements) in &statements {
-        reading.steps(*file, statements);
+    reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
+    for pass in [Reading::data, Reading::touches, Reading::steps] {
+        for (file, own) in &statements {
+            pass(&mut reading, *file, own);
+        }
     }
     reading.walk();
-    reading.names.forbid(&mut reading.positions);
-    (reading.positions, reading.computed, base_frame::read(files))
+    (reading.common.positions, reading.common.computed, base_frame::read(files))
 }
 
 impl Reading<'_> {
     fn module(&self, file: usize) -> String {
-        self.files[file].name.to_ascii_uppercase()
+        self.common.files[file].name.to_ascii_uppercase()
     }
 
     fn scopes(&self, file: usize, routine: Option<&str>) -> Vec<Scope> {
         let module = self.module(file);
         let own = routine.map(|routine| format!("{module}/{routine}"));
-        own.into_iter().chain([module, String::new()]).collect()
+        own.into_iter().chain([module, self.task(file)]).collect()
+    }
+
+    /// The folder of the task in a backup; empty for a module that stands in none. Each task has its own names.
+    fn task(&self, file: usize) -> String {
+        let name = self.module(file).replace('\\', "/");
+        let is_task = |part: &&str| {
+            let number = part.strip_prefix("TASK");
+            number
+                .is_some_and(|own| !own.is_empty() && own.bytes().all(|byte| byte.is_ascii_digit()))
+        };
+        name.split('/').find(is_task).unwrap_or_default().to_owned()
+    }
+
+    /// Refuses the positions of several tasks: each may be of another arm.
+    fn refuse_several_tasks(&mut self) {
+        let motions = self.common.motions.iter();
+        let tasks: BTreeSet<String> = motions.map(|motion| self.task(motion.file)).collect();
+        if tasks.len() < 2 {
+            return;
+        }
+        let tasks: Vec<String> = tasks.into_iter().collect();
+        let words = format!(
+            "motions stand in the tasks {}, which may be of several arms; give the folder of one",
+            tasks.join(", ")
+        );
+        for position in &mut self.common.positions {
+            if is_module(&self.common.files[position.file]) {
+                position.obstacle.get_or_insert_with(|| Refusal::Other(words.clone()));
+            }
+        }
     }
 
     fn walk(&mut self) {
-        let entries: Vec<State> =
-            self.routines.values().map(|routine| self.entry(&routine.name)).collect();
-        let mut recorder = Recorder { motions: &self.motions, positions: &mut self.positions };
         let mut changed = [false; SLOTS];
         changed[Slot::Branch as usize] = true;
         changed[Slot::Displacement as usize] = self.any_displacement;
         changed[Slot::Mode as usize] = self.any_offset;
         [changed[Slot::ConfJ as usize], changed[Slot::ConfL as usize]] = self.any_conf_off;
         let others = Others { harmless: steps::is_harmless, changed };
-        let summaries = Summaries::new(&self.routines, &recorder, others);
-        for (routine, entry) in self.routines.values().zip(entries) {
-            let before: Vec<usize> =
-                recorder.positions.iter().map(|position| position.uses.len()).collect();
-            if !walk(routine, &summaries, &entry, &mut recorder) {
-                let why = Arc::new(Refusal::Blocks { routine: routine.name.clone() });
-                for (position, before) in recorder.positions.iter_mut().zip(before) {
-                    for own in &mut position.uses[before..] {
-                        (own.base, own.tool) = (Err(why.clone()), Err(why.clone()));
-                    }
-                }
-            }
-        }
+        let off = [self.any_displacement, self.any_offset];
+        let conf = self.any_conf_off;
+        self.common.walk(others, |routine| entry(routine, off, conf));
+        self.refuse_several_tasks();
     }
+}
 
-    /// What holds where a routine begins. The controller begins `main` with `ConfJ` and `ConfL` on.
-    fn entry(&self, routine: &str) -> State {
-        let routine = routine.rsplit('/').next().unwrap_or(routine).to_owned();
-        let conf = |which: usize, name: &str| {
-            if routine == "MAIN" || !self.any_conf_off[which] {
-                known(Setting::On(true))
-            } else {
-                let words = format!(
-                    "{name} may be on or off where routine {routine} begins; set it there by {name}\\On or {name}\\Off"
-                );
-                unknown(Refusal::Other(words))
-            }
-        };
-        let off = |any: bool, what| {
-            if any { unknown(Refusal::Displaced { what }) } else { known(Setting::On(false)) }
-        };
-        State::new(|slot| match slot {
-            Slot::Mode => off(self.any_offset, "EOffs"),
-            Slot::Displacement => off(self.any_displacement, "PDisp"),
-            Slot::ConfJ => conf(0, "ConfJ"),
-            Slot::ConfL => conf(1, "ConfL"),
-            Slot::Branch => unknown(Refusal::NoBranch { routine: routine.clone() }),
-            Slot::Base | Slot::Tool | Slot::Waiting => {
-                unknown(Refusal::NotSet { what: slot.name(), routine: routine.clone() })
-            }
-        })
-    }
+/// What holds where a routine begins. The controller begins `main` with `ConfJ` and `ConfL` on.
+fn entry(
+    routine: &str,
+    [any_displacement, any_offset]: [bool; 2],
+    any_conf_off: [bool; 2],
+) -> State {
+    let routine = routine.to_owned();
+    let conf = |which: usize, name: &str| {
+        if routine == "MAIN" || !any_conf_off[which] {
+            known(Setting::On(true))
+        } else {
+            let words = format!(
+                "{name} may be on or off where routine {routine} begins; set it there by {name}\\On or {name}\\Off"
+            );
+            unknown(Refusal::Other(words))
+        }
+    };
+    let off = |any: bool, what| {
+        if any { unknown(Refusal::Displaced { what }) } else { known(Setting::On(false)) }
+    };
+    State::new(|slot| match slot {
+        Slot::Mode => off(any_offset, "EOffs"),
+        Slot::Displacement => off(any_displacement, "PDisp"),
+        Slot::ConfJ => conf(0, "ConfJ"),
+        Slot::ConfL => conf(1, "ConfL"),
+        Slot::Branch => unknown(Refusal::NoBranch { routine: routine.clone() }),
+        Slot::Base | Slot::Tool | Slot::Waiting => {
+            unknown(Refusal::NotSet { what: slot.name(), routine: routine.clone() })
+        }
+    })
 }
 
 #[cfg(test)]

@@ -56,6 +56,12 @@ impl<'t> Cursor<'t> {
         self.tokens.first()
     }
 
+    /// Bytes from the first token to the last; empty without tokens.
+    pub fn span(&self) -> Range<usize> {
+        let ends = self.tokens.first().zip(self.tokens.last());
+        ends.map_or(0..0, |(first, last)| first.span().start..last.span().end)
+    }
+
     pub fn is_empty(&self) -> bool {
         self.tokens.is_empty()
     }

@@ -3,6 +3,7 @@
 use super::Reading;
 use crate::lex::{Kind, Token};
 use crate::names::{Written, parts};
+use crate::reading::Here;
 use crate::value::{Cursor, Value};
 
 /// Words before a type.
@@ -108,7 +109,7 @@ fn name(line: &mut Cursor<'_>) -> Option<String> {
 impl Reading<'_> {
     /// The declarations and values of a file.
     pub(super) fn data(&mut self, file: usize, tokens: &[Token]) {
-        let own = &self.files[file];
+        let own = &self.common.files[file];
         let is_list = own.ending() == "dat";
         let mut inside = None;
         for line in lines(tokens) {
@@ -127,18 +128,16 @@ impl Reading<'_> {
 
     /// Marks what calls may change: KRL passes by reference where a routine does not say otherwise.
     pub(super) fn touches(&mut self, file: usize, tokens: &[Token]) {
-        let own = &self.files[file];
+        let own = &self.common.files[file];
         let mut inside = None;
         for line in lines(tokens) {
             let cursor = Cursor::new(&own.bytes, line);
             if let Some((name, ..)) = routine(cursor) {
                 inside = Some(name);
             } else if super::steps::calls_another(cursor) {
-                let at = own.at(line[0].line);
                 let scopes = self.scopes(file, inside.as_deref());
-                super::steps::each_variable(&mut self.names, &scopes, cursor, |variable| {
-                    variable.touched.get_or_insert_with(|| at.clone());
-                });
+                let here = Here { file, line: line[0].line, scopes: &scopes };
+                self.common.touches(&here, cursor);
             }
         }
     }
@@ -146,15 +145,15 @@ impl Reading<'_> {
     fn routine(&mut self, file: usize, name: &str, parameters: Cursor<'_>, is_global: bool) {
         let scope = format!("{}/{name}", self.module(file));
         self.local.insert(scope.clone());
-        let is_first = self.files[file].stem() == *name;
+        let is_first = self.common.files[file].stem() == *name;
         if is_first || is_global {
-            self.global.entry(name.to_owned()).or_default().push(scope.clone());
+            self.common.global.entry(name.to_owned()).or_default().push(scope.clone());
         }
         let mut rest = parameters;
         rest.take_sign(b'(');
         while let Some(mut parameter) = rest.take_part(b',') {
             if let Some(name) = parameter.take_name() {
-                self.names.declare(&scope, &name, "").is_parameter = true;
+                self.common.names.declare(&scope, &name, "").is_parameter = true;
             }
         }
     }
@@ -167,29 +166,28 @@ impl Reading<'_> {
         line: &[Token],
         statement: &Statement<'_>,
     ) {
-        let at = self.files[file].at(line[0].line);
+        let at = self.common.files[file].at(line[0].line);
         let mut scopes = self.scopes(file, inside);
-        if statement.is_global || is_system(&self.files[file].stem()) {
+        if statement.is_global || is_system(&self.common.files[file].stem()) {
             scopes = vec![String::new()];
         }
         for name in &statement.names {
             let (own, element) = parts(name);
             if let Some(kind) = &statement.kind {
-                self.names.declare(&scopes[0], own, kind);
-            } else if self.names.find(&scopes, own).is_none() {
+                self.common.names.declare(&scopes[0], own, kind);
+            } else if self.common.names.find(&scopes, own).is_none() {
                 // What a routine assigns and no file declares may be another module's.
                 let module = self.module(file);
                 let scope = if is_list { &scopes[0] } else { &module };
-                self.names.declare(scope, own, "").is_declared = is_list;
+                self.common.names.declare(scope, own, "").is_declared = is_list;
             }
-            let Some(variable) = self.names.find_mut(&scopes, own) else {
+            let Some(variable) = self.common.names.find_mut(&scopes, own) else {
                 continue;
             };
             let Some(value) = statement.value else {
                 continue;
             };
-            let whole = value.tokens.first().zip(value.tokens.last());
-            let span = whole.map_or(0..0, |(first, last)| first.span().start..last.span().end);
+            let span = value.span();
             let value = value.value();
             let is_known = is_list || matches!(value, Value::Fields { .. });
             if statement.part || !is_known || element == "[?]" {

@@ -5,17 +5,10 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use super::Reading;
 use crate::flow::{Known, Setting, known, unknown};
 use crate::frame::{Chain, Frame};
-use crate::lex::Token;
 use crate::names::{Scope, parts};
-use crate::refusal::{Place, Refusal};
+use crate::reading::Here;
+use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
-
-/// Where a statement of frames stands.
-pub(super) struct Here<'h> {
-    pub(super) file: usize,
-    pub(super) line: &'h [Token],
-    pub(super) scopes: &'h [Scope],
-}
 
 /// `{X, Y, Z, A, B, C}` as an isometry: mm, and `Rz(A) Ry(B) Rx(C)` in degrees.
 pub(super) fn isometry(value: &Value) -> Option<Isometry3<f64>> {
@@ -35,10 +28,6 @@ pub fn abc(degrees: [f64; 3]) -> UnitQuaternion<f64> {
 }
 
 impl Reading<'_> {
-    fn at(&self, here: &Here<'_>) -> Place {
-        self.files[here.file].at(here.line.first().map_or(0, |token| token.line))
-    }
-
     /// The frames of an expression; `variable` is what they are set to.
     pub(super) fn frames(&self, here: &Here<'_>, variable: &str, expression: Cursor<'_>) -> Known {
         let mut chain = Chain::default();
@@ -53,7 +42,8 @@ impl Reading<'_> {
     }
 
     fn frame(&self, here: &Here<'_>, variable: &str, part: Cursor<'_>) -> Result<Chain, Refusal> {
-        let at_run_time = || Refusal::AtRunTime { what: variable.to_owned(), at: self.at(here) };
+        let at_run_time =
+            || Refusal::AtRunTime { what: variable.to_owned(), at: self.common.at(here) };
         let mut call = part;
         if let Some(name) = call.take_name()
             && call.take_sign(b'(')
@@ -65,7 +55,7 @@ impl Reading<'_> {
             value @ Value::Fields { .. } => {
                 let place = isometry(&value).ok_or_else(|| Refusal::NoFrame {
                     name: variable.to_owned(),
-                    at: self.at(here),
+                    at: self.common.at(here),
                 });
                 Ok(Chain::one(variable, place))
             }
@@ -86,7 +76,7 @@ impl Reading<'_> {
             "STOOL" | "STOOL2" => ("TOOL_NO", "TOOL_DATA"),
             "EK" => {
                 let name = "the base (EK)".to_owned();
-                return Some(Err(Refusal::Moving { name, at: self.at(here) }));
+                return Some(Err(Refusal::Moving { name, at: self.common.at(here) }));
             }
             _ => return None,
         };
@@ -105,14 +95,13 @@ impl Reading<'_> {
         if !is_field {
             return Err(self.no_number(here, field));
         }
-        let give = "the .dat file that declares it";
-        let written = self.names.constant(here.scopes, &name, self.files, give)?;
+        let written = self.common.constant(here.scopes, &name)?;
         let number = written.value.number_of(field).and_then(|number| whole(number.value));
         number.ok_or_else(|| self.no_number(here, field))
     }
 
     fn no_number(&self, here: &Here<'_>, field: &str) -> Refusal {
-        Refusal::AtRunTime { what: field.to_owned(), at: self.at(here) }
+        Refusal::AtRunTime { what: field.to_owned(), at: self.common.at(here) }
     }
 
     /// A variable's frame; `None` for what is no frame.
@@ -143,31 +132,29 @@ impl Reading<'_> {
         let everywhere = [String::new()];
         let machine = format!("MACHINE_FRAME_DAT[{number}]");
         if data == "BASE_DATA"
-            && let Ok(own) = self.names.constant(&everywhere, &machine, self.files, "")
+            && let Ok(own) =
+                self.common.names.constant(&everywhere, &machine, self.common.files, "")
             && own.value.number_of("MACH_DEF_INDEX").is_some_and(|index| index.value > 0.0)
         {
-            let at = self.files[own.file].at(own.line);
+            let at = self.common.files[own.file].at(own.line);
             return Err(Refusal::Moving { name: name.to_owned(), at });
         }
         self.value(&everywhere, name, "$config.dat")
     }
 
     fn value(&self, scopes: &[Scope], name: &str, give: &str) -> Result<Isometry3<f64>, Refusal> {
-        let written = self.names.constant(scopes, name, self.files, give)?;
-        let at = self.files[written.file].at(written.line);
+        let written = self.common.names.constant(scopes, name, self.common.files, give)?;
+        let at = self.common.files[written.file].at(written.line);
         isometry(&written.value).ok_or(Refusal::NoFrame { name: name.to_owned(), at })
     }
 
     /// Base, tool and mode of an FDAT, by its name or written out.
     pub(super) fn inline(&mut self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
         let value = match expression.value() {
-            Value::Name(name) => {
-                let give = "the .dat file that declares it";
-                match self.names.constant(here.scopes, &name, self.files, give) {
-                    Ok(written) => written.value.clone(),
-                    Err(why) => return unknown(why),
-                }
-            }
+            Value::Name(name) => match self.common.constant(here.scopes, &name) {
+                Ok(written) => written.value.clone(),
+                Err(why) => return unknown(why),
+            },
             value => value,
         };
         let number = |field| value.number_of(field).and_then(|number| whole(number.value));
@@ -177,7 +164,7 @@ impl Reading<'_> {
         let mode = match value.field("IPO_FRAME") {
             Some(Value::Name(name)) if name == "#BASE" => known(Setting::On(true)),
             None => unknown(self.no_number(here, "IPO_FRAME")),
-            Some(_) => unknown(Refusal::FixedTool { at: self.at(here) }),
+            Some(_) => unknown(Refusal::FixedTool { at: self.common.at(here) }),
         };
         let frames = [("BASE_DATA", base), ("TOOL_DATA", tool)]
             .map(|(data, number)| known(Setting::Frames(self.data_frame(data, number))));
@@ -188,12 +175,12 @@ impl Reading<'_> {
     /// `$ROBROOT`: the arm's base in `$WORLD`.
     pub(super) fn root(&self) -> Chain {
         let everywhere = [String::new()];
-        let own = self.names.constant(&everywhere, "$EX_KIN", self.files, "");
+        let own = self.common.names.constant(&everywhere, "$EX_KIN", self.common.files, "");
         if let Ok(own) = own
             && let Value::Fields { fields, .. } = &own.value
             && fields.iter().any(|(_, value)| *value == Value::Name("#ERSYS".to_owned()))
         {
-            let at = self.files[own.file].at(own.line);
+            let at = self.common.files[own.file].at(own.line);
             let name = "$ROBROOT".to_owned();
             return Chain(vec![Frame {
                 value: Err(Refusal::Moving { name: name.clone(), at }),

@@ -1,12 +1,10 @@
 //! Motions of KRL: their positions, and what they set for themselves.
 
-use std::sync::Arc;
-
 use super::Reading;
-use super::frames::Here;
 use crate::flow::{Known, Setting, Slot, Step, unknown};
-use crate::names::{Scope, Written, parts};
-use crate::program::{Computed, Motion, Position, Reads, Shape, Stated, Target, Turn};
+use crate::names::{Scope, parts};
+use crate::program::{Motion, Reads, Shape, Stated, Target, Turn};
+use crate::reading::{Common, Here, Shaped, beside, shown};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
@@ -56,38 +54,27 @@ impl Reading<'_> {
         let Some((_, count, reads)) = MOTIONS.iter().find(|(own, ..)| *own == word) else {
             return;
         };
-        let mut targets = Vec::new();
         let mut given = Vec::new();
         while let Some(part) = positions.take_part(b',') {
             given.push(part);
         }
-        let used = if *count == 0 { given.len().min(1) } else { *count };
-        for part in given.iter().take(used) {
-            let target = if *count == 0 {
-                Target::Computed(shown(*part))
-            } else {
-                self.target(here, word, *part)
-            };
-            if let Target::Computed(text) = &target {
-                let (file, line) = (here.file, here.line[0].line);
-                let computed = Computed { file, line, word: word.to_owned(), text: text.clone() };
-                self.computed.push(computed);
-            }
-            targets.push(target);
-        }
+        let used = given.len().min((*count).max(1));
+        let target = |part: &Cursor<'_>| match count {
+            0 => Target::Computed(shown(*part)),
+            _ => self.target(here, word, *part),
+        };
+        let targets = given.iter().take(used).map(target).collect();
         // An angle behind the positions reads names as any expression does.
-        given.iter().skip(used).for_each(|part| self.reads(here, *part));
-        let motion = Motion {
+        given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
+        steps.push(self.common.moves(Motion {
             file: here.file,
-            line: here.line[0].line,
+            line: here.line,
             word: word.to_owned(),
             targets,
             own,
             reads: *reads,
-            obstacle: None::<Arc<Refusal>>,
-        };
-        steps.push(Step::Move(self.motions.len()));
-        self.motions.push(motion);
+            obstacle: None,
+        }));
     }
 
     /// `WITH $BASE = SBASE(FP1.BASE_NO), $TOOL = STOOL2(FP1)`.
@@ -97,7 +84,7 @@ impl Reading<'_> {
         while let Some(mut part) = rest.take_part(b',') {
             let name = part.take_name().unwrap_or_default();
             let is_whole = part.take_sign(b'=');
-            let at = || self.files[here.file].at(here.line[0].line);
+            let at = || self.common.at(here);
             let slot = match name.as_str() {
                 "$BASE" => Slot::Base,
                 "$TOOL" => Slot::Tool,
@@ -135,149 +122,28 @@ impl Reading<'_> {
     }
 
     fn target(&mut self, here: &Here<'_>, word: &str, part: Cursor<'_>) -> Target {
-        let computed = || Target::Computed(shown(part));
-        if part.tokens.iter().any(|token| token.is(b':')) && !is_aggregate(part) {
-            return self.beside(here, part).unwrap_or_else(computed);
-        }
-        match part.value() {
-            value @ Value::Fields { .. } => {
-                let span =
-                    part.tokens[0].span().start..part.tokens[part.tokens.len() - 1].span().end;
-                let line = part.tokens[0].line;
-                let written = Written { file: here.file, line, value, span };
-                Target::Literal {
-                    positions: vec![self.add(word, &written, None)],
-                    is_beside: false,
-                }
-            }
-            Value::Name(name) if !name.starts_with('$') => {
-                self.declared(here, &name).unwrap_or_else(computed)
-            }
-            _ => {
-                let all = all_of(part).and_then(|name| self.elements(here.scopes, &name));
-                all.unwrap_or_else(|| {
-                    self.reads(here, part);
-                    computed()
-                })
-            }
-        }
+        let found = match part.value() {
+            Value::Fields { .. } => Some(self.common.inline(here, word, part)),
+            Value::Name(name) if name.starts_with('$') => None,
+            Value::Name(name) => self.common.declared(here, &name),
+            _ => self.beside(here, part).or_else(|| self.common.elements(here, part)),
+        };
+        found.unwrap_or_else(|| {
+            self.common.reads(here, part);
+            Target::Computed(shown(part))
+        })
     }
 
     /// `XP1:{Z 100}`: a point beside a declared position.
     fn beside(&mut self, here: &Here<'_>, part: Cursor<'_>) -> Option<Target> {
         let mut rest = part;
-        let first = rest.take_part(b':');
-        let is_offset = |rest: Cursor<'_>| matches!(rest.value(), Value::Fields { .. });
-        if let Some(Value::Name(name)) = first.map(Cursor::value)
-            && is_offset(rest)
-            && self.kind(here.scopes, &name).is_some_and(|kind| kind.ends_with("POS"))
-            && let Some(Target::Literal { positions, .. }) = self.declared(here, &name)
-        {
-            return Some(Target::Literal { positions, is_beside: true });
-        }
-        self.reads(here, part);
-        None
-    }
-
-    fn kind(&self, scopes: &[Scope], name: &str) -> Option<&str> {
-        self.names.find(scopes, parts(name).0).map(|variable| variable.kind.as_str())
-    }
-
-    /// A declared position by its name; `None` where it is a parameter.
-    fn declared(&mut self, here: &Here<'_>, name: &str) -> Option<Target> {
-        let (own, element) = parts(name);
-        let literal =
-            |position| Some(Target::Literal { positions: vec![position], is_beside: false });
-        let module = &here.scopes[here.scopes.len() - 2];
-        let Some(variable) = self.names.find(here.scopes, own) else {
-            // Its value stands in a file that is not given.
-            self.names.declare(module, own, "");
-            let variable = self.names.find_mut(here.scopes, own)?;
-            let position = self.positions.len();
-            variable.positions.insert(element.to_owned(), position);
-            self.positions.push(missing(here, name));
-            return literal(position);
-        };
-        if variable.is_parameter {
+        let Value::Name(name) = rest.take_part(b':')?.value() else {
             return None;
-        }
-        if let Some(position) = variable.positions.get(element) {
-            return literal(*position);
-        }
-        let kind = variable.kind.clone();
-        let position = self.of_variable(here, name, &kind);
-        if let Some(variable) = self.names.find_mut(here.scopes, own) {
-            variable.positions.insert(element.to_owned(), position);
-        }
-        literal(position)
-    }
-
-    /// All elements of an array.
-    fn elements(&mut self, scopes: &[Scope], name: &str) -> Option<Target> {
-        let variable = self.names.find(scopes, name)?;
-        let elements: Vec<String> = variable.values.keys().cloned().collect();
-        let file = variable.values.values().flatten().next()?.file;
-        let here = Here { file, line: &[], scopes };
-        let mut positions = Vec::new();
-        for element in elements {
-            match self.declared(&here, &format!("{name}{element}"))? {
-                Target::Literal { positions: own, .. } => positions.extend(own),
-                Target::Computed(_) => return None,
-            }
-        }
-        (!positions.is_empty()).then_some(Target::Literal { positions, is_beside: false })
-    }
-
-    fn of_variable(&mut self, here: &Here<'_>, name: &str, kind: &str) -> usize {
-        let give = "the .dat file that declares it";
-        match self.names.constant(here.scopes, name, self.files, give) {
-            Ok(written) => {
-                let written = written.clone();
-                let position = self.add(name, &written, Some(kind));
-                let file = &self.files[written.file];
-                if super::data::is_system(&file.stem()) {
-                    let shared = Refusal::Shared { file: file.base_name().to_owned() };
-                    self.positions[position].obstacle = Some(shared);
-                }
-                position
-            }
-            Err(why) => {
-                let mut position = missing(here, name);
-                position.obstacle = Some(why);
-                self.positions.push(position);
-                self.positions.len() - 1
-            }
-        }
-    }
-
-    fn add(&mut self, name: &str, written: &Written, kind: Option<&str>) -> usize {
-        self.positions.push(Position {
-            file: written.file,
-            line: written.line,
-            name: name.to_owned(),
-            shape: shape(&written.value, kind),
-            external: external(&written.value),
-            obstacle: None,
-            uses: Vec::new(),
-            span: written.span.clone(),
-        });
-        self.positions.len() - 1
-    }
-}
-
-/// A position whose value is in no given file.
-fn missing(here: &Here<'_>, name: &str) -> Position {
-    let give = "the .dat file that declares it".to_owned();
-    let why = Refusal::NotGiven { name: name.to_owned(), give };
-    Position {
-        file: here.file,
-        line: here.line.first().map_or(0, |token| token.line),
-        name: name.to_owned(),
-        shape: Err(why.clone()),
-        external: None,
-        obstacle: Some(why),
-        uses: Vec::new(),
-        span: 0..0,
+        };
+        let is_offset = matches!(rest.value(), Value::Fields { .. });
+        let variable = self.common.names.find(here.scopes, parts(&name).0)?;
+        let is_pose = is_offset && variable.kind.ends_with("POS");
+        beside(self.common.declared(here, &name).filter(|_| is_pose)?)
     }
 }
 
@@ -304,48 +170,22 @@ fn parted(rest: Cursor<'_>) -> (Cursor<'_>, Cursor<'_>) {
     (positions, Cursor { tokens: &[], ..rest })
 }
 
-fn is_aggregate(part: Cursor<'_>) -> bool {
-    matches!(part.value(), Value::Fields { .. })
+/// The numbers of a position, and an external axis that is not at 0.
+pub(super) fn shape(_: &Common<'_>, _: &[Scope], value: &Value, kind: &str) -> Shaped {
+    (numbers(value, kind), external(value))
 }
 
-/// The array of `P[i]`, where nothing follows.
-fn all_of(part: Cursor<'_>) -> Option<String> {
-    let mut rest = part;
-    let name = rest.take_name()?;
-    let is_element = rest.take_sign(b'[') && rest.take_part(b']').is_some() && rest.is_empty();
-    is_element.then_some(name)
-}
-
-/// The text of an expression, shortened.
-fn shown(part: Cursor<'_>) -> String {
-    let (Some(first), Some(last)) = (part.tokens.first(), part.tokens.last()) else {
-        return String::new();
-    };
-    let end = last.span().end.min(first.span().start + 60);
-    let text = &part.bytes[first.span().start..end];
-    text.iter()
-        .map(
-            |byte| {
-                if byte.is_ascii() && !byte.is_ascii_control() { char::from(*byte) } else { '?' }
-            },
-        )
-        .collect()
-}
-
-/// The numbers of a position.
-pub(super) fn shape(value: &Value, kind: Option<&str>) -> Result<Shape, Refusal> {
-    let kind = kind.filter(|kind| !kind.is_empty());
+fn numbers(value: &Value, kind: &str) -> Result<Shape, Refusal> {
     let Value::Fields { fields, kind: own } = value else {
         return Err(Refusal::Other("its value is no position that is written out".to_owned()));
     };
-    let kind = own.as_deref().or(kind);
+    let kind = own.as_deref().unwrap_or(kind);
     let all = |names: &[&str], what| -> Result<Vec<Number>, Refusal> {
         let found: Option<Vec<Number>> =
             names.iter().map(|name| value.number_of(name).cloned()).collect();
         found.ok_or(Refusal::Partial { what })
     };
-    let is_joints = fields.iter().any(|(name, _)| name == "A1")
-        || kind.is_some_and(|kind| kind.ends_with("AXIS"));
+    let is_joints = fields.iter().any(|(name, _)| name == "A1") || kind.ends_with("AXIS");
     if is_joints {
         let joints =
             all(&["A1", "A2", "A3", "A4", "A5", "A6"], "angle of each of the axes A1 to A6")?;

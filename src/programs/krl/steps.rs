@@ -4,173 +4,57 @@ use std::sync::Arc;
 
 use super::Reading;
 use super::data::{lines, routine, statement};
-use super::frames::Here;
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
-use crate::names::{Names, Scope, Variable};
+use crate::reading::{Here, has};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
 
 /// Words that begin a statement which neither declares nor assigns.
-const KEYWORDS: [&str; 54] = [
-    "ANIN",
-    "ANOUT",
-    "BRAKE",
-    "CASE",
-    "CIRC",
-    "CIRC_REL",
-    "CONTINUE",
-    "DEFAULT",
-    "DEFDAT",
-    "ELSE",
-    "END",
-    "ENDDAT",
-    "ENDFCT",
-    "ENDFOR",
-    "ENDIF",
-    "ENDLOOP",
-    "ENDSPLINE",
-    "ENDSWITCH",
-    "ENDWHILE",
-    "ENUM",
-    "EXIT",
-    "EXT",
-    "EXTFCT",
-    "FOR",
-    "GOTO",
-    "HALT",
-    "IF",
-    "IMPORT",
-    "INTERRUPT",
-    "LIN",
-    "LIN_REL",
-    "LOOP",
-    "PTP",
-    "PTP_REL",
-    "PTP_SPLINE",
-    "PULSE",
-    "REPEAT",
-    "RESUME",
-    "RETURN",
-    "SCIRC",
-    "SCIRC_REL",
-    "SIGNAL",
-    "SLIN",
-    "SLIN_REL",
-    "SPL",
-    "SPLINE",
-    "SPL_REL",
-    "SPTP",
-    "SPTP_REL",
-    "STRUC",
-    "SWITCH",
-    "TRIGGER",
-    "UNTIL",
-    "WAIT",
-];
+const KEYWORDS: &str = "ANIN ANOUT BRAKE CASE CIRC CIRC_REL CONTINUE DEFAULT DEFDAT ELSE END ENDDAT ENDFCT ENDFOR ENDIF ENDLOOP \
+    ENDSPLINE ENDSWITCH ENDWHILE ENUM EXIT EXT EXTFCT FOR GOTO HALT IF IMPORT INTERRUPT LIN LIN_REL LOOP PTP \
+    PTP_REL PTP_SPLINE PULSE REPEAT RESUME RETURN SCIRC SCIRC_REL SIGNAL SLIN SLIN_REL SPL SPLINE SPL_REL \
+    SPTP SPTP_REL STRUC SWITCH TRIGGER UNTIL WAIT";
 
 pub(super) fn is_keyword(word: &str) -> bool {
-    KEYWORDS.contains(&word) || matches!(word, "WHILE" | "TIME_BLOCK" | "CONST_VEL" | "STOP")
+    has(KEYWORDS, word) || matches!(word, "WHILE" | "TIME_BLOCK" | "CONST_VEL" | "STOP")
 }
 
 /// Routines and functions of the system that set no frame and move nothing.
-const HARMLESS: [&str; 63] = [
-    "ABS",
-    "ACOS",
-    "ATAN2",
-    "B_AND",
-    "B_EXOR",
-    "B_NOT",
-    "B_OR",
-    "CASTFROM",
-    "CASTTO",
-    "CCLOSE",
-    "CCHANNEL",
-    "COPEN",
-    "COS",
-    "CREAD",
-    "CWRITE",
-    "DELETE_BACKWARD_BUFFER",
-    "EK",
-    "FORWARD",
-    "INVERSE",
-    "INV_POS",
-    "IR_STOPM",
-    "IR_STOPMESS",
-    "MSGDIALOG",
-    "MSGLOOP",
-    "MSGNOTIFY",
-    "MSGQUIT",
-    "MSGSTATE",
-    "ROUND",
-    "SACC_JOINT",
-    "SACC_CP",
-    "SACC_ORI",
-    "SAPO",
-    "SAPO_PTP",
-    "SAPO_CP",
-    "SBASE",
-    "SCIRC_TYPE",
-    "SET_CD_PARAMS",
-    "SET_KRLDLGANSWER",
-    "SET_KRLMSG",
-    "SEXIST_KRLDLG",
-    "SGEAR_JERK",
-    "SIN",
-    "SIPO_MODE",
-    "SJERK",
-    "SLOAD",
-    "SORI_TYP",
-    "SQRT",
-    "SREAD",
-    "STOOL",
-    "STOOL2",
-    "STRADD",
-    "STRCLEAR",
-    "STRCOMP",
-    "STRCOPY",
-    "STRDECLLEN",
-    "STRFIND",
-    "STRLEN",
-    "SVEL_CP",
-    "SVEL_JOINT",
-    "SVEL_ORI",
-    "SWRITE",
-    "TAN",
-    "VARSTATE",
-];
+const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CCLOSE CCHANNEL COPEN COS CREAD CWRITE \
+    DELETE_BACKWARD_BUFFER EK FORWARD INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
+    MSGQUIT MSGSTATE ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
+    SET_KRLDLGANSWER SET_KRLMSG SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
+    STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
+    VARSTATE";
 
 pub(super) fn is_harmless(name: &str) -> bool {
-    HARMLESS.contains(&name)
+    has(HARMLESS, name)
 }
 
 /// Words before a bracket that call nothing.
-const NO_CALLS: [&str; 14] = [
-    "AND", "CASE", "DO", "EXOR", "FOR", "IF", "NOT", "OR", "RETURN", "SWITCH", "TO", "UNTIL",
-    "WAIT", "WHILE",
-];
+const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
 
 impl Reading<'_> {
     /// The routines of a file.
     pub(super) fn steps(&mut self, file: usize, tokens: &[Token]) {
-        let own = &self.files[file];
-        let module = self.module(file);
-        let mut routines = Vec::new();
-        let mut inside: Option<(Routine, Vec<Scope>)> = None;
+        let bytes = &self.common.files[file].bytes;
+        let mut scopes = Vec::new();
+        let mut inside = String::new();
         for line in lines(tokens) {
-            let cursor = Cursor::new(&own.bytes, line);
+            let cursor = Cursor::new(bytes, line);
             if let Some((name, ..)) = routine(cursor) {
-                routines.extend(inside.take());
-                let scopes = self.scopes(file, Some(&name));
-                inside =
-                    Some((Routine { name: format!("{module}/{name}"), steps: Vec::new() }, scopes));
-            } else if let Some((routine, scopes)) = &mut inside {
-                self.step(&Here { file, line, scopes }, cursor, &mut routine.steps);
+                scopes = self.scopes(file, Some(&name));
+                inside.clone_from(&scopes[0]);
+                let own = Routine { name: inside.clone(), steps: Vec::new() };
+                self.common.routines.insert(inside.clone(), own);
+            } else if !inside.is_empty() {
+                let mut steps = Vec::new();
+                self.step(&Here { file, line: line[0].line, scopes: &scopes }, cursor, &mut steps);
+                if let Some(routine) = self.common.routines.get_mut(&inside) {
+                    routine.steps.extend(steps);
+                }
             }
-        }
-        routines.extend(inside);
-        for (routine, _) in routines {
-            self.routines.insert(routine.name.clone(), routine);
         }
     }
 
@@ -208,7 +92,7 @@ impl Reading<'_> {
 
     fn conditions(&mut self, here: &Here<'_>, rest: Cursor<'_>, steps: &mut Vec<Step>) {
         self.calls(here, rest, steps);
-        self.reads(here, rest);
+        self.common.reads(here, rest);
     }
 
     fn plain(
@@ -233,7 +117,7 @@ impl Reading<'_> {
                         let name = statement.names.first().map_or("", String::as_str);
                         self.assigned(here, name, statement.part, value, steps);
                     }
-                    None => self.reads(here, line),
+                    None => self.common.reads(here, line),
                 }
             }
         }
@@ -247,7 +131,7 @@ impl Reading<'_> {
         value: Cursor<'_>,
         steps: &mut Vec<Step>,
     ) {
-        let at = self.files[here.file].at(here.line[0].line);
+        let at = self.common.at(here);
         let at_run_time =
             |what: &str| unknown(Refusal::AtRunTime { what: what.to_owned(), at: at.clone() });
         let slot = match name {
@@ -270,12 +154,12 @@ impl Reading<'_> {
                 steps.push(Step::Set(Slot::Waiting, to));
             }
             "$H_POS" => {}
-            _ => self.reads(here, value),
+            _ => self.common.reads(here, value),
         }
     }
 
     pub(super) fn mode(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
-        let at = self.files[here.file].at(here.line[0].line);
+        let at = self.common.at(here);
         if value.value() == Value::Name("#BASE".to_owned()) {
             return known(Setting::On(true));
         }
@@ -285,7 +169,7 @@ impl Reading<'_> {
 
     /// `BAS(#BASE, 1)`.
     fn bas(&mut self, here: &Here<'_>, rest: Cursor<'_>, steps: &mut Vec<Step>) {
-        let at = self.files[here.file].at(here.line[0].line);
+        let at = self.common.at(here);
         let mut rest = rest;
         rest.take_sign(b'(');
         let mut arguments = rest.take_part(b')').unwrap_or(rest);
@@ -339,55 +223,19 @@ impl Reading<'_> {
         }
     }
 
-    /// A routine's full name: of its own module first.
     fn full_name(&self, file: usize, name: &str) -> String {
         let own = format!("{}/{name}", self.module(file));
-        if self.names_a_routine(&own) {
-            return own;
-        }
-        match self.global.get(name).map(Vec::as_slice) {
-            Some([only]) => only.clone(),
-            _ => name.to_owned(),
-        }
-    }
-
-    fn names_a_routine(&self, full: &str) -> bool {
-        self.local.contains(full)
+        let is_own = self.local.contains(&own);
+        self.common.full_name(own, name, is_own)
     }
 
     /// The calls in a statement.
     fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
-        let at = self.files[here.file].at(here.line[0].line);
+        let at = self.common.at(here);
         let names: Vec<String> = called(line).collect();
         for name in names {
             let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
-        }
-    }
-
-    /// Positions that a statement reads.
-    pub(super) fn reads(&mut self, here: &Here<'_>, line: Cursor<'_>) {
-        if line.is_empty() {
-            return;
-        }
-        let at = self.files[here.file].at(line.tokens[0].line);
-        each_variable(&mut self.names, here.scopes, line, |variable| {
-            variable.read.get_or_insert_with(|| at.clone());
-        });
-    }
-}
-
-/// Every variable that tokens name.
-pub(super) fn each_variable(
-    names: &mut Names,
-    scopes: &[Scope],
-    line: Cursor<'_>,
-    mut on: impl FnMut(&mut Variable),
-) {
-    for token in line.tokens.iter().filter(|token| token.kind == Kind::Name) {
-        let name = crate::lex::capitals(line.text(token));
-        if let Some(variable) = names.find_mut(scopes, &name) {
-            on(variable);
         }
     }
 }
@@ -397,7 +245,7 @@ fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
     let pairs = line.tokens.windows(2);
     let calls = pairs.filter(|pair| pair[0].kind == Kind::Name && pair[1].is(b'('));
     let names = calls.map(move |pair| crate::lex::capitals(line.text(&pair[0])));
-    names.filter(|name| !NO_CALLS.contains(&name.as_str()) && !is_keyword(name))
+    names.filter(|name| !has(NO_CALLS, name) && !is_keyword(name))
 }
 
 /// Whether a line calls a routine that is none of the system's.

@@ -55,14 +55,14 @@ BAS(#PTP_PARAMS,100)\r\nPTP XP1\r\n;ENDFOLD";
 #[test]
 fn an_inline_form_has_the_frames_of_its_fdat_up_to_the_arms_base() {
     let asked = asked(INLINE, POINT);
-    let Wanted::Pose { base_from_tool, branch, .. } = asked.wanted else { panic!("a pose") };
+    let Wanted::Pose { base_from_tool, branches, .. } = asked.wanted else { panic!("a pose") };
     // Base 1 is turned by 90° about z: (10, 20) becomes (−20, 10). ROBROOT is 100 mm up.
     let expected = [1000.0 - 20.0, 10.0, 500.0 + 30.0 - 100.0];
     for (found, expected) in base_from_tool.translation.vector.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{base_from_tool}");
     }
     assert!((asked.flange_from_tool.translation.vector.z - 200.0).abs() < 1e-12);
-    assert_eq!(branch, Branch::Status { status: 2, turn: Some(35) });
+    assert_eq!(branches, [Branch::Status { status: 2, turn: Some(35) }]);
 }
 
 #[test]
@@ -80,8 +80,8 @@ fn a_linear_motion_goes_on_in_the_configuration_that_a_ptp_stated() {
                LIN {X 1.5,Y 2,Z 3,A 0,B 0,C 0} C_DIS";
     let programs = programs(lin, "");
     let asked = programs.ask(1, &cell()).unwrap();
-    let Wanted::Pose { branch, .. } = asked.wanted else { panic!("a pose") };
-    assert_eq!(branch, Branch::Joints(vec![0.0, -90.0, 90.0, 0.0, 45.0, 0.0]));
+    let Wanted::Pose { branches, .. } = asked.wanted else { panic!("a pose") };
+    assert_eq!(branches, [Branch::Joints(vec![0.0, -90.0, 90.0, 0.0, 45.0, 0.0])]);
     let alone = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nLIN {X 1.5,Y 2,Z 3,A 0,B 0,C 0} C_DIS";
     assert!(
         only(alone, "").contains("no motion before it states an arm configuration in routine P")

@@ -3,8 +3,8 @@
 use super::Reading;
 use super::statement::{Header, Statement, assignment, header};
 use crate::lex::Kind;
-use crate::names::{Written, parts};
-use crate::refusal::Place;
+use crate::names::Written;
+use crate::reading::Here;
 use crate::value::{Cursor, Value};
 
 /// A declaration: `LOCAL PERS wobjdata wobj1 := […]`.
@@ -75,7 +75,8 @@ impl Reading<'_> {
     fn routine(&mut self, file: usize, header: &Header<'_>) {
         let full = format!("{}/{}", self.module(file), header.name);
         if !header.is_local {
-            self.global.entry(header.name.clone()).or_default().push(full.clone());
+            let name = format!("{}:{}", self.task(file), header.name);
+            self.common.global.entry(name).or_default().push(full.clone());
         }
         let mut rest = header.parameters;
         let mut changes = false;
@@ -87,7 +88,7 @@ impl Reading<'_> {
             // The name stands before the end, or before the braces of an array: all names of it do no harm.
             for token in part.tokens.iter().filter(|token| token.kind == Kind::Name) {
                 let name = crate::lex::capitals(part.text(token));
-                self.names.declare(&full, &name, "").is_parameter = true;
+                self.common.names.declare(&full, &name, "").is_parameter = true;
             }
         }
         self.given.insert(full, changes);
@@ -101,17 +102,13 @@ impl Reading<'_> {
         declaration: &Declaration<'_>,
     ) {
         let scopes = self.scopes(file, inside);
-        let scope = if inside.is_none() && !declaration.is_local {
-            String::new()
-        } else {
-            scopes[0].clone()
-        };
-        let variable = self.names.declare(&scope, &declaration.name, &declaration.kind);
+        let is_everywhere = inside.is_none() && !declaration.is_local;
+        let scope = if is_everywhere { self.task(file) } else { scopes[0].clone() };
+        let variable = self.common.names.declare(&scope, &declaration.name, &declaration.kind);
         let Some(value) = declaration.value else {
             return;
         };
-        let span = value.tokens.first().zip(value.tokens.last());
-        let span = span.map_or(0..0, |(first, last)| first.span().start..last.span().end);
+        let span = value.span();
         let mut all = Vec::new();
         elements(value.value(), declaration.dimensions, &[], &mut all);
         for (element, value) in all {
@@ -128,22 +125,32 @@ impl Reading<'_> {
                 inside = Some(header.name);
                 continue;
             }
-            let at = self.files[file].at(statement.line);
             let scopes = self.scopes(file, inside.as_deref());
+            let here = Here { file, line: statement.line, scopes: &scopes };
             if let Some(declaration) = declaration(statement) {
                 if let Some(value) = declaration.value {
-                    self.reads(&scopes, value, file, statement.line);
+                    self.common.reads(&here, value);
                 }
-                continue;
-            }
-            if let Some((left, _)) = assignment(statement.all) {
-                let name = left.peek_name().unwrap_or_default();
-                if let Some(variable) = self.names.find_mut(&scopes, &name) {
-                    variable.touched.get_or_insert(at);
-                }
+            } else if let Some((left, _)) = assignment(statement.all) {
+                let name = Cursor { tokens: &left.tokens[..1], ..left };
+                self.common.touches(&here, name);
+                self.touch_shared(&here, name);
             } else if self.may_change(file, statement) {
-                self.touch_all(&scopes, statement.all, &at);
+                self.common.touches(&here, statement.all);
+                self.touch_shared(&here, statement.all);
             }
+        }
+    }
+
+    /// A PERS of several tasks is one: what one task changes is changed for all.
+    fn touch_shared(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
+        let own = self.task(here.file);
+        if own.is_empty() {
+            return;
+        }
+        let others: Vec<String> = self.tasks.iter().filter(|task| **task != own).cloned().collect();
+        for task in others {
+            self.common.touches(&Here { scopes: &[task], ..*here }, statement);
         }
     }
 
@@ -157,15 +164,6 @@ impl Reading<'_> {
             return false;
         }
         self.given.get(&self.full_name(file, &word)).copied().unwrap_or(true)
-    }
-
-    fn touch_all(&mut self, scopes: &[String], all: Cursor<'_>, at: &Place) {
-        for token in all.tokens.iter().filter(|token| token.kind == Kind::Name) {
-            let name = crate::lex::capitals(all.text(token));
-            if let Some(variable) = self.names.find_mut(scopes, parts(&name).0) {
-                variable.touched.get_or_insert(at.clone());
-            }
-        }
     }
 }
 

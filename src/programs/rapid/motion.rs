@@ -7,8 +7,9 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, known, unknown};
 use crate::frame::Chain;
-use crate::names::{Scope, Written, parts};
-use crate::program::{Computed, Motion, Position, Reads, Shape, Stated, Target, Turn};
+use crate::names::{Scope, parts};
+use crate::program::{Computed, Motion, Reads, Shape, Stated, Target, Turn};
+use crate::reading::{Common, Here, Shaped, beside, shown};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
@@ -116,9 +117,7 @@ impl Reading<'_> {
 
     pub(super) fn motion(
         &mut self,
-        file: usize,
-        scopes: &[Scope],
-        line: u32,
+        here: &Here<'_>,
         word: &str,
         rest: Cursor<'_>,
         steps: &mut Vec<Step>,
@@ -128,30 +127,18 @@ impl Reading<'_> {
         };
         let all = arguments(rest);
         let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
-        let here = Here { file, line, scopes };
-        let mut targets = Vec::new();
-        for place in instruction.positions {
-            let Some(argument) = valued.get(*place) else {
-                continue;
-            };
-            let target = self.target(&here, word, argument.value);
-            if let Target::Computed(text) = &target {
-                let text = text.clone();
-                self.computed.push(Computed { file, line, word: word.to_owned(), text });
-            }
-            targets.push(target);
-        }
+        let places = instruction.positions.iter().filter_map(|place| valued.get(*place));
+        let targets = places.map(|own| self.target(here, word, own.value)).collect();
         let motion = Motion {
-            file,
-            line,
+            file: here.file,
+            line: here.line,
             word: word.to_owned(),
             targets,
-            own: self.frames(&here, instruction, &all, &valued),
+            own: self.frames(here, instruction, &all, &valued),
             reads: instruction.reads,
-            obstacle: self.obstacle(&here, word, instruction, &all),
+            obstacle: self.obstacle(here, word, instruction, &all),
         };
-        steps.push(Step::Move(self.motions.len()));
-        self.motions.push(motion);
+        steps.push(self.common.moves(motion));
     }
 
     fn obstacle(
@@ -161,7 +148,7 @@ impl Reading<'_> {
         instruction: &Instruction,
         all: &[Argument<'_>],
     ) -> Option<Arc<Refusal>> {
-        let at = || self.files[here.file].at(here.line);
+        let at = || self.common.at(here);
         if instruction.tool == Tool::Refused {
             return Some(Arc::new(Refusal::Instruction { word: word.to_owned(), at: at() }));
         }
@@ -190,7 +177,7 @@ impl Reading<'_> {
         };
         let none = || {
             let what = "the tool".to_owned();
-            unknown(Refusal::AtRunTime { what, at: self.files[here.file].at(here.line) })
+            unknown(Refusal::AtRunTime { what, at: self.common.at(here) })
         };
         let tool = tool.map_or_else(none, |argument| self.tool(here, argument.value));
         vec![(Slot::Base, base), (Slot::Tool, tool)]
@@ -207,7 +194,7 @@ impl Reading<'_> {
                     Some(Ok(Chain::one(name, Ok(frame))))
                 }
                 Value::Name(word) if word == "FALSE" => {
-                    Some(Err(Refusal::FixedTool { at: self.files[here.file].at(here.line) }))
+                    Some(Err(Refusal::FixedTool { at: self.common.at(here) }))
                 }
                 _ => None,
             }
@@ -220,7 +207,7 @@ impl Reading<'_> {
                 return None;
             };
             let is = |value: &Value, word: &str| *value == Value::Name(word.to_owned());
-            let at = || self.files[here.file].at(here.line);
+            let at = || self.common.at(here);
             if is(holds, "TRUE") {
                 return Some(Err(Refusal::FixedTool { at: at() }));
             }
@@ -244,11 +231,11 @@ impl Reading<'_> {
         predefined: &str,
         frames: impl Fn(&str, &[Value]) -> Option<Result<Chain, Refusal>>,
     ) -> Known {
-        let at = || self.files[here.file].at(here.line);
+        let at = || self.common.at(here);
         let Value::Name(name) = expression.value() else {
             return unknown(Refusal::AtRunTime { what: shown(expression), at: at() });
         };
-        match self.names.find(here.scopes, parts(&name).0) {
+        match self.common.names.find(here.scopes, parts(&name).0) {
             None if name == predefined => return known(Setting::Frames(Chain::default())),
             Some(variable) if variable.is_parameter => {
                 return unknown(Refusal::AtRunTime {
@@ -258,10 +245,9 @@ impl Reading<'_> {
             }
             _ => {}
         }
-        let give = "the module that declares it";
-        let found = self.names.constant(here.scopes, &name, self.files, give).and_then(|written| {
+        let found = self.common.constant(here.scopes, &name).and_then(|written| {
             let own = written.value.list().and_then(|parts| frames(&name, parts));
-            let at = self.files[written.file].at(written.line);
+            let at = self.common.files[written.file].at(written.line);
             own.unwrap_or(Err(Refusal::NoFrame { name: name.clone(), at }))
         });
         match found {
@@ -271,25 +257,15 @@ impl Reading<'_> {
     }
 
     fn target(&mut self, here: &Here<'_>, word: &str, value: Cursor<'_>) -> Target {
-        let computed = || Target::Computed(shown(value));
-        match value.value() {
-            list @ Value::List(_) => {
-                let span =
-                    value.tokens[0].span().start..value.tokens[value.tokens.len() - 1].span().end;
-                let line = value.tokens[0].line;
-                let written = Written { file: here.file, line, value: list, span };
-                let position = self.add(here, word, &written);
-                Target::Literal { positions: vec![position], is_beside: false }
-            }
-            Value::Name(name) => self.declared_position(here, &name).unwrap_or_else(computed),
-            _ => {
-                let found = self.beside(here, value).or_else(|| self.all_elements(here, value));
-                found.unwrap_or_else(|| {
-                    self.reads(here.scopes, value, here.file, here.line);
-                    computed()
-                })
-            }
-        }
+        let found = match value.value() {
+            Value::List(_) => Some(self.common.inline(here, word, value)),
+            Value::Name(name) => self.common.declared(here, &name),
+            _ => self.beside(here, value).or_else(|| self.common.elements(here, value)),
+        };
+        found.unwrap_or_else(|| {
+            self.common.reads(here, value);
+            Target::Computed(shown(value))
+        })
     }
 
     /// `Offs(p10, 0, 0, 50)`, `RelTool(p10, 0, 0, 50)`.
@@ -302,165 +278,21 @@ impl Reading<'_> {
         let mut inside = rest.take_part(b')').filter(|_| rest.is_empty())?;
         let first = inside.take_part(b',')?;
         let target = match first.value() {
-            Value::Name(name) => self.declared_position(here, &name)?,
-            Value::Expression => self.all_elements(here, first)?,
+            Value::Name(name) => self.common.declared(here, &name)?,
+            Value::Expression => self.common.elements(here, first)?,
             _ => return None,
         };
-        self.reads(here.scopes, inside, here.file, here.line);
-        match target {
-            Target::Literal { positions, .. } => {
-                Some(Target::Literal { positions, is_beside: true })
-            }
-            Target::Computed(_) => None,
-        }
-    }
-
-    /// `p{i}`: all elements of an array.
-    fn all_elements(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Option<Target> {
-        let mut rest = value;
-        let name = rest.take_name()?;
-        let is_element = rest.take_sign(b'{') && rest.take_part(b'}').is_some() && rest.is_empty();
-        let variable = self.names.find(here.scopes, &name).filter(|_| is_element)?;
-        let elements: Vec<String> = variable.values.keys().cloned().collect();
-        let mut positions = Vec::new();
-        for element in elements {
-            match self.declared_position(here, &format!("{name}{element}"))? {
-                Target::Literal { positions: own, .. } => positions.extend(own),
-                Target::Computed(_) => return None,
-            }
-        }
-        (!positions.is_empty()).then_some(Target::Literal { positions, is_beside: false })
-    }
-
-    fn declared_position(&mut self, here: &Here<'_>, name: &str) -> Option<Target> {
-        let (own, element) = parts(name);
-        let literal =
-            |position| Some(Target::Literal { positions: vec![position], is_beside: false });
-        let Some(variable) = self.names.find(here.scopes, own) else {
-            self.names.declare(&here.scopes[here.scopes.len() - 2], own, "");
-            return self.remember(here, name, |reading| reading.missing(here, name, None));
-        };
-        if variable.is_parameter {
-            return None;
-        }
-        if let Some(position) = variable.positions.get(element) {
-            return literal(*position);
-        }
-        let give = "the module that declares it";
-        match self.names.constant(here.scopes, name, self.files, give).cloned() {
-            Ok(written) => self.remember(here, name, |reading| reading.add(here, name, &written)),
-            Err(why) => self.remember(here, name, |reading| reading.missing(here, name, Some(why))),
-        }
-    }
-
-    fn remember(
-        &mut self,
-        here: &Here<'_>,
-        name: &str,
-        add: impl FnOnce(&mut Self) -> usize,
-    ) -> Option<Target> {
-        let position = add(self);
-        let (own, element) = parts(name);
-        let variable = self.names.find_mut(here.scopes, own)?;
-        variable.positions.insert(element.to_owned(), position);
-        Some(Target::Literal { positions: vec![position], is_beside: false })
-    }
-
-    fn missing(&mut self, here: &Here<'_>, name: &str, why: Option<Refusal>) -> usize {
-        let give = "the module that declares it".to_owned();
-        let why = why.unwrap_or(Refusal::NotGiven { name: name.to_owned(), give });
-        self.positions.push(Position {
-            file: here.file,
-            line: here.line,
-            name: name.to_owned(),
-            shape: Err(why.clone()),
-            external: None,
-            obstacle: Some(why),
-            uses: Vec::new(),
-            span: 0..0,
-        });
-        self.positions.len() - 1
-    }
-
-    fn add(&mut self, here: &Here<'_>, name: &str, written: &Written) -> usize {
-        let (shape, external) = self.shape(here.scopes, &written.value);
-        self.positions.push(Position {
-            file: written.file,
-            line: written.line,
-            name: name.to_owned(),
-            shape,
-            external,
-            obstacle: None,
-            uses: Vec::new(),
-            span: written.span.clone(),
-        });
-        self.positions.len() - 1
-    }
-
-    fn shape(
-        &self,
-        scopes: &[Scope],
-        value: &Value,
-    ) -> (Result<Shape, Refusal>, Option<(String, String)>) {
-        let no = |words: &str| (Err(Refusal::Other(words.to_owned())), None);
-        match value.list() {
-            Some([joints, external]) => match joints.numbers::<6>() {
-                Some(joints) => {
-                    let shape = Shape::Joints(joints.map(Clone::clone).to_vec());
-                    self.with_external(scopes, shape, external)
-                }
-                None => no("its joint angles are not all written out"),
-            },
-            Some([place, turn, stated, external]) => {
-                let (Some(xyz), Some(turn)) = (place.numbers::<3>(), turn.numbers::<4>()) else {
-                    return no("its position and orientation are not all written out");
-                };
-                let stated =
-                    stated.numbers::<4>().map(|own| Stated::Quadrants(own.map(Clone::clone)));
-                let (xyz, turn) = (xyz.map(Clone::clone), Turn::Quaternion(turn.map(Clone::clone)));
-                self.with_external(scopes, Shape::Pose { xyz, turn, stated }, external)
-            }
-            _ => no("its value is no position that is written out"),
-        }
-    }
-
-    /// A position whose external axes are known; those at 9E9 are not there.
-    fn with_external(
-        &self,
-        scopes: &[Scope],
-        shape: Shape,
-        external: &Value,
-    ) -> (Result<Shape, Refusal>, Option<(String, String)>) {
-        let named = match external {
-            Value::Name(name) => {
-                self.names.constant(scopes, name, self.files, "").ok().map(|own| &own.value)
-            }
-            value => Some(value),
-        };
-        let Some(numbers) = named.and_then(Value::numbers::<6>) else {
-            return (Err(Refusal::Partial { what: "numbers of its external axes" }), None);
-        };
-        let is_there = |number: &Number| number.value != 0.0 && number.value < 8.9e9;
-        let mut numbers =
-            numbers.iter().zip(["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"]);
-        let found = numbers.find(|(number, _)| is_there(number));
-        let found = found.map(|(number, name)| (name.to_owned(), number.value.to_string()));
-        (Ok(shape), found)
+        self.common.reads(here, inside);
+        beside(target)
     }
 
     /// Positions that are passed to a routine other than a motion.
-    pub(super) fn passed(
-        &mut self,
-        file: usize,
-        scopes: &[Scope],
-        line: u32,
-        word: &str,
-        rest: Cursor<'_>,
-    ) {
+    pub(super) fn passed(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) {
         for argument in arguments(rest) {
             let is_position = match argument.value.value() {
                 Value::Name(name) => {
-                    let kind = self.names.find(scopes, parts(&name).0).map(|own| own.kind.as_str());
+                    let variable = self.common.names.find(here.scopes, parts(&name).0);
+                    let kind = variable.map(|own| own.kind.as_str());
                     matches!(kind, Some("ROBTARGET" | "JOINTTARGET"))
                 }
                 Value::List(parts) => {
@@ -469,17 +301,51 @@ impl Reading<'_> {
                 _ => false,
             };
             if is_position {
+                let (file, line, word) = (here.file, here.line, word.to_owned());
                 let text = shown(argument.value);
-                self.computed.push(Computed { file, line, word: word.to_owned(), text });
+                self.common.computed.push(Computed { file, line, word, text });
             }
         }
     }
 }
 
-struct Here<'h> {
-    file: usize,
-    line: u32,
-    scopes: &'h [Scope],
+/// The numbers of a position, and an external axis that is there.
+pub(super) fn shape(common: &Common<'_>, scopes: &[Scope], value: &Value, _: &str) -> Shaped {
+    let no = |words: &str| (Err(Refusal::Other(words.to_owned())), None);
+    match value.list() {
+        Some([joints, external]) => match joints.numbers::<6>() {
+            Some(joints) => {
+                let shape = Shape::Joints(joints.map(Clone::clone).to_vec());
+                with_external(common, scopes, shape, external)
+            }
+            None => no("its joint angles are not all written out"),
+        },
+        Some([place, turn, stated, external]) => {
+            let (Some(xyz), Some(turn)) = (place.numbers::<3>(), turn.numbers::<4>()) else {
+                return no("its position and orientation are not all written out");
+            };
+            let stated = stated.numbers::<4>().map(|own| Stated::Quadrants(own.map(Clone::clone)));
+            let (xyz, turn) = (xyz.map(Clone::clone), Turn::Quaternion(turn.map(Clone::clone)));
+            with_external(common, scopes, Shape::Pose { xyz, turn, stated }, external)
+        }
+        _ => no("its value is no position that is written out"),
+    }
+}
+
+/// A position whose external axes are known; those at 9E9 are not there.
+fn with_external(common: &Common<'_>, scopes: &[Scope], shape: Shape, external: &Value) -> Shaped {
+    let named = match external {
+        Value::Name(name) => common.constant(scopes, name).ok().map(|own| &own.value),
+        value => Some(value),
+    };
+    let Some(numbers) = named.and_then(Value::numbers::<6>) else {
+        return (Err(Refusal::Partial { what: "numbers of its external axes" }), None);
+    };
+    let is_there = |number: &Number| number.value != 0.0 && number.value < 8.9e9;
+    let mut numbers = numbers.iter().zip(["eax_a", "eax_b", "eax_c", "eax_d", "eax_e", "eax_f"]);
+    let found = numbers.find(|(number, _)| is_there(number));
+    let found = found.map(|(number, name)| (name.to_owned(), number.value.to_string()));
+    (Ok(shape), found)
 }
 
 /// `[[x, y, z], [q1, q2, q3, q4]]` as an isometry.
@@ -497,16 +363,4 @@ pub fn quaternion([w, x, y, z]: [f64; 4]) -> Option<UnitQuaternion<f64>> {
     let quaternion = Quaternion::new(w, x, y, z);
     let is_unit = (quaternion.norm() - 1.0).abs() < 1e-2;
     is_unit.then(|| UnitQuaternion::from_quaternion(quaternion))
-}
-
-/// The text of an expression, shortened.
-fn shown(value: Cursor<'_>) -> String {
-    let (Some(first), Some(last)) = (value.tokens.first(), value.tokens.last()) else {
-        return String::new();
-    };
-    let end = last.span().end.min(first.span().start + 60);
-    let text = &value.bytes[first.span().start..end];
-    let shown =
-        |byte: &u8| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '?' };
-    text.iter().map(shown).collect()
 }

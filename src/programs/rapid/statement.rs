@@ -1,6 +1,7 @@
 //! Tokens of a module → statements. A statement ends at `;`, a header of a block or a routine where its words end.
 
 use crate::lex::{Kind, Token, capitals};
+use crate::reading::has;
 use crate::value::Cursor;
 
 #[derive(Debug, Clone, Copy)]
@@ -15,21 +16,7 @@ pub(super) fn without_line_ends(tokens: &[Token]) -> Vec<Token> {
 }
 
 /// Words that are a statement each.
-const ALONE: [&str; 13] = [
-    "BACKWARD",
-    "ELSE",
-    "ENDFOR",
-    "ENDFUNC",
-    "ENDIF",
-    "ENDMODULE",
-    "ENDPROC",
-    "ENDRECORD",
-    "ENDTEST",
-    "ENDTRAP",
-    "ENDWHILE",
-    "ERROR",
-    "UNDO",
-];
+const ALONE: &str = "BACKWARD ELSE ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST ENDTRAP ENDWHILE ERROR UNDO";
 
 pub(super) fn all<'t>(bytes: &'t [u8], tokens: &'t [Token]) -> Vec<Statement<'t>> {
     let mut statements = Vec::new();
@@ -57,7 +44,7 @@ fn length(bytes: &[u8], tokens: &[Token]) -> usize {
     let until = |is_end: &dyn Fn(&str) -> bool| ends(bytes, tokens, is_end);
     match own.as_str() {
         "ERROR" if tokens.get(1).is_some_and(|token| token.is(b'(')) => 1 + brackets(&tokens[1..]),
-        own if ALONE.contains(&own) => 1,
+        own if has(ALONE, own) => 1,
         "MODULE" => {
             let named = 2;
             let is_listed = tokens.get(named).is_some_and(|token| token.is(b'('));
@@ -95,8 +82,8 @@ fn ends(bytes: &[u8], tokens: &[Token], is_end: &dyn Fn(&str) -> bool) -> usize 
                 if is_end(&word) {
                     return place + 1;
                 }
-                let is_new = matches!(word.as_str(), "PROC" | "FUNC" | "MODULE")
-                    || ALONE.contains(&word.as_str());
+                let is_new =
+                    matches!(word.as_str(), "PROC" | "FUNC" | "MODULE") || has(ALONE, &word);
                 if is_new && !tokens[place - 1].is(b'\\') && !tokens[place - 1].is(b'.') {
                     return place;
                 }

@@ -5,202 +5,87 @@ use super::data::{declaration, is_end};
 use super::statement::{Statement, assignment, header};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::Kind;
-use crate::names::Scope;
+use crate::reading::{Here, has};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
 /// Words that begin a statement which is no call.
-const WORDS: [&str; 30] = [
-    "BACKWARD",
-    "CASE",
-    "CONNECT",
-    "DEFAULT",
-    "ELSE",
-    "ELSEIF",
-    "ENDFOR",
-    "ENDFUNC",
-    "ENDIF",
-    "ENDMODULE",
-    "ENDPROC",
-    "ENDRECORD",
-    "ENDTEST",
-    "ENDTRAP",
-    "ENDWHILE",
-    "ERROR",
-    "EXIT",
-    "FOR",
-    "FUNC",
-    "GOTO",
-    "IF",
-    "MODULE",
-    "PROC",
-    "RAISE",
-    "RECORD",
-    "RETRY",
-    "RETURN",
-    "TEST",
-    "TRYNEXT",
-    "WHILE",
-];
+const WORDS: &str = "BACKWARD CASE CONNECT DEFAULT ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST \
+    ENDTRAP ENDWHILE ERROR EXIT FOR FUNC GOTO IF MODULE PROC RAISE RECORD RETRY RETURN TEST TRYNEXT WHILE";
 
 pub(super) fn is_word(word: &str) -> bool {
-    WORDS.contains(&word) || matches!(word, "UNDO" | "TRAP" | "ALIAS")
+    has(WORDS, word) || matches!(word, "UNDO" | "TRAP" | "ALIAS")
 }
 
 /// Instructions of the controller that set nothing followed here and change no position, tool or work object.
-const HARMLESS: [&str; 79] = [
-    "ACCSET",
-    "ADD",
-    "BREAK",
-    "CLEAR",
-    "CLKRESET",
-    "CLKSTART",
-    "CLKSTOP",
-    "CLOSE",
-    "CONFJ",
-    "CONFL",
-    "DECR",
-    "EOFFSOFF",
-    "EOFFSON",
-    "EOFFSSET",
-    "ERRLOG",
-    "ERRWRITE",
-    "EXITCYCLE",
-    "GRIPLOAD",
-    "IDELETE",
-    "IDISABLE",
-    "IENABLE",
-    "INCR",
-    "INVERTDO",
-    "ISIGNALAI",
-    "ISIGNALDI",
-    "ISIGNALDO",
-    "ISLEEP",
-    "ITIMER",
-    "IWATCH",
-    "MOTIONSUP",
-    "OPEN",
-    "PDISPOFF",
-    "PDISPON",
-    "PDISPSET",
-    "PULSEDO",
-    "RESET",
-    "RESETRETRYCOUNT",
-    "RESTOPATH",
-    "SET",
-    "SETAO",
-    "SETDO",
-    "SETGO",
-    "SINGAREA",
-    "SOCKETCLOSE",
-    "SOCKETCONNECT",
-    "SOCKETCREATE",
-    "SOCKETSEND",
-    "SOFTACT",
-    "SOFTDEACT",
-    "SPEEDREFRESH",
-    "STARTMOVE",
-    "STOP",
-    "STOPMOVE",
-    "STOREPATH",
-    "SYNCMOVEOFF",
-    "SYNCMOVEON",
-    "SYNCMOVERESUME",
-    "SYNCMOVESUSPEND",
-    "SYSTEMSTOPACTION",
-    "TESTSIGNDEFINE",
-    "TPERASE",
-    "TPSHOW",
-    "TPWRITE",
-    "UIMSGBOX",
-    "VELSET",
-    "WAITAI",
-    "WAITDI",
-    "WAITDO",
-    "WAITGI",
-    "WAITROB",
-    "WAITSYNCTASK",
-    "WAITTIME",
-    "WAITUNTIL",
-    "WORLDACCLIM",
-    "WRITE",
-    "WRITESTRBIN",
-    "WZDOSET",
-    "WZENABLE",
-    "WZDISABLE",
-];
+const HARMLESS: &str = "ACCSET ADD BREAK CLEAR CLKRESET CLKSTART CLKSTOP CLOSE CONFJ CONFL DECR EOFFSOFF EOFFSON EOFFSSET ERRLOG \
+    ERRWRITE EXITCYCLE GRIPLOAD IDELETE IDISABLE IENABLE INCR INVERTDO ISIGNALAI ISIGNALDI ISIGNALDO ISLEEP \
+    ITIMER IWATCH MOTIONSUP OPEN PDISPOFF PDISPON PDISPSET PULSEDO RESET RESETRETRYCOUNT RESTOPATH SET SETAO \
+    SETDO SETGO SINGAREA SOCKETCLOSE SOCKETCONNECT SOCKETCREATE SOCKETSEND SOFTACT SOFTDEACT SPEEDREFRESH \
+    STARTMOVE STOP STOPMOVE STOREPATH SYNCMOVEOFF SYNCMOVEON SYNCMOVERESUME SYNCMOVESUSPEND SYSTEMSTOPACTION \
+    TESTSIGNDEFINE TPERASE TPSHOW TPWRITE UIMSGBOX VELSET WAITAI WAITDI WAITDO WAITGI WAITROB WAITSYNCTASK \
+    WAITTIME WAITUNTIL WORLDACCLIM WRITE WRITESTRBIN WZDOSET WZENABLE WZDISABLE";
 
 /// Whether a routine of this name changes nothing that is followed here.
 pub(super) fn is_harmless(name: &str) -> bool {
-    HARMLESS.contains(&name)
+    has(HARMLESS, name)
 }
 
 impl Reading<'_> {
     pub(super) fn steps(&mut self, file: usize, statements: &[Statement<'_>]) {
-        let module = self.module(file);
-        let mut inside: Option<(Routine, Vec<Scope>)> = None;
+        let mut scopes = Vec::new();
+        let mut inside = String::new();
         for statement in statements {
             if let Some(header) = header(statement) {
-                self.keep(inside.take());
-                let scopes = self.scopes(file, Some(&header.name));
-                let name = format!("{module}/{}", header.name);
-                inside = Some((Routine { name, steps: Vec::new() }, scopes));
+                scopes = self.scopes(file, Some(&header.name));
+                inside.clone_from(&scopes[0]);
+                let own = Routine { name: inside.clone(), steps: Vec::new() };
+                self.common.routines.insert(inside.clone(), own);
             } else if is_end(statement) {
-                self.keep(inside.take());
-            } else if declaration(statement).is_none()
-                && let Some((routine, scopes)) = &mut inside
-            {
-                self.step(file, scopes, statement, &mut routine.steps);
+                inside.clear();
+            } else if declaration(statement).is_none() && !inside.is_empty() {
+                let mut steps = Vec::new();
+                let here = Here { file, line: statement.line, scopes: &scopes };
+                self.step(&here, statement, &mut steps);
+                if let Some(routine) = self.common.routines.get_mut(&inside) {
+                    routine.steps.extend(steps);
+                }
             }
         }
-        self.keep(inside);
     }
 
-    fn keep(&mut self, routine: Option<(Routine, Vec<Scope>)>) {
-        if let Some((routine, _)) = routine {
-            self.routines.insert(routine.name.clone(), routine);
-        }
-    }
-
-    fn step(
-        &mut self,
-        file: usize,
-        scopes: &[Scope],
-        statement: &Statement<'_>,
-        steps: &mut Vec<Step>,
-    ) {
+    fn step(&mut self, here: &Here<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
         let all = statement.all;
         let Some(word) = all.peek_name() else {
             // A call whose name is worked out: `%name%`.
-            let at = self.files[file].at(statement.line);
+            let at = self.common.at(here);
             steps.push(Step::Call { routine: "%…%".to_owned(), at });
-            return self.reads(scopes, all, file, statement.line);
+            return self.common.reads(here, all);
         };
         if matches!(word.as_str(), "IF" | "ELSEIF") {
-            return self.condition(file, scopes, statement, &word, steps);
+            return self.condition(here, statement, &word, steps);
         }
         let is_label = all.tokens.len() == 2 && all.tokens[1].is(b':') && word != "DEFAULT";
         if is_label || matches!(word.as_str(), "ERROR" | "UNDO" | "BACKWARD") {
             return steps.push(Step::Label);
         }
         if let Some(block) = block(&word) {
-            self.reads(scopes, all, file, statement.line);
+            self.common.reads(here, all);
             return steps.push(block);
         }
         if is_word(&word) {
-            return self.reads(scopes, all, file, statement.line);
+            return self.common.reads(here, all);
         }
         if let Some((_, value)) = assignment(all) {
-            return self.reads(scopes, value, file, statement.line);
+            return self.common.reads(here, value);
         }
-        self.call(file, scopes, statement.line, all, steps);
+        self.call(here, all, steps);
     }
 
     /// `IF … THEN` opens a block; `IF … instruction` has its instruction in itself.
     fn condition(
         &mut self,
-        file: usize,
-        scopes: &[Scope],
+        here: &Here<'_>,
         statement: &Statement<'_>,
         word: &str,
         steps: &mut Vec<Step>,
@@ -210,51 +95,43 @@ impl Reading<'_> {
             token.kind == Kind::Name && all.text(token).eq_ignore_ascii_case(b"THEN")
         });
         if is_then {
-            self.reads(scopes, all, file, statement.line);
+            self.common.reads(here, all);
             steps.push(if word == "IF" { Step::If } else { Step::Else { is_last: false } });
             return;
         }
         let Some(inner) = instruction(all) else {
-            return self.reads(scopes, all, file, statement.line);
+            return self.common.reads(here, all);
         };
-        let line = statement.line;
         let condition =
             Cursor { tokens: &all.tokens[..all.tokens.len() - inner.tokens.len()], ..all };
-        self.reads(scopes, condition, file, line);
+        self.common.reads(here, condition);
         steps.push(Step::If);
         if let Some((_, value)) = assignment(inner) {
-            self.reads(scopes, value, file, line);
+            self.common.reads(here, value);
         } else if !inner.peek_name().is_some_and(|word| is_word(&word)) {
-            self.call(file, scopes, line, inner, steps);
+            self.call(here, inner, steps);
         }
         steps.push(Step::EndIf);
     }
 
     /// An instruction of the controller, a motion, or a call.
-    fn call(
-        &mut self,
-        file: usize,
-        scopes: &[Scope],
-        line: u32,
-        all: Cursor<'_>,
-        steps: &mut Vec<Step>,
-    ) {
+    fn call(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
         let mut rest = all;
         let Some(word) = rest.take_name() else {
             return;
         };
         if self.is_motion(&word) {
-            return self.motion(file, scopes, line, &word, rest, steps);
+            return self.motion(here, &word, rest, steps);
         }
         if let Some((slot, to)) = self.setting(&word, rest) {
             steps.push(Step::Set(slot, to));
         } else if !is_harmless(&word) {
-            let routine = self.full_name(file, &word);
-            let at = self.files[file].at(line);
-            self.passed(file, scopes, line, &word, rest);
+            let routine = self.full_name(here.file, &word);
+            let at = self.common.at(here);
+            self.passed(here, &word, rest);
             steps.push(Step::Call { routine, at });
         }
-        self.reads(scopes, rest, file, line);
+        self.common.reads(here, rest);
     }
 
     /// What an instruction of the controller sets.
@@ -284,24 +161,10 @@ impl Reading<'_> {
 
     pub(super) fn full_name(&self, file: usize, name: &str) -> String {
         let own = format!("{}/{name}", self.module(file));
-        if self.given.contains_key(&own) {
-            return own;
-        }
-        match self.global.get(name).map(Vec::as_slice) {
-            Some([only]) => only.clone(),
-            _ => name.to_owned(),
-        }
-    }
-
-    /// Positions that a statement reads.
-    pub(super) fn reads(&mut self, scopes: &[Scope], all: Cursor<'_>, file: usize, line: u32) {
-        let at = self.files[file].at(line);
-        for token in all.tokens.iter().filter(|token| token.kind == Kind::Name) {
-            let name = crate::lex::capitals(all.text(token));
-            if let Some(variable) = self.names.find_mut(scopes, &name) {
-                variable.read.get_or_insert_with(|| at.clone());
-            }
-        }
+        let is_own = self.given.contains_key(&own);
+        let named = format!("{}:{name}", self.task(file));
+        let found = self.common.full_name(own, &named, is_own);
+        if found == named { name.to_owned() } else { found }
     }
 }
 

@@ -39,12 +39,12 @@ fn only(body: &str, more: &str) -> String {
 fn a_position_stands_in_its_work_object_and_that_in_the_world() {
     let programs = programs("MoveL p10,v100,fine,tool1\\WObj:=wobj1;", "");
     let asked = programs.ask(0, &cell()).unwrap();
-    let Wanted::Pose { base_from_tool, branch, .. } = asked.wanted else { panic!("a pose") };
+    let Wanted::Pose { base_from_tool, branches, .. } = asked.wanted else { panic!("a pose") };
     let expected = [1000.0 - 20.0, 10.0, 500.0 + 30.0 - 100.0];
     for (found, expected) in base_from_tool.translation.vector.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-6, "{base_from_tool}");
     }
-    assert_eq!(branch, Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: true });
+    assert_eq!(branches, [Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: true }]);
 }
 
 #[test]
@@ -104,6 +104,10 @@ fn what_is_not_known_is_refused_by_name() {
             "ConfL\\Off; MoveL p10,v100,z10,tool1;",
             "no motion before it states an arm configuration",
         ),
+        (
+            "%\"any\"%;\n%stName%; ConfL\\Off; MoveL p10,v100,z10,tool1;",
+            "the call of %…% (m1.mod, line 10) may change the arm",
+        ),
         ("IF a THEN MoveL p10,v100,z10,tool1;", "the blocks of routine"),
     ];
     for (body, expected) in cases {
@@ -124,8 +128,24 @@ fn linear_motions_go_on_in_the_configuration_where_confl_is_off() {
         "",
     );
     let Ok(asked) = programs.ask(1, &cell()) else { panic!("asked") };
-    let Wanted::Pose { branch, .. } = asked.wanted else { panic!("a pose") };
-    assert_eq!(branch, Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: false });
+    let Wanted::Pose { branches, .. } = asked.wanted else { panic!("a pose") };
+    assert_eq!(branches, [Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: false }]);
+}
+
+#[test]
+fn each_task_of_a_backup_has_its_own_names_and_only_one_may_move() {
+    let task = |number: u32, body: &str| File {
+        name: format!("RAPID/TASK{number}/PROGMOD/m.mod"),
+        bytes: format!("{DATA}PROC main()\n{body}\nENDPROC\nENDMODULE").into_bytes(),
+    };
+    let moves = "MoveL p10,v100,fine,tool1;";
+    let told = |second: &str| {
+        let programs = read(vec![task(1, moves), task(2, second)], &cell());
+        programs.ask(0, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    assert_eq!(told("Stop;"), "ok");
+    assert!(told("tool1.tframe.trans.z:=5;").contains("TOOL1 is worked out at run time"));
+    assert!(told(moves).contains("motions stand in the tasks TASK1, TASK2"));
 }
 
 #[test]

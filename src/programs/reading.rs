@@ -1,0 +1,257 @@
+//! What the readers of all dialects share: positions that motions name, routines, and the walk through them.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::flow::{Others, Routine, State, Summaries, walk};
+use crate::lex::{Kind, capitals};
+use crate::names::{Names, Scope, Variable, Written, parts};
+use crate::program::{Computed, File, Motion, Position, Recorder, Shape, Target};
+use crate::refusal::{Place, Refusal};
+use crate::value::{Cursor, Value};
+
+/// The numbers of a position, and an external axis that is not at 0.
+pub(crate) type Shaped = (Result<Shape, Refusal>, Option<(String, String)>);
+
+/// Where a statement stands.
+#[derive(Clone, Copy)]
+pub(crate) struct Here<'h> {
+    pub(crate) file: usize,
+    pub(crate) line: u32,
+    /// From within: the routine's, the module's, everywhere.
+    pub(crate) scopes: &'h [Scope],
+}
+
+/// What is read of the files so far.
+pub(crate) struct Common<'f> {
+    pub(crate) files: &'f [File],
+    pub(crate) names: Names,
+    /// Full names of the routines that a short name may mean from anywhere.
+    pub(crate) global: BTreeMap<String, Vec<String>>,
+    pub(crate) routines: BTreeMap<String, Routine>,
+    pub(crate) motions: Vec<Motion>,
+    pub(crate) positions: Vec<Position>,
+    pub(crate) computed: Vec<Computed>,
+    /// The numbers of a value of a type.
+    shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
+    /// What to give where a position has no value.
+    give: &'static str,
+}
+
+impl<'f> Common<'f> {
+    pub(crate) fn new(
+        files: &'f [File],
+        positions: Vec<Position>,
+        computed: Vec<Computed>,
+        shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
+        give: &'static str,
+    ) -> Self {
+        Self {
+            files,
+            names: Names::default(),
+            global: BTreeMap::new(),
+            routines: BTreeMap::new(),
+            motions: Vec::new(),
+            positions,
+            computed,
+            shape,
+            give,
+        }
+    }
+
+    pub(crate) fn at(&self, here: &Here<'_>) -> Place {
+        self.files[here.file].at(here.line)
+    }
+
+    /// The value of a name that nothing changes.
+    pub(crate) fn constant(&self, scopes: &[Scope], name: &str) -> Result<&Written, Refusal> {
+        self.names.constant(scopes, name, self.files, self.give)
+    }
+
+    /// A position that is written out in its motion.
+    pub(crate) fn inline(&mut self, here: &Here<'_>, word: &str, part: Cursor<'_>) -> Target {
+        let span = part.span();
+        let written = Written { file: here.file, line: here.line, value: part.value(), span };
+        one(self.add(here, word, &written, ""))
+    }
+
+    /// A declared position by its name; `None` where it is a parameter.
+    pub(crate) fn declared(&mut self, here: &Here<'_>, name: &str) -> Option<Target> {
+        let (own, element) = parts(name);
+        let mut kind = String::new();
+        match self.names.find(here.scopes, own) {
+            Some(variable) if variable.is_parameter => return None,
+            Some(variable) => {
+                if let Some(position) = variable.positions.get(element) {
+                    return Some(one(*position));
+                }
+                kind.clone_from(&variable.kind);
+            }
+            None => {
+                // Its value stands in a file that is not given.
+                self.names.declare(&here.scopes[here.scopes.len() - 2], own, "");
+            }
+        }
+        let position = match self.constant(here.scopes, name).cloned() {
+            Ok(written) => self.add(here, name, &written, &kind),
+            Err(why) => self.missing(here, name, why),
+        };
+        let variable = self.names.find_mut(here.scopes, own)?;
+        variable.positions.insert(element.to_owned(), position);
+        Some(one(position))
+    }
+
+    /// All elements of an array whose index is worked out: `P[i]`, `p{i}`.
+    pub(crate) fn elements(&mut self, here: &Here<'_>, part: Cursor<'_>) -> Option<Target> {
+        let mut rest = part;
+        let name = rest.take_name()?;
+        let close = if rest.take_sign(b'[') { b']' } else { b'}' };
+        let is_open = close == b']' || rest.take_sign(b'{');
+        if !is_open || rest.take_part(close).is_none() || !rest.is_empty() {
+            return None;
+        }
+        let variable = self.names.find(here.scopes, &name)?;
+        let elements: Vec<String> = variable.values.keys().cloned().collect();
+        let mut positions = Vec::new();
+        for element in elements {
+            match self.declared(here, &format!("{name}{element}"))? {
+                Target::Literal { positions: own, .. } => positions.extend(own),
+                Target::Computed(_) => return None,
+            }
+        }
+        (!positions.is_empty()).then_some(Target::Literal { positions, is_beside: false })
+    }
+
+    fn add(&mut self, here: &Here<'_>, name: &str, written: &Written, kind: &str) -> usize {
+        let (shape, external) = (self.shape)(self, here.scopes, &written.value, kind);
+        // All programs of the controller share what stands in a list of its system.
+        let file = &self.files[written.file];
+        let is_shared = file.base_name().starts_with('$');
+        let shared = || Refusal::Shared { file: file.base_name().to_owned() };
+        let obstacle = is_shared.then(shared);
+        self.positions.push(Position {
+            file: written.file,
+            line: written.line,
+            name: name.to_owned(),
+            shape,
+            external,
+            obstacle,
+            uses: Vec::new(),
+            span: written.span.clone(),
+        });
+        self.positions.len() - 1
+    }
+
+    fn missing(&mut self, here: &Here<'_>, name: &str, why: Refusal) -> usize {
+        self.positions.push(Position {
+            file: here.file,
+            line: here.line,
+            name: name.to_owned(),
+            shape: Err(why.clone()),
+            external: None,
+            obstacle: Some(why),
+            uses: Vec::new(),
+            span: 0..0,
+        });
+        self.positions.len() - 1
+    }
+
+    /// Adds a motion, and its computed targets to those.
+    pub(crate) fn moves(&mut self, motion: Motion) -> crate::flow::Step {
+        let (file, line) = (motion.file, motion.line);
+        for target in &motion.targets {
+            if let Target::Computed(text) = target {
+                let (word, text) = (motion.word.clone(), text.clone());
+                self.computed.push(Computed { file, line, word, text });
+            }
+        }
+        self.motions.push(motion);
+        crate::flow::Step::Move(self.motions.len() - 1)
+    }
+
+    /// A routine's full name: of its own module first.
+    pub(crate) fn full_name(&self, own: String, name: &str, is_own: bool) -> String {
+        match self.global.get(name).map(Vec::as_slice) {
+            _ if is_own => own,
+            Some([only]) => only.clone(),
+            _ => name.to_owned(),
+        }
+    }
+
+    /// Marks what a statement reads.
+    pub(crate) fn reads(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
+        let at = self.at(here);
+        self.each_variable(here.scopes, statement, |variable| {
+            variable.read.get_or_insert_with(|| at.clone());
+        });
+    }
+
+    /// Marks what a statement may change.
+    pub(crate) fn touches(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
+        let at = self.at(here);
+        self.each_variable(here.scopes, statement, |variable| {
+            variable.touched.get_or_insert_with(|| at.clone());
+        });
+    }
+
+    fn each_variable(
+        &mut self,
+        scopes: &[Scope],
+        statement: Cursor<'_>,
+        on: impl Fn(&mut Variable),
+    ) {
+        for token in statement.tokens.iter().filter(|token| token.kind == Kind::Name) {
+            if let Some(variable) = self.names.find_mut(scopes, &capitals(statement.text(token))) {
+                on(variable);
+            }
+        }
+    }
+
+    /// Walks all routines; gives what their calls do.
+    pub(crate) fn walk(&mut self, others: Others, entry: impl Fn(&str) -> State) -> Summaries {
+        let mut recorder = Recorder { motions: &self.motions, positions: &mut self.positions };
+        let summaries = Summaries::new(&self.routines, &recorder, others);
+        for routine in self.routines.values() {
+            let name = routine.name.rsplit('/').next().unwrap_or_default();
+            let before: Vec<usize> = recorder.positions.iter().map(|own| own.uses.len()).collect();
+            if !walk(routine, &summaries, &entry(name), &mut recorder) {
+                let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
+                for (position, before) in recorder.positions.iter_mut().zip(before) {
+                    for own in &mut position.uses[before..] {
+                        (own.base, own.tool) = (Err(why.clone()), Err(why.clone()));
+                    }
+                }
+            }
+        }
+        self.names.forbid(&mut self.positions);
+        summaries
+    }
+}
+
+/// A target of one position.
+pub(crate) fn one(position: usize) -> Target {
+    Target::Literal { positions: vec![position], is_beside: false }
+}
+
+/// A point beside a target.
+pub(crate) fn beside(target: Target) -> Option<Target> {
+    match target {
+        Target::Literal { positions, .. } => Some(Target::Literal { positions, is_beside: true }),
+        Target::Computed(_) => None,
+    }
+}
+
+/// The text of an expression, shortened.
+pub(crate) fn shown(part: Cursor<'_>) -> String {
+    let span = part.span();
+    let text = &part.bytes[span.start..span.end.min(span.start + 60)];
+    let shown = |byte: &u8| {
+        if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '?' }
+    };
+    text.iter().map(shown).collect()
+}
+
+/// Whether a list of words has one.
+pub(crate) fn has(words: &str, word: &str) -> bool {
+    words.split_ascii_whitespace().any(|own| own == word)
+}
