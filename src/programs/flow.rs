@@ -158,6 +158,8 @@ pub enum Step {
     EndSwitch,
     /// A place that the program may jump to.
     Label,
+    /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
+    Handler,
     /// Settings for all up to [`Step::EndWith`].
     With(Vec<(Slot, Known)>),
     EndWith,
@@ -256,9 +258,14 @@ impl Summaries {
         own
     }
 
-    /// Whether a routine that is given changes a slot.
-    pub fn changes(&self, routine: &str, slot: Slot) -> bool {
-        self.of.get(routine).is_some_and(|effects| effects[slot as usize] != Effect::None)
+    /// What routines that are given may do at any time, as interrupts call them. They come back to where the arm was.
+    pub fn at_any_time<'r>(&self, routines: impl IntoIterator<Item = &'r String>) -> AtAnyTime {
+        let mut all = Effects::default();
+        for effects in routines.into_iter().filter_map(|routine| self.of.get(routine)) {
+            add(&mut all, effects);
+        }
+        all[Slot::Branch as usize] = Effect::None;
+        AtAnyTime(all)
     }
 
     fn effects(&self, steps: &[Step], motions: &impl Motions) -> Effects {
@@ -311,6 +318,10 @@ fn add(all: &mut Effects, more: &Effects) {
     }
 }
 
+/// What may happen between any two statements.
+#[derive(Debug, Clone, Default)]
+pub struct AtAnyTime(Effects);
+
 enum Block {
     If { entry: State, then: Option<State>, has_else: bool },
     Loop { head: State },
@@ -321,6 +332,8 @@ enum Block {
 struct Walk<'w, M> {
     summaries: &'w Summaries,
     motions: &'w mut M,
+    /// Effects that may happen before any motion.
+    any_time: Effects,
     state: State,
     blocks: Vec<Block>,
 }
@@ -330,15 +343,21 @@ pub fn walk(
     routine: &Routine,
     summaries: &Summaries,
     entry: &State,
+    interrupts: &AtAnyTime,
     motions: &mut impl Motions,
 ) -> bool {
     let loops = loop_effects(&routine.steps, summaries, motions);
     let whole = summaries.effects(&routine.steps, motions);
-    let mut walk = Walk { summaries, motions, state: entry.clone(), blocks: Vec::new() };
+    let mut any_time = interrupts.0.clone();
+    if let Some(handler) = routine.steps.iter().position(|step| *step == Step::Handler) {
+        add(&mut any_time, &summaries.effects(&routine.steps[handler..], motions));
+    }
+    let blocks = Vec::new();
+    let mut walk = Walk { summaries, motions, any_time, state: entry.clone(), blocks };
     for (place, step) in routine.steps.iter().enumerate() {
         match step {
             Step::Loop => walk.open_loop(loops.get(&place)),
-            Step::Label => {
+            Step::Label | Step::Handler => {
                 walk.state = entry.clone();
                 walk.state.after(&whole);
             }
@@ -391,7 +410,7 @@ impl<M: Motions> Walk<'_, M> {
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Label => {}
+            Step::Loop | Step::Label | Step::Handler => {}
             Step::Else { is_last } => return self.branch_else(*is_last),
             Step::Case { is_default } => return self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => {
@@ -417,6 +436,7 @@ impl<M: Motions> Walk<'_, M> {
     }
 
     fn motion(&mut self, motion: usize) {
+        self.state.after(&self.any_time);
         self.motions.happens(motion, &self.state);
         if let Some(branch) = self.motions.branch(motion, Some(&self.state)) {
             self.state.set(Slot::Branch, branch);

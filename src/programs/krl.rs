@@ -89,17 +89,7 @@ impl Reading<'_> {
         changed[Slot::Mode as usize] = self.any_fixed_tool;
         let others = Others { harmless: steps::is_harmless, changed };
         let any_fixed_tool = self.any_fixed_tool;
-        let summaries = self.common.walk(others, |routine| entry(routine, any_fixed_tool));
-        let changes = |name: &String| {
-            [Slot::Base, Slot::Tool, Slot::Mode].iter().any(|slot| summaries.changes(name, *slot))
-        };
-        if let Some(name) = self.interrupts.iter().find(|name| changes(name)) {
-            let words =
-                format!("interrupt routine {name} changes a frame, at any time; take that out");
-            for position in &mut self.common.positions {
-                position.obstacle.get_or_insert_with(|| Refusal::Other(words.clone()));
-            }
-        }
+        self.common.walk(others, &self.interrupts, |routine| entry(routine, any_fixed_tool));
     }
 }
 

@@ -55,6 +55,8 @@ pub(crate) struct Reading<'f> {
     tasks: BTreeSet<String>,
     /// Routines by their full names, and whether they may change what is passed to them.
     given: HashMap<String, bool>,
+    /// Full names of the routines that interrupts call.
+    traps: Vec<String>,
     any_displacement: bool,
     any_offset: bool,
     any_conf_off: [bool; 2],
@@ -81,6 +83,7 @@ pub(crate) fn read(
         cell,
         tasks: BTreeSet::new(),
         given: HashMap::new(),
+        traps: Vec::new(),
         any_displacement: false,
         any_offset: false,
         any_conf_off: [false; 2],
@@ -145,7 +148,7 @@ impl Reading<'_> {
         let others = Others { harmless: steps::is_harmless, changed };
         let off = [self.any_displacement, self.any_offset];
         let conf = self.any_conf_off;
-        self.common.walk(others, |routine| entry(routine, off, conf));
+        self.common.walk(others, &self.traps, |routine| entry(routine, off, conf));
         self.refuse_several_tasks();
     }
 }

@@ -207,14 +207,20 @@ impl<'f> Common<'f> {
         }
     }
 
-    /// Walks all routines; gives what their calls do.
-    pub(crate) fn walk(&mut self, others: Others, entry: impl Fn(&str) -> State) -> Summaries {
+    /// Walks all routines; `interrupts` are those that run at any time.
+    pub(crate) fn walk(
+        &mut self,
+        others: Others,
+        interrupts: &[String],
+        entry: impl Fn(&str) -> State,
+    ) {
         let mut recorder = Recorder { motions: &self.motions, positions: &mut self.positions };
         let summaries = Summaries::new(&self.routines, &recorder, others);
+        let any_time = summaries.at_any_time(interrupts);
         for routine in self.routines.values() {
             let name = routine.name.rsplit('/').next().unwrap_or_default();
             let before: Vec<usize> = recorder.positions.iter().map(|own| own.uses.len()).collect();
-            if !walk(routine, &summaries, &entry(name), &mut recorder) {
+            if !walk(routine, &summaries, &entry(name), &any_time, &mut recorder) {
                 let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
                 for (position, before) in recorder.positions.iter_mut().zip(before) {
                     for own in &mut position.uses[before..] {
@@ -224,7 +230,6 @@ impl<'f> Common<'f> {
             }
         }
         self.names.forbid(&mut self.positions);
-        summaries
     }
 }
 

@@ -129,6 +129,12 @@ fn what_is_not_known_is_refused_by_name() {
             "it is used under base BASE_DATA[1] with tool TOOL_DATA[3] in line 5",
         ),
         (format!("{set}IF N==1 THEN\r\n{ptp}"), "the blocks of routine P do not close"),
+        (
+            format!(
+                "INTERRUPT DECL 3 WHEN $IN[1] DO IR()\r\n{set}{ptp}\r\nEND\r\nDEF IR()\r\nBAS(#BASE,2)"
+            ),
+            "the base is another by the way",
+        ),
         (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
     ];
     for (source, expected) in cases {

@@ -74,6 +74,9 @@ impl Reading<'_> {
 
     fn routine(&mut self, file: usize, header: &Header<'_>) {
         let full = format!("{}/{}", self.module(file), header.name);
+        if header.is_trap {
+            self.traps.push(full.clone());
+        }
         if !header.is_local {
             let name = format!("{}:{}", self.task(file), header.name);
             self.common.global.entry(name).or_default().push(full.clone());

@@ -134,12 +134,15 @@ pub(super) struct Header<'t> {
     pub(super) name: String,
     pub(super) parameters: Cursor<'t>,
     pub(super) is_local: bool,
+    /// Whether an interrupt calls it.
+    pub(super) is_trap: bool,
 }
 
 pub(super) fn header<'t>(statement: &Statement<'t>) -> Option<Header<'t>> {
     let mut all = statement.all;
     let is_local = all.take_word("LOCAL");
-    match all.take_name()?.as_str() {
+    let word = all.take_name()?;
+    match word.as_str() {
         "PROC" | "TRAP" => {}
         "FUNC" => {
             all.take_name()?;
@@ -148,7 +151,7 @@ pub(super) fn header<'t>(statement: &Statement<'t>) -> Option<Header<'t>> {
     }
     let name = all.take_name()?;
     all.take_sign(b'(');
-    Some(Header { name, parameters: all, is_local })
+    Some(Header { name, parameters: all, is_local, is_trap: word == "TRAP" })
 }
 
 /// The expression behind the `:=` of an assignment, and what is before it.

@@ -66,8 +66,11 @@ impl Reading<'_> {
             return self.condition(here, statement, &word, steps);
         }
         let is_label = all.tokens.len() == 2 && all.tokens[1].is(b':') && word != "DEFAULT";
-        if is_label || matches!(word.as_str(), "ERROR" | "UNDO" | "BACKWARD") {
+        if is_label {
             return steps.push(Step::Label);
+        }
+        if matches!(word.as_str(), "ERROR" | "UNDO" | "BACKWARD") {
+            return steps.push(Step::Handler);
         }
         if let Some(block) = block(&word) {
             self.common.reads(here, all);

@@ -108,6 +108,11 @@ fn what_is_not_known_is_refused_by_name() {
             "%\"any\"%;\n%stName%; ConfL\\Off; MoveL p10,v100,z10,tool1;",
             "the call of %…% (m1.mod, line 10) may change the arm",
         ),
+        ("MoveL p10,v100,z10,tool1; ERROR PDispSet pose1; RETRY;", "a displacement may be on"),
+        (
+            "MoveL p10,v100,z10,tool1; ENDPROC TRAP t1 PDispSet pose1; ENDTRAP PROC q()",
+            "a displacement may be on",
+        ),
         ("IF a THEN MoveL p10,v100,z10,tool1;", "the blocks of routine"),
     ];
     for (body, expected) in cases {
