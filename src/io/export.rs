@@ -14,7 +14,7 @@ pub mod urdf;
 pub mod urdf_chain;
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use thiserror::Error;
 
@@ -25,6 +25,7 @@ use super::lake::LakeError;
 use super::schema::SchemaError;
 use super::table::FileError;
 use super::whole_file::told;
+use crate::at::At;
 use crate::kinematics::RestateError;
 use origins::OriginsError;
 use urdf_chain::UrdfChainError;
@@ -35,8 +36,8 @@ pub enum ExportError {
     File(#[from] FileError),
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    #[error("{}", kind.message(path))]
-    At { path: PathBuf, kind: ExportErrorKind },
+    #[error(transparent)]
+    At(#[from] At<ExportErrorKind>),
     #[error(transparent)]
     Nodes(#[from] CompensationTableError),
     #[error(transparent)]
@@ -76,72 +77,46 @@ pub enum ExportError {
     Json(#[from] serde_json::Error),
 }
 
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum ExportErrorKind {
-    OtherTable {
-        /// The table in the file, or that there is none.
-        found: String,
-        format: &'static str,
-        needs: &'static str,
-    },
+    #[error("it holds {found}; {format} is made of table {needs} of a run")]
+    OtherTable { found: String, format: &'static str, needs: &'static str },
+    #[error("it holds no row; take the file of a run that has one")]
     Empty,
-    NotOne {
-        column: String,
-        row: usize,
-    },
+    #[error(
+        "column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a single run"
+    )]
+    NotOne { column: String, row: usize },
+    #[error("the arm {0}, which a URDF cannot say; use tables `calibrations` and `joint_errors`")]
     NoUrdf(&'static str),
+    #[error(transparent)]
     Convention(RestateError),
     /// An arm that is not one of Universal Robots: why, or `None` for one without six axes.
+    #[error("{}", ur_calibration::no_ur(.0.as_ref()))]
     NoUr(Option<OriginsError>),
+    #[error(transparent)]
     NoChain(UrdfChainError),
+    #[error(transparent)]
     OtherChain(OriginsError),
+    #[error(transparent)]
     NotRead(io::Error),
+    #[error(
+        "it is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside it: give the \
+         run's file of table \"stations\" by --stations"
+    )]
     NoLake,
-    OtherRun {
-        found: String,
-        expected: String,
-    },
+    #[error(
+        "run {found} wrote it, and the residuals are of run {expected}; take the file of the same run"
+    )]
+    OtherRun { found: String, expected: String },
+    #[error("it exists already; choose another --out, or remove it first")]
     Exists,
+    #[error("{}", told(.0))]
     NotWritten(io::Error),
 }
 
 impl ExportErrorKind {
     pub fn at(self, path: &Path) -> ExportError {
-        ExportError::At { path: path.to_owned(), kind: self }
-    }
-
-    fn message(&self, path: &Path) -> String {
-        let path = path.display();
-        match self {
-            Self::OtherTable { found, format, needs } => {
-                format!("{path} holds {found}; {format} is made of table {needs} of a run")
-            }
-            Self::Empty => format!("{path} holds no row; take the file of a run that has one"),
-            Self::NotOne { column, row } => format!(
-                "{path}, column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a \
-                 single run"
-            ),
-            Self::NoUrdf(problem) => format!(
-                "{path}: the arm {problem}, which a URDF cannot say; use tables `calibrations` and `joint_errors`"
-            ),
-            Self::Convention(source) => format!("{path}: {source}"),
-            Self::NoUr(source) => format!("{path}: {}", ur_calibration::no_ur(source.as_ref())),
-            Self::NoChain(source) => format!("{path} {source}"),
-            Self::OtherChain(source) => format!("{path}: {source}"),
-            Self::NotRead(source) => format!("{path}: {source}"),
-            Self::NoLake => format!(
-                "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
-                 it: give the run's file of table \"stations\" by --stations"
-            ),
-            Self::OtherRun { found, expected } => format!(
-                "{path}: run {found} wrote it, and the residuals are of run {expected}; take the file of the same run"
-            ),
-            Self::Exists => {
-                format!("{path} exists already; choose another --out, or remove it first")
-            }
-            Self::NotWritten(source) => {
-                format!("{path}: {}", told(source))
-            }
-        }
+        At::<Self>::new(path.display(), self).into()
     }
 }

@@ -124,7 +124,9 @@ impl Traffic {
             self.take_longer(names);
         }
         if self.messages == 0 {
-            let sample = kind.wants_sample() && message.payload.len() <= LONGEST_SAMPLE;
+            // JSON may come without a schema.
+            let sample = matches!(kind.suggestible, Suggestible::Json(_))
+                && message.payload.len() <= LONGEST_SAMPLE;
             self.sample = sample.then(|| message.payload.to_vec());
         }
         self.messages += 1;
@@ -209,11 +211,6 @@ impl Kind {
             (Some(own), Some(schema)) => Arc::ptr_eq(own, schema),
             (own, schema) => own.is_none() && schema.is_none(),
         }
-    }
-
-    /// Whether the first message is kept: JSON may come without a schema.
-    const fn wants_sample(&self) -> bool {
-        matches!(self.suggestible, Suggestible::Json(_))
     }
 }
 

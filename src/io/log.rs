@@ -113,13 +113,7 @@ pub enum LogError {
     #[error(transparent)]
     File(#[from] FileError),
     #[error("{file}: no topic {topic:?}; topics in it: {topics}{damage}")]
-    UnknownTopic {
-        file: String,
-        topic: String,
-        topics: String,
-        /// A remark where the log is damaged, or empty.
-        damage: String,
-    },
+    UnknownTopic { file: String, topic: String, topics: String, damage: String },
     #[error(transparent)]
     Unsuitable(Box<Unsuitable>),
     #[error("{file}: topic {topic:?}: {source}")]

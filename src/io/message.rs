@@ -36,11 +36,7 @@ pub enum SchemaError {
     #[error("line {line} of the schema is no field, constant or comment: {text:?}")]
     Line { line: usize, text: String },
     #[error("line {line} of the schema's IDL: {found} is not understood there")]
-    Idl {
-        line: usize,
-        /// The unexpected text, in quotes, or a description of it.
-        found: String,
-    },
+    Idl { line: usize, found: String },
     #[error("the schema uses the type {name:?} but does not define it; the recorder left it out")]
     UnknownType { name: String },
     #[error("the schema is no descriptor set of protobuf: {source}")]

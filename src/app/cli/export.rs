@@ -11,6 +11,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
+use crate::at::At;
 use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
@@ -218,9 +219,8 @@ impl ExportFormat {
 
 const fn exit_code(error: &ExportError) -> u8 {
     match error {
-        ExportError::Write(_) | ExportError::At { kind: ExportErrorKind::NotWritten(_), .. } => {
-            NO_RESULT
-        }
+        ExportError::Write(_)
+        | ExportError::At(At { kind: ExportErrorKind::NotWritten(_), .. }) => NO_RESULT,
         _ => BAD_USAGE,
     }
 }

@@ -271,8 +271,9 @@ impl SimulateArgs {
             .collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
+        let targets = (1..=self.reflectors.beside.len() + 1).map(|number| format!("T{number}"));
         let read = station_table::Read {
-            targets: &self.target_names(),
+            targets: &targets.collect::<Vec<_>>(),
             lengths: &lengths,
             references: &self.reference_names(),
             looks: &simulated.references(&self.reference_places()),
@@ -312,11 +313,6 @@ impl SimulateArgs {
         let readings = simulated.reference_readings(&self.reference_places());
         let names = self.reference_names().into_iter();
         names.map(|(name, _)| name).zip(readings).collect()
-    }
-
-    fn target_names(&self) -> Vec<String> {
-        let numbers = 1..=self.reflectors.beside.len() + 1;
-        numbers.map(|number| format!("T{number}")).collect()
     }
 
     /// The instruments of one length: distances first.

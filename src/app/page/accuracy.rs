@@ -32,7 +32,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "measured target are one point, and with base and target fitted, which is the fair comparison. After is predicted, unless a "
             "table drove the session: then it was measured."
         }
-        @if is_pooled(content) {
+        @if content.sessions.iter().filter(|own| own.trained).count() > 1 {
             (sessions::rows(content))
             details { summary { "Every model, judged in every way" } (rows(&content.figures, &listed)) }
         } @else {
@@ -46,11 +46,6 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         (tip::figures(&content.tip))
     })
-}
-
-/// Whether the run learnt from several sessions.
-fn is_pooled(content: &Content) -> bool {
-    content.sessions.iter().filter(|own| own.trained).count() > 1
 }
 
 /// Whether the subject is judged on stations that took no part, or is the raw command.

@@ -21,7 +21,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         .find(|model| !of(*model).is_empty())?;
     let own = of(model);
     let (identifiable, unidentifiable): (Vec<&ParameterRow>, Vec<&ParameterRow>) =
-        own.iter().partition(|p| is_identifiable(p));
+        own.iter().partition(|p| p.identifiability == Identifiability::Identifiable);
     Some(html! {
         p {
             "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals (± two standard errors). "
@@ -48,10 +48,6 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         @if others > 0 { p.note { "Of bases and targets " (others) " are not identifiable either: what the links' parameters leave open is open in them too." } }
         details { summary { "All " (own.len()) " parameters" } (rows(&own)) }
     })
-}
-
-fn is_identifiable(parameter: &ParameterRow) -> bool {
-    parameter.identifiability == Identifiability::Identifiable
 }
 
 /// The chart of identifiable parameters: those that are not stand below it and do not set its scale.

@@ -22,7 +22,7 @@ fn kuka(isometry: &Isometry3<f64>) -> String {
     let [c, b, a] = rpy(&isometry.rotation);
     let [a, b, c] = [a, b, c].map(f64::to_degrees);
     let [x, y, z] = [at.x, at.y, at.z].map(mm);
-    let [a, b, c] = [a, b, c].map(deg);
+    let [a, b, c] = [a, b, c].map(|angle| number(angle, 5));
     format!("{{X {x}, Y {y}, Z {z}, A {a}, B {b}, C {c}}}")
 }
 
@@ -55,10 +55,6 @@ fn matrix(isometry: &Isometry3<f64>) -> String {
 
 fn mm(value: f64) -> String {
     number(value, 3)
-}
-
-fn deg(value: f64) -> String {
-    number(value, 5)
 }
 
 /// A number with a given count of decimals, without a negative zero.

@@ -65,24 +65,13 @@ pub enum InverseError {
         "an arm with {joints} joints reaches the position with another orientation only, {off_deg:.3}° off at the least; an \
          orientation cannot be chosen freely with fewer than six joints: give joint angles, or a pose that the arm has"
     )]
-    Orientation {
-        joints: usize,
-        /// The smallest angle between an orientation that the arm has there and the one asked for, degrees.
-        off_deg: f64,
-    },
+    Orientation { joints: usize, off_deg: f64 },
     #[error(
         "joint {joint:?} would have to {} {value:.3}{unit}, its limits are {lower}{unit} and {upper}{unit}; \
          move the pose, or correct the joint's limits in the robot file",
         if *unit == "°" { "turn to" } else { "move to" }
     )]
-    LimitReached {
-        joint: String,
-        value: f64,
-        lower: f64,
-        upper: f64,
-        /// The unit of the three, as it follows a number.
-        unit: &'static str,
-    },
+    LimitReached { joint: String, value: f64, lower: f64, upper: f64, unit: &'static str },
     #[error(
         "the pose was reached only in arm configuration {found}, but the seed has {seed}; \
          use a seed in the wanted arm configuration"
@@ -97,12 +86,7 @@ pub enum InverseError {
          turn or move the pose away from it",
         configuration.map_or_else(String::new, |own| format!(" ({own})"))
     )]
-    NearSingularity {
-        factor: f64,
-        least: f64,
-        /// The arm configuration of the solution; `None` for an arm that has none.
-        configuration: Option<Configuration>,
-    },
+    NearSingularity { factor: f64, least: f64, configuration: Option<Configuration> },
 }
 
 impl InverseError {

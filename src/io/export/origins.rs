@@ -61,13 +61,7 @@ pub enum OriginsError {
         "the chain is not the nominal arm of the run: its flange is up to {mm:.4} mm and {rad:.6} rad away from that arm's, with joints as \
          {names}{constant}"
     )]
-    OtherArm {
-        mm: f64,
-        rad: f64,
-        names: String,
-        /// Another base or another flange, where one of them explains it all.
-        constant: &'static str,
-    },
+    OtherArm { mm: f64, rad: f64, names: String, constant: &'static str },
     #[error(
         "the chain's origins leave {mm:.1e} mm of the identified geometry; this is a defect of posegrid, please report it"
     )]

@@ -44,11 +44,6 @@ impl Pieces {
         Ok(Self { flange: cut.flange * flange, ..cut })
     }
 
-    /// Links fixed behind the last joint: their names and origins, mm.
-    fn ends(&self, arm: &IdentifiedArm) -> [(&'static str, Isometry3<f64>); 2] {
-        [("flange", self.flange), ("tool", *arm.flange_from_tool.isometry())]
-    }
-
     fn cut(before: Isometry3<f64>, chain: &Chain) -> Result<Self, &'static str> {
         let mut joints = Vec::new();
         let mut since = before;
@@ -101,7 +96,7 @@ fn text(
         push_joint(&mut urdf, &joint.name, "revolute", [&parent, &child], origin, &inside);
         parent = child;
     }
-    for (child, origin) in pieces.ends(arm) {
+    for (child, origin) in [("flange", pieces.flange), ("tool", *arm.flange_from_tool.isometry())] {
         let name = fixed_name(child, joints);
         push_joint(&mut urdf, &name, "fixed", [&parent, child], &origin, "");
         child.clone_into(&mut parent);

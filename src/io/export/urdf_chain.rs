@@ -25,13 +25,13 @@ pub(super) struct Step<'a, 'i> {
 
 #[derive(Debug, Error)]
 pub enum UrdfChainError {
-    #[error("is not XML: line {line}, column {column}: {problem}")]
+    #[error("it is not XML: line {line}, column {column}: {problem}")]
     Xml { line: u32, column: u32, problem: String },
     #[error(
-        "has in line {line} {found:?}, which is xacro; expand it first: xacro my.urdf.xacro > my.urdf"
+        "it has in line {line} {found:?}, which is xacro; expand it first: xacro my.urdf.xacro > my.urdf"
     )]
     Xacro { line: u32, found: String },
-    #[error("has no link {link:?}; it has {}", links.join(", "))]
+    #[error("it has no link {link:?}; it has {}", links.join(", "))]
     NoLink { link: String, links: Vec<String> },
     #[error("line {line}: joint {joint:?} {problem}")]
     Joint { line: u32, joint: String, problem: String },

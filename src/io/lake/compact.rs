@@ -188,7 +188,7 @@ impl Lake {
         for (_, state) in &states[gone.len()..] {
             named.extend(self.named_in(state)?);
         }
-        let is_unnamed = |own: &&Listed| !is_state(&own.key) && !named.contains(&own.key);
+        let is_unnamed = |own: &&Listed| !own.key.starts_with(STATES) && !named.contains(&own.key);
         let unnamed = listed.iter().filter(is_unnamed);
         let unnamed: Vec<&Listed> = unnamed.filter(|own| is_old(own.modified)).collect();
         for file in gone.iter().chain(&unnamed) {
@@ -224,10 +224,6 @@ fn numbered(listed: &Listed) -> Option<(u64, &Listed)> {
     let name = listed.key.strip_prefix(STATES)?.strip_prefix('/')?;
     let number = name.strip_suffix(".jsonl")?.parse().ok()?;
     Some((number, listed))
-}
-
-fn is_state(key: &str) -> bool {
-    key.starts_with(STATES)
 }
 
 /// Whether a name of a file in a folder of the compact form, given by its parts, is one that this form has; `None` for

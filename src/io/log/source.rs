@@ -1,7 +1,7 @@
 //! A log file, read by position: through a wide window where records follow one another, through a narrow one from
 //! chunk to chunk.
 
-use std::fs::{self, File, FileType};
+use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom};
 use std::path::Path;
 
@@ -45,8 +45,8 @@ impl Source {
         if kind.is_dir() {
             return Err(FileError::new(name, FileFault::Folder));
         }
-        if let Some(what) = other_than_a_file(kind) {
-            return Err(FileError::new(name, FileFault::NotAFile(what)));
+        if !kind.is_file() {
+            return Err(FileError::new(name, FileFault::NotAFile(system::special(kind))));
         }
         let file = File::open(path).map_err(at_fault)?;
         let mut source = Self::new(file).map_err(at_fault)?;
@@ -124,11 +124,6 @@ impl Source {
         to.truncate(filled);
         Ok(())
     }
-}
-
-/// The kind of a thing that cannot be read by position; `None` for a file.
-fn other_than_a_file(kind: FileType) -> Option<&'static str> {
-    (!kind.is_file()).then(|| system::special(kind))
 }
 
 impl Window {

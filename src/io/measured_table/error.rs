@@ -98,20 +98,12 @@ pub enum MeasuredTableErrorKind {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ColumnError {
     #[error("there is no column {name:?}; {}", near(nearest))]
-    Unknown {
-        name: String,
-        /// Names of columns that are most like it, the likest first; up to three.
-        nearest: Vec<String>,
-    },
+    Unknown { name: String, nearest: Vec<String> },
     #[error(
         "columns {} are all called {name:?}; give each its own name in the file",
         listed(columns)
     )]
-    Ambiguous {
-        name: String,
-        /// Their places, from 0.
-        columns: Vec<usize>,
-    },
+    Ambiguous { name: String, columns: Vec<usize> },
 }
 
 fn quoted(names: &[String]) -> String {

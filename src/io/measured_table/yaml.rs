@@ -178,7 +178,9 @@ impl Builder {
             ".nan" | ".NaN" | ".NAN" => Node::Number(f64::NAN),
             _ => match self.numbers.parse(text.as_bytes()) {
                 Some(number) => Node::Number(number),
-                None if is_infinite(text) => Node::Number(f64::NAN),
+                None if matches!(text.trim_start_matches(['+', '-']), ".inf" | ".Inf" | ".INF") => {
+                    Node::Number(f64::NAN)
+                }
                 None => Node::Text(text.into()),
             },
         }
@@ -242,9 +244,4 @@ impl Builder {
 
 fn wrong(line: u64, problem: &str) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Yaml { line, column: 1, problem: problem.to_owned() }
-}
-
-fn is_infinite(text: &str) -> bool {
-    let bare = text.trim_start_matches(['+', '-']);
-    matches!(bare, ".inf" | ".Inf" | ".INF")
 }

@@ -1,7 +1,6 @@
 use super::StationTableErrorKind;
 use crate::ingest::{
-    CovarianceColumns, LengthColumns, OrientationColumns, PoseColumns, ReadingColumns,
-    StationsSettings,
+    CovarianceColumns, LengthColumns, OrientationColumns, ReadingColumns, StationsSettings,
 };
 use crate::measured_table::{Cell, ColumnError, MeasuredTable};
 
@@ -76,7 +75,9 @@ impl Columns {
             target: named("target", &settings.target)?,
             time: named("time", &settings.time.as_ref().map(|time| time.column.clone()))?,
             temperature: temperature.map(|own| Sum::find(table, "temperature", own)).transpose()?,
-            commanded: commanded.map(|own| Pose::of_command(table, own)).transpose()?,
+            commanded: commanded
+                .map(|own| Pose::find(table, "commanded", &own.position, own.orientation.as_ref()))
+                .transpose()?,
             measured: measured.collect::<Found<_>>()?,
             references: references.collect::<Found<_>>()?,
             lengths: settings
@@ -102,10 +103,6 @@ impl Pose {
             position: sums(table, &format!("{key}.position"), position)?,
             orientation: orientation.map(turn).transpose()?,
         })
-    }
-
-    fn of_command(table: &MeasuredTable, own: &PoseColumns) -> Found<Self> {
-        Self::find(table, "commanded", &own.position, own.orientation.as_ref())
     }
 }
 

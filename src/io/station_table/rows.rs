@@ -143,7 +143,9 @@ impl Reader<'_> {
                 self.add_reference(reference, row, &mut long);
                 continue;
             }
-            if let Some(instrument) = self.named_length(row, target_column) {
+            let named = name(self.table.cell(row, target_column));
+            let mut all = self.settings.lengths.iter();
+            if let Some(instrument) = all.position(|own| named.as_ref() == Some(&own.name)) {
                 self.add_named_length(instrument, row, &mut long);
                 continue;
             }
@@ -161,13 +163,6 @@ impl Reader<'_> {
             readings.sort_by_key(|reading| (reading.source, reading.target));
         }
         long.rows
-    }
-
-    /// The instrument of one length that a row of a long table names; `None` where it names something else.
-    fn named_length(&self, row: usize, column: usize) -> Option<usize> {
-        let named = name(self.table.cell(row, column))?;
-        let mut all = self.settings.lengths.iter();
-        all.position(|own| own.name == named)
     }
 
     /// Adds the reading of an instrument of one length in a row of a long table to its station.

@@ -10,13 +10,7 @@ pub enum StoreError {
     #[error("cannot {doing} {path}: {source}{}", advice(doing, source))]
     Folder { doing: &'static str, path: PathBuf, source: io::Error },
     #[error("cannot {doing} {place}: {reason}; {}", trouble.advice())]
-    Bucket {
-        doing: &'static str,
-        place: Place,
-        /// The answer of the storage, without anything secret.
-        reason: String,
-        trouble: BucketTrouble,
-    },
+    Bucket { doing: &'static str, place: Place, reason: String, trouble: BucketTrouble },
     #[error("cannot use {place}: {variable} {problem}")]
     Environment { place: Place, variable: &'static str, problem: &'static str },
     #[error("{place} is no place on object storage: {problem}; write s3://BUCKET/PREFIX")]

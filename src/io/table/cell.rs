@@ -2,8 +2,8 @@ use std::iter::repeat_n;
 use std::sync::Arc;
 
 use arrow::array::{
-    ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Builder, ListArray,
-    ListBuilder, StringArray, StringBuilder, TimestampMicrosecondArray, new_null_array,
+    ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Builder, ListArray, ListBuilder,
+    StringArray, StringBuilder, TimestampMicrosecondArray, new_null_array,
 };
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field, FieldRef};
@@ -118,7 +118,7 @@ macro_rules! lists {
             fn array(
                 values: impl Iterator<Item = Option<Self>>,
             ) -> Result<ArrayRef, (usize, String)> {
-                let mut list = list_builder($builder::new(), DataType::$arrow);
+                let mut list = ListBuilder::new($builder::new()).with_field(element(DataType::$arrow));
                 for (row, value) in values.enumerate() {
                     for element in value.iter().flat_map(|list| list.iter()) {
                         list.values().append_value($into(row, element)?);
@@ -138,10 +138,6 @@ lists!(StringBuilder, ListString, Utf8, same_text; &[String], &Vec<String>, Vec<
 #[expect(clippy::unnecessary_wraps, reason = "the lists of numbers can fail")]
 fn same_text<T: AsRef<str>>(_row: usize, text: &T) -> Result<&str, (usize, String)> {
     Ok(text.as_ref())
-}
-
-fn list_builder<B: ArrayBuilder>(values: B, of: DataType) -> ListBuilder<B> {
-    ListBuilder::new(values).with_field(element(of))
 }
 
 fn element(of: DataType) -> FieldRef {

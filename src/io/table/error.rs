@@ -50,11 +50,8 @@ pub enum FileErrorKind {
     },
     NoParquet(&'static str),
     CutOff,
-    Parquet(ParquetError),
     Damaged(String),
-    Values(ArrowError),
     OtherTable {
-        /// The table that the file's own metadata states.
         found: String,
         expected: String,
     },
@@ -65,7 +62,6 @@ pub enum FileErrorKind {
     },
     Altered {
         found: String,
-        /// The digest that its metadata has.
         stated: String,
     },
     /// The rows of its lake contradict the file: the difference.
@@ -93,7 +89,7 @@ pub fn plain(error: &ParquetError) -> String {
 }
 
 /// What Arrow says is wrong with values, likewise.
-fn plain_values(error: &ArrowError) -> String {
+pub(super) fn plain_values(error: &ArrowError) -> String {
     match error {
         ArrowError::ParquetError(text) => text.clone(),
         ArrowError::ExternalError(inner) => match inner.downcast_ref::<ParquetError>() {
@@ -127,16 +123,9 @@ impl FileErrorKind {
             Self::TooLarge { limit, advice } => format!(
                 "{path}: its values take more than the limit of {limit} bytes in memory; {advice}"
             ),
-            Self::Parquet(source) => format!(
-                "cannot read {path} as a Parquet file: it is damaged: {}; get it anew from a copy, or run its session again",
-                plain(source)
-            ),
             Self::Damaged(problem) => format!(
-                "{path} is damaged: reading it failed with \"{problem}\"; restore it from a copy or run its session again"
-            ),
-            Self::Values(source) => format!(
-                "cannot read the values of {path}: it is damaged: {}; get it anew from a copy, or run its session again",
-                plain_values(source)
+                "cannot read {path} as a Parquet file: it is damaged: {problem}; get it anew from a copy, or run its session \
+                 again"
             ),
             Self::OtherTable { found, expected } => {
                 format!("{path} holds {found}, not table {expected:?}")

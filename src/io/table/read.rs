@@ -12,9 +12,12 @@ use std::sync::Arc;
 use arrow::array::{ArrayRef, RecordBatch, new_null_array};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
 use arrow::datatypes::DataType;
+use arrow::error::ArrowError;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
+use super::error::{plain, plain_values};
 use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::input::{self, Bound};
 use crate::manifest::RunKey;
@@ -166,8 +169,8 @@ fn decode(
     bound: Bound,
 ) -> Result<(Entries, RecordBatch), FileError> {
     check_form(&file).map_err(|kind| kind.at(path))?;
-    let parquet = |source| FileErrorKind::Parquet(source).at(path);
-    let values = |source| FileErrorKind::Values(source).at(path);
+    let parquet = |source: ParquetError| FileErrorKind::Damaged(plain(&source)).at(path);
+    let values = |source: ArrowError| FileErrorKind::Damaged(plain_values(&source)).at(path);
     let (limit, advice) = (bound.bytes, bound.advice);
     let too_large = || FileErrorKind::TooLarge { limit, advice }.at(path);
     if limit < u64::MAX {
@@ -214,7 +217,7 @@ pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
     // The reader may panic, as in `open`.
     let found = catch_unwind(AssertUnwindSafe(read))
         .map_err(|panic| FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))?;
-    let metadata = found.map_err(|source| FileErrorKind::Parquet(source).at(path))?;
+    let metadata = found.map_err(|source| FileErrorKind::Damaged(plain(&source)).at(path))?;
     let entries = entries(&metadata);
     Ok(Head {
         table: entries.get("posegrid.table").cloned(),
@@ -233,7 +236,7 @@ fn check_form(file: &File) -> Result<(), FileErrorKind> {
     if end != MAGIC || start.len() < 3 * MAGIC.len() {
         return Err(FileErrorKind::CutOff);
     }
-    stated::check_levels(file).map_err(FileErrorKind::Parquet)
+    stated::check_levels(file).map_err(|source| FileErrorKind::Damaged(plain(&source)))
 }
 
 /// The first bytes of a file, some hundred where it has them, and its last four.

@@ -69,7 +69,7 @@ impl Header {
     fn new(path: &Path, names: &StringRecord) -> Result<Self, TargetsError> {
         let columns: Vec<String> = names.iter().map(str::to_owned).collect();
         names::check(columns.iter().map(String::as_str))
-            .map_err(|problem| TargetsErrorKind::Names(problem).at(path))?;
+            .map_err(|problem| TargetsErrorKind::Row(problem.into()).at(path))?;
         let angles = AngleColumns::of(&columns)
             .map_err(|problem| TargetsErrorKind::Angles(problem).at(path))?;
         let header = Self { columns, decimal_comma: false, angles };
@@ -115,7 +115,7 @@ impl Header {
         let [qx, qy, qz, qw] = QUATERNION.map(|column| cells.number(column));
         let [configuration, tool] = TEXTS.map(|column| cells.text(column));
         Ok(Row {
-            target: there(TARGET, cells.text(TARGET))?,
+            target: cells.text(TARGET).ok_or(RowProblem::NoValue { column: TARGET })?,
             position: [x?, y?, z?],
             joints: cells.joints()?,
             quaternion: [qx?, qy?, qz?, qw?],
@@ -184,10 +184,6 @@ impl Cells<'_> {
         })?;
         Ok(Some(units.joints(&angles)))
     }
-}
-
-fn there<T>(column: &'static str, value: Option<T>) -> Result<T, RowProblem> {
-    value.ok_or(RowProblem::NoValue { column })
 }
 
 #[cfg(test)]
@@ -311,7 +307,10 @@ mod tests {
         let error = read(Path::new("targets.txt")).unwrap_err().to_string();
         assert_eq!(error, "targets.txt: files of targets are .csv, .parquet, .json or .dat (KUKA)");
         let error = read(Path::new("/nowhere/targets.csv")).unwrap_err().to_string();
-        assert!(error.starts_with("cannot read /nowhere/targets.csv: No such file"), "{error}");
+        assert!(
+            error.starts_with("/nowhere/targets.csv: it cannot be read: No such file"),
+            "{error}"
+        );
     }
 
     #[test]

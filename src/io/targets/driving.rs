@@ -306,7 +306,7 @@ mod tests {
         for text in ["{}", "[{\"target\": \"A\"}]", "[1]", "["] {
             fs::write(&path, text).expect("writable");
             let error = read(&path, Bound::TARGETS).unwrap_err().to_string();
-            assert!(error.contains("corrected.json as JSON"), "{error}");
+            assert!(error.contains("corrected.json: it cannot be read as JSON"), "{error}");
         }
     }
 

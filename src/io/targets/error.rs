@@ -1,91 +1,70 @@
 use std::fmt;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use thiserror::Error;
 
 use super::Place;
 use super::krl::KrlProblem;
 use super::names::NamesProblem;
+use crate::at::At;
 use crate::schema::SchemaError;
 use crate::table::FileError;
 
 #[derive(Debug, Error)]
 pub enum TargetsError {
-    #[error("{}", kind.message(path))]
-    File { path: PathBuf, kind: TargetsErrorKind },
+    #[error(transparent)]
+    File(#[from] At<TargetsErrorKind>),
     #[error(transparent)]
     Parquet(#[from] FileError),
     #[error(transparent)]
     Schema(#[from] SchemaError),
 }
 
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum TargetsErrorKind {
+    #[error("files of targets are .csv, .parquet, .json or .dat (KUKA)")]
     UnknownForm,
+    #[error("it holds no target")]
     Empty,
+    #[error(
+        "a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file of corrections \
+         beside it"
+    )]
     NotDriving,
+    #[error(
+        "its targets are corrected by {0:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\""
+    )]
     NotOfATable(String),
-    NotANumber {
-        /// The row, from 0.
-        row: usize,
-        target: String,
-    },
+    #[error(
+        "row {row}, target {target:?}: a length or a covariance is no finite number; take the file as `posegrid compensate` \
+         wrote it"
+    )]
+    NotANumber { row: usize, target: String },
+    #[error(
+        "its targets are corrected by several tables; keep those of each table in a file of their own"
+    )]
     SeveralTables,
+    #[error("it cannot be read as CSV: {0}")]
     Csv(csv::Error),
+    #[error("it cannot be read as JSON: {0}")]
     Json(serde_json::Error),
+    #[error("it cannot be read: {0}")]
     Read(io::Error),
-    MissingColumns {
-        missing: Vec<String>,
-        found: Vec<String>,
-    },
+    #[error(
+        "missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
+        missing.join(", ")
+    )]
+    MissingColumns { missing: Vec<String>, found: Vec<String> },
+    #[error("columns of joint angles: {0}; see `posegrid compensate --help`")]
     Angles(String),
-    Names(NamesProblem),
-    Whole(RowProblem),
-    Row(Place, RowProblem),
+    #[error(transparent)]
+    Row(#[from] RowProblem),
 }
 
 impl TargetsErrorKind {
     pub(super) fn at(self, path: &Path) -> TargetsError {
-        TargetsError::File { path: path.to_owned(), kind: self }
-    }
-
-    fn message(&self, path: &Path) -> String {
-        let path = path.display();
-        match self {
-            Self::UnknownForm => {
-                format!("{path}: files of targets are .csv, .parquet, .json or .dat (KUKA)")
-            }
-            Self::Empty => format!("{path} holds no target"),
-            Self::NotDriving => format!(
-                "{path}: a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file \
-                 of corrections beside it"
-            ),
-            Self::NotOfATable(found) => format!(
-                "{path}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \
-                 \"calibrations\""
-            ),
-            Self::NotANumber { row, target } => format!(
-                "{path}, row {row}, target {target:?}: a length or a covariance is no finite number; take the file as \
-                 `posegrid compensate` wrote it"
-            ),
-            Self::SeveralTables => format!(
-                "{path}: its targets are corrected by several tables; keep those of each table in a file of their own"
-            ),
-            Self::Csv(source) => format!("cannot read {path} as CSV: {source}"),
-            Self::Json(source) => format!("cannot read {path} as JSON: {source}"),
-            Self::Read(source) => format!("cannot read {path}: {source}"),
-            Self::MissingColumns { missing, found } => format!(
-                "{path}: missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
-                missing.join(", ")
-            ),
-            Self::Angles(problem) => format!(
-                "{path}: columns of joint angles: {problem}; see `posegrid compensate --help`"
-            ),
-            Self::Names(problem) => format!("{path}: {problem}"),
-            Self::Whole(problem) => format!("{path}: {problem}"),
-            Self::Row(place, problem) => format!("{path}, {place}: {problem}"),
-        }
+        At::<Self>::new(path.display(), self).into()
     }
 }
 
@@ -129,11 +108,7 @@ pub enum RowProblem {
         "corrected already, as its key {key:?} states ({value}); correct the targets themselves, a second correction would move \
          the tool by the error once more"
     )]
-    Marked {
-        key: String,
-        /// Value of the key.
-        value: String,
-    },
+    Marked { key: String, value: String },
     #[error(
         "target {target:?} is corrected already, with table {table_id:?}; correct the targets themselves, a second \
          correction would move the tool by the error once more"
@@ -143,7 +118,7 @@ pub enum RowProblem {
 
 impl RowProblem {
     pub(super) fn at(self, path: &Path, place: Place) -> TargetsError {
-        TargetsErrorKind::Row(place, self).at(path)
+        At::<TargetsErrorKind>::new(format_args!("{}, {place}", path.display()), self).into()
     }
 }
 

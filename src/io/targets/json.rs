@@ -23,10 +23,9 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let read = read.and_then(|()| parser.end());
     // A wrong row ends the reading with an error whose text is not used.
     if let Some((place, problem)) = found.wrong {
-        return Err(match (place, problem) {
-            (Some(place), problem) => problem.at(path, place),
-            (None, RowProblem::Names(problem)) => TargetsErrorKind::Names(problem).at(path),
-            (None, problem) => TargetsErrorKind::Whole(problem).at(path),
+        return Err(match place {
+            Some(place) => problem.at(path, place),
+            None => TargetsErrorKind::Row(problem).at(path),
         });
     }
     read.map_err(|source| TargetsErrorKind::Json(source).at(path))?;

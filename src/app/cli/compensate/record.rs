@@ -121,7 +121,8 @@ impl Recorded {
             return Ok(Recording::Done);
         }
         // A command that equals its target, within the tolerance, is not recorded.
-        let moved: Vec<&Corrected> = done().filter(|done| is_moved(done)).collect();
+        let moved: Vec<&Corrected> =
+            done().filter(|done| done.correction.amax() > 2.0 * SAME_MM).collect();
         let joints = moved.iter().map(|done| Some(done.joints.as_ref()?.command.clone()));
         let correction = Correction {
             key: by.key.clone(),
@@ -155,11 +156,6 @@ fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
     let bound = Bound { bytes: Bound::TABLE.bytes, ..Bound::TARGETS };
     let file = input::open(targets, bound).map_err(wrong)?;
     Ok(manifest::digest(file).map_err(wrong)?.0)
-}
-
-/// Whether a command differs from its target by more than equal values can.
-fn is_moved(done: &Corrected) -> bool {
-    done.correction.amax() > 2.0 * SAME_MM
 }
 
 fn corrected_already(

@@ -140,7 +140,9 @@ fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
     for (name, differences) in
         [("header stamp", traffic.log_less_header), ("publish time", traffic.log_less_publish)]
     {
-        line_of(compare_clocks(name, differences), line);
+        if let Some(text) = compare_clocks(name, differences) {
+            line(text);
+        }
     }
     if traffic.last_sequence > 0 {
         line(format!("sequence up to {}, {} jumps", traffic.last_sequence, traffic.sequence_jumps));
@@ -151,12 +153,6 @@ fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
     if !traffic.joints.is_empty() {
         let names: Vec<_> = traffic.joints.iter().map(|name| escaped(name)).collect();
         line(format!("joints {}", names.join(", ")));
-    }
-}
-
-fn line_of(text: Option<String>, line: &mut impl FnMut(String)) {
-    if let Some(text) = text {
-        line(text);
     }
 }
 

@@ -113,7 +113,7 @@ pub(super) fn control(content: &Content) -> Markup {
         p {
             "Each figure is compared with mean and spread of those before it (self-starting scores), and the scores are averaged with exponential "
             "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1, and with a value as far off as the tolerance notices, it is out of control, and its chart starts again. "
-            "All charts of the robot together leave their limits once in " (run_length(content)) " sessions without a change, or less. "
+            "All charts of the robot together leave their limits once in " (format!("{:.0}", 1.0 / content.false_alarm)) " sessions without a change, or less. "
             "A figure's first two sessions have no score."
         }
         div.pair { @for figure in &figures { (figure) } }
@@ -142,10 +142,6 @@ fn figure(caption: &str, drawn: Vec<Drawn>) -> Markup {
         limits: vec![limit(1.0), limit(-1.0)],
     };
     html! { figure { (chart.svg()) figcaption { (caption) } } }
-}
-
-fn run_length(content: &Content) -> String {
-    format!("{:.0}", 1.0 / content.false_alarm)
 }
 
 fn thinned(points: &[Point]) -> impl Iterator<Item = &Point> {

@@ -89,8 +89,10 @@ impl<'a> Anywhere<'a> {
         for seed in self.order(base_from_end) {
             match search.tried(base_from_end, &seed.joints, near) {
                 Ok(joints) if accepts(&joints) => return Ok(joints),
-                Ok(_) => {}
-                Err(error) => nearest = Some(nearer(nearest, error)),
+                Err(error) if nearest.as_ref().is_none_or(|near| key(&error) < key(near)) => {
+                    nearest = Some(error);
+                }
+                Ok(_) | Err(_) => {}
             }
         }
         Err(nearest.unwrap_or_else(|| search.not_reachable(base_from_end, &self.seeds[0].joints)))
@@ -145,11 +147,6 @@ impl Search<'_> {
         });
         turned.collect()
     }
-}
-
-fn nearer(before: Option<InverseError>, error: InverseError) -> InverseError {
-    let Some(before) = before else { return error };
-    if key(&error) < key(&before) { error } else { before }
 }
 
 /// Smaller for an error that is nearer to a solution: first by its kind, then by how far off it is.

@@ -251,16 +251,11 @@ impl Bench<'_> {
         };
         let other = class
             .iter()
-            .find(|own| own.choice != best.choice && self.is_apart(own.choice, best.choice));
+            .find(|own| self.choices[own.choice].targets != self.choices[best.choice].targets);
         let measured = other
             .filter(is_named)
             .filter(|own| own.median_mm <= gate_mm() && best.median_mm < COMPUTED * own.median_mm);
         Some(measured.map_or(best, |own| **own))
-    }
-
-    /// Whether two choices have other positions.
-    fn is_apart(&self, one: usize, other: usize) -> bool {
-        self.choices[one].targets != self.choices[other].targets
     }
 
     /// Of a position, and it with differences added or taken away: the one that was measured.

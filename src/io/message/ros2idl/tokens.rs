@@ -15,7 +15,12 @@ pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
     while let Some(first) = rest.chars().next() {
         let length = match first {
             '\n' | '\r' | ' ' | '\t' => first.len_utf8(),
-            '#' | '=' | 'I' if is_heading(rest) && at_line_start(text, rest) => to_line_end(rest),
+            '#' | '=' | 'I'
+                if ["#", "===", "IDL: "].iter().any(|heading| rest.starts_with(heading))
+                    && at_line_start(text, rest) =>
+            {
+                to_line_end(rest)
+            }
             '/' if rest.starts_with("//") => to_line_end(rest),
             '/' if rest.starts_with("/*") => rest.find("*/").map_or(rest.len(), |end| end + 2),
             _ => {
@@ -29,11 +34,6 @@ pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
         rest = &rest[length..];
     }
     found
-}
-
-/// Whether a preprocessor line, or a line that recorders put between sections, begins here.
-fn is_heading(rest: &str) -> bool {
-    ["#", "===", "IDL: "].iter().any(|heading| rest.starts_with(heading))
 }
 
 fn at_line_start(text: &str, rest: &str) -> bool {

@@ -138,7 +138,10 @@ fn move_by(
     }
     match (step.joint.limits()?, joint.kind) {
         (Some(limits), JointKind::Prismatic) => joint.limits_mm = Some(limits.map(mm)),
-        (Some(limits), _) => joint.limits_deg = Some(limits.map(limit_deg)),
+        (Some(limits), _) => {
+            // Without the digits that a π of few digits leaves behind a whole number.
+            joint.limits_deg = Some(limits.map(|limit| (limit.to_degrees() * 1e9).round() / 1e9));
+        }
         (None, JointKind::Prismatic) => {
             return Err(UrdfError::Limits {
                 line: step.joint.line(),
@@ -150,11 +153,6 @@ fn move_by(
         (None, _) => joint.kind = JointKind::Continuous,
     }
     Ok(())
-}
-
-/// A limit in degrees, without the digits that a π of few digits leaves behind a whole number.
-fn limit_deg(limit: f64) -> f64 {
-    (limit.to_degrees() * 1e9).round() / 1e9
 }
 
 /// The joint of the way that a joint follows in the end, over any that follow in between; in mm and degrees.

@@ -87,7 +87,10 @@ fn read(error: &Error) -> (String, BucketTrouble) {
         Error::InvalidPath { source } => {
             format!("an object there has a name that cannot be used: {source}")
         }
-        _ if said.is_empty() => without_quotes(&text),
+        _ if said.is_empty() => {
+            // Before it begins to quote.
+            text.split('<').next().unwrap_or_default().trim().to_owned()
+        }
         _ => said.join(", "),
     };
     (reason, trouble)
@@ -130,11 +133,6 @@ fn on_the_way(error: &Error) -> Option<String> {
         is_http |= cause.is::<HttpError>();
     }
     is_http.then(|| cause.to_string())
-}
-
-/// The part of an unexpected answer before it begins to quote.
-fn without_quotes(text: &str) -> String {
-    text.split('<').next().unwrap_or_default().trim().to_owned()
 }
 
 fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
