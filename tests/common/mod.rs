@@ -11,10 +11,11 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::{Noise, Observation, Source, TrackerUncertainty, Uncertainty};
-use posegrid::grid::{self, GridSettings, Interpolation, Reach, Rule};
+use posegrid::fit::full::FullSettings;
+use posegrid::fit::{FitSettings, Noise, Observation, Source, TrackerUncertainty, Uncertainty};
+use posegrid::grid::{self, GridSettings, Interpolation, Reach, Tolerance};
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     Recording, TimeSource, TrackerSettings,
@@ -25,9 +26,11 @@ use posegrid::join::{
     Command, JoinSettings, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Value, join,
 };
-use posegrid::judgement::JoinedSession;
+use posegrid::judgement::{JoinedSession, StageSettings};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::progress::Quiet;
+use posegrid::report::locate::Locate;
+use posegrid::similarity::SimilaritySettings;
 use posegrid::units::Stamp;
 
 /// A laser tracker by its data sheet, and an arm that repeats to 0.03 mm.
@@ -66,14 +69,30 @@ pub fn position(observation: &Observation) -> Point3<f64> {
 pub fn one_step(step_mm: f64) -> GridSettings {
     GridSettings {
         steps_mm: vec![step_mm],
-        bounds: None,
-        orientation_xyzw: None,
         orientation_tolerance_deg: 180.0,
         interpolations: vec![Interpolation::Trilinear],
         sources: vec![grid::Source::Model],
-        idw_power: 2.0,
-        choose: Rule::Within,
-        within: 0.05,
+        ..GridSettings::default()
+    }
+}
+
+/// Settings of the stages as a test changes them: an arm on the floor, a fitted base, no commands, grids of one coarse step.
+pub fn stage_settings(noise: Noise) -> StageSettings {
+    StageSettings {
+        noise,
+        fit: FitSettings::default(),
+        full: FullSettings::default(),
+        up: Some(Vector3::z_axis()),
+        flange_from_tool: None,
+        base_from_command: Isometry3::identity(),
+        base: None,
+        target_is_tool: None,
+        similarity: SimilaritySettings::default(),
+        grid: one_step(250.0),
+        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
+        locate: Locate::default(),
+        leave_sessions_out: false,
+        tool_tip: None,
     }
 }
 
@@ -255,17 +274,8 @@ pub fn mapping(arm: &Arm) -> Mapping {
             frame: None,
         }),
         tracker: TrackerSettings {
-            topic: "/tracker/pose".to_owned(),
-            time: TimeSource::Header,
-            unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
-            ignore_orientation: false,
-            targets: Vec::new(),
-            references: Vec::new(),
-            lengths: Vec::new(),
-            eye_in_hand: false,
-            fields: PoseFields::default(),
-            frame: None,
+            ..TrackerSettings::new("/tracker/pose", TimeSource::Header, LengthUnit::M)
         },
         slides: Vec::new(),
         joints: arm.joints().iter().map(|joint| joint.name.clone()).collect(),

@@ -16,7 +16,6 @@ use posegrid::fit::{
     self, Calibration, CameraUncertainty, ErrorBase, FitSettings, Freedom, Mounted, Noise, Source,
     TrackerUncertainty,
 };
-use posegrid::grid::Tolerance;
 use posegrid::join::{
     JoinReject, MeanOrientation, MeanPoint, Pairing, ReadingKind, Station, Unmeasured, Value,
 };
@@ -24,8 +23,6 @@ use posegrid::judgement::{self, StageSettings};
 use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
 use posegrid::progress::Quiet;
-use posegrid::report::locate::Locate;
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
 use rand::{RngExt, SeedableRng};
@@ -249,20 +246,12 @@ fn constant(mm: f64, rad: f64) -> Noise {
 
 fn settings(noise: Noise) -> StageSettings {
     StageSettings {
-        noise,
         fit: FitSettings { orientations: true, ..FitSettings::default() },
         full: FullSettings { harmonics: 8, ..FullSettings::default() },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
         base: Some(ErrorBase::Fitted),
         target_is_tool: Some(true),
-        similarity: SimilaritySettings::default(),
-        grid: common::one_step(250.0),
-        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
-        locate: Locate::default(),
-        leave_sessions_out: false,
-        tool_tip: None,
+        ..common::stage_settings(noise)
     }
 }
 

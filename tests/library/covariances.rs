@@ -19,7 +19,6 @@ use posegrid::fit::{
     TrackerUncertainty,
 };
 use posegrid::geometry::PoseCovariance;
-use posegrid::grid::Tolerance;
 use posegrid::ingest::{Recording, TargetReadings};
 use posegrid::io::tables::readings;
 use posegrid::join::{ReadingKind, Station};
@@ -27,9 +26,7 @@ use posegrid::judgement::{self, StageSettings};
 use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::Arm;
 use posegrid::progress::Quiet;
-use posegrid::report::locate::Locate;
 use posegrid::report::{Angles, Model, Split};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::TrackerErrors;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 use rand::{RngExt, SeedableRng};
@@ -181,7 +178,6 @@ fn noise(reads: ReadingKind) -> Noise {
 
 fn settings(reads: ReadingKind, full: bool) -> StageSettings {
     StageSettings {
-        noise: noise(reads),
         fit: FitSettings { orientations: reads == ReadingKind::Pose, ..FitSettings::default() },
         full: FullSettings {
             harmonics: 4,
@@ -189,17 +185,10 @@ fn settings(reads: ReadingKind, full: bool) -> StageSettings {
             enabled: full,
             ..FullSettings::default()
         },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
         base: Some(ErrorBase::Fitted),
         target_is_tool: Some(true),
-        similarity: SimilaritySettings::default(),
-        grid: common::one_step(250.0),
-        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
-        locate: Locate::default(),
-        leave_sessions_out: false,
-        tool_tip: None,
+        ..common::stage_settings(noise(reads))
     }
 }
 

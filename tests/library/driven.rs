@@ -14,7 +14,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
 use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{ErrorFrame, FitSettings, FrameUncertainty};
+use posegrid::fit::{ErrorFrame, FrameUncertainty};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Tolerance};
 use posegrid::join::Station;
@@ -26,7 +26,6 @@ use posegrid::report::driven::{self, Application, DrivenStation};
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::promise::Promise;
 use posegrid::report::{Angles, Model, Split};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{ArmErrors, Commanded, Poses, SimulateSettings, simulate, visits};
 
 /// A box of a cubic metre before the arm, and where it starts.
@@ -68,20 +67,12 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
 
 fn stage_settings(harmonics: usize) -> StageSettings {
     StageSettings {
-        noise: common::NOISE.clone(),
-        fit: FitSettings::default(),
         full: FullSettings { harmonics, ..FullSettings::default() },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
-        base: None,
-        target_is_tool: None,
-        similarity: SimilaritySettings::default(),
         grid: GridSettings { orientation_tolerance_deg: 15.0, ..common::one_step(250.0) },
         tolerance: TOLERANCE,
         locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
-        leave_sessions_out: false,
-        tool_tip: None,
+        ..common::stage_settings(common::NOISE.clone())
     }
 }
 

@@ -32,7 +32,6 @@ use posegrid::plan::{
 };
 use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Ingredient, Poses, SimulateSettings, Stream, simulate, visits};
 
 fn settings() -> FitSettings {
@@ -336,20 +335,14 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {
     StageSettings {
-        noise: settings.noise.clone(),
         fit: settings.fit.clone(),
         full: settings.full.clone(),
         up: settings.up,
         flange_from_tool: Some(settings.flange_from_target),
-        base_from_command: nalgebra::Isometry3::identity(),
-        base: None,
-        target_is_tool: None,
-        similarity: SimilaritySettings::default(),
         grid: settings.grid.clone(),
         tolerance: settings.tolerance,
         locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
-        leave_sessions_out: false,
-        tool_tip: None,
+        ..common::stage_settings(settings.noise.clone())
     }
 }
 

@@ -15,7 +15,6 @@ use posegrid::fit::{
     SurveyedBase,
 };
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::Tolerance;
 use posegrid::ingest::{LoggedTarget, TargetName, TargetReadings};
 use posegrid::io::log::SessionLogs;
 use posegrid::io::log_writer::{TrackerLog, write_controller_log};
@@ -28,9 +27,7 @@ use posegrid::judgement::{self, StageSettings};
 use posegrid::judgement::{JoinedSession, Outcome};
 use posegrid::kinematics::{Arm, Parameter};
 use posegrid::progress::Quiet;
-use posegrid::report::locate::Locate;
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
     ArmErrors, Commanded, Poses, SimulateSettings, Simulated, simulate, visits,
@@ -223,28 +220,21 @@ fn settings(simulated: &Simulated, six_dof: bool) -> StageSettings {
     let cell = &simulated.truth.settings.cell;
     let surveyed = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     StageSettings {
-        noise: noise(six_dof),
         fit: FitSettings {
             orientations: six_dof,
             target_names: ["tool", "b", "c"].map(str::to_owned).to_vec(),
             ..FitSettings::default()
         },
         full: FullSettings { harmonics: 8, ..FullSettings::default() },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
         base: Some(ErrorBase::Surveyed(SurveyedBase {
             tracker_from_base: surveyed,
             sd_mm: None,
             sd_rad: None,
         })),
         target_is_tool: Some(true),
-        similarity: SimilaritySettings::default(),
-        grid: common::one_step(250.0),
-        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
-        locate: Locate::default(),
-        leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
+        ..common::stage_settings(noise(six_dof))
     }
 }
 

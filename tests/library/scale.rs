@@ -19,7 +19,6 @@ use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
 use posegrid::report::compared::Pairs;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 use rayon::prelude::*;
 
@@ -53,20 +52,12 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: common::NOISE.clone(),
-        fit: FitSettings::default(),
         full: FullSettings { harmonics: 8, gear_lines: false, ..FullSettings::default() },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
-        base: None,
-        target_is_tool: None,
-        similarity: SimilaritySettings::default(),
         grid: common::one_step(100.0),
         tolerance: Tolerance { mm: 2.0, share: 0.8, confidence: 0.9 },
         locate: Locate { by: LocateBy::First, stations: Some(30), target: LocateTarget::Known },
-        leave_sessions_out: false,
-        tool_tip: None,
+        ..common::stage_settings(common::NOISE.clone())
     }
 }
 

@@ -4,12 +4,10 @@ use crate::common;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::Vector3;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Source, Tolerance, Verdict};
 use posegrid::join::{JoinSettings, ReadingKind, join};
 use posegrid::judgement::{self, StageSettings};
 use posegrid::judgement::{JoinedSession, Outcome};
@@ -18,7 +16,6 @@ use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::verdict::{Applied, Judging};
 use posegrid::report::{Angles, BaseRefit, Model, Split};
-use posegrid::similarity::SimilaritySettings;
 
 fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     let read = common::session(name, arm)?;
@@ -43,7 +40,21 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: Noise::of_one(
+        fit: FitSettings {
+            orientations: true,
+            target: Some(KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 }),
+            ..FitSettings::default()
+        },
+        flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
+        base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
+        grid: GridSettings {
+            steps_mm: vec![50.0, 75.0, 100.0, 150.0, 200.0, 300.0],
+            ..GridSettings::default()
+        },
+        tolerance: Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 },
+        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
+        leave_sessions_out: true,
+        ..common::stage_settings(Noise::of_one(
             posegrid::fit::Source {
                 reads: ReadingKind::Pose,
                 uncertainty: TrackerUncertainty {
@@ -57,34 +68,7 @@ fn settings() -> StageSettings {
                 .into(),
             },
             0.03,
-        ),
-        fit: FitSettings {
-            orientations: true,
-            target: Some(KnownTarget { xyz_mm: [-0.2, 0.2, 92.8], sd_mm: 1.0 }),
-            ..FitSettings::default()
-        },
-        full: FullSettings::default(),
-        up: Some(Vector3::z_axis()),
-        flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
-        base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
-        base: None,
-        target_is_tool: None,
-        similarity: SimilaritySettings::default(),
-        grid: GridSettings {
-            steps_mm: vec![50.0, 75.0, 100.0, 150.0, 200.0, 300.0],
-            bounds: None,
-            orientation_xyzw: None,
-            orientation_tolerance_deg: 5.0,
-            interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
-            sources: vec![Source::Measured, Source::Model],
-            idw_power: 2.0,
-            choose: Rule::Within,
-            within: 0.05,
-        },
-        tolerance: Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 },
-        locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
-        leave_sessions_out: true,
-        tool_tip: None,
+        ))
     }
 }
 

@@ -8,7 +8,7 @@ use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{Tolerance, Verdict};
+use posegrid::grid::Verdict;
 use posegrid::join::ReadingKind;
 use posegrid::judgement::Outcome;
 use posegrid::judgement::{self, StageSettings};
@@ -16,7 +16,6 @@ use posegrid::kinematics::Arm;
 use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
-use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::settings::TrackerErrors;
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
 
@@ -51,7 +50,6 @@ fn settings(simulated: &Simulated) -> StageSettings {
     noise.sources[0].reads = ReadingKind::Pose;
     common::state_orientation(&mut noise, 30e-6);
     StageSettings {
-        noise,
         fit: FitSettings { orientations: true, ..FitSettings::default() },
         full: FullSettings {
             // Without orientations there is nothing that a full error model would show.
@@ -59,21 +57,16 @@ fn settings(simulated: &Simulated) -> StageSettings {
             harmonics: 8,
             ..FullSettings::default()
         },
-        up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
-        base_from_command: Isometry3::identity(),
         base: Some(ErrorBase::Surveyed(SurveyedBase {
             tracker_from_base: surveyed,
             sd_mm: None,
             sd_rad: None,
         })),
         target_is_tool: Some(true),
-        similarity: SimilaritySettings::default(),
-        grid: common::one_step(250.0),
-        tolerance: Tolerance { mm: 1.0, share: 0.95, confidence: 0.95 },
         locate: Locate { by: LocateBy::First, stations: Some(50), target: LocateTarget::Known },
-        leave_sessions_out: false,
         tool_tip: Some(Vector3::from(TOOL_MM) + Vector3::from(LEVER_MM)),
+        ..common::stage_settings(noise)
     }
 }
 

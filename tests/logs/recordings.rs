@@ -40,17 +40,8 @@ pub fn mapping(time: TimeSource) -> Mapping {
             frame: None,
         }),
         tracker: TrackerSettings {
-            topic: "/tracker/pose".to_owned(),
-            time,
-            unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
-            ignore_orientation: false,
-            targets: Vec::new(),
-            references: Vec::new(),
-            lengths: Vec::new(),
-            eye_in_hand: false,
-            fields: PoseFields::default(),
-            frame: None,
+            ..TrackerSettings::new("/tracker/pose", time, LengthUnit::M)
         },
         slides: Vec::new(),
         joints: joints.map(|joint| format!("{joint}_joint")).to_vec(),

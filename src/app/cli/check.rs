@@ -109,14 +109,14 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
         "damage",
         &format!(
             "a session has no result when a log lost more than {} % of its bytes",
-            100.0 * configuration.max_lost_share
+            100.0 * configuration.file.input.max_lost_share
         ),
     );
     line(
         "rejects",
         &format!(
             "exit code 3 when more than {} % of a topic's messages cannot be used",
-            100.0 * configuration.max_rejected_share
+            100.0 * configuration.file.input.max_rejected_share
         ),
     );
     line("tables", &near(&configuration.lake).display().to_string());

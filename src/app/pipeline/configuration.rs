@@ -24,17 +24,14 @@ use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
 use super::keys::{estimate_settings, grids_settings, join_settings};
 use super::robot_file;
-use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
 use crate::fit::{ErrorBase, FitSettings, KnownGauge, KnownTarget, SurveyedBase};
 use crate::geometry::Placement;
 use crate::ingest::{Mapping, StationsSettings, TrackerSettings};
 use crate::io::input::{self, Bound};
 use crate::io::lake::Lake;
-use crate::io::log::Limits;
 use crate::io::robot::{self, Selection};
 use crate::io::store::{self, Place};
-use crate::join::JoinSettings;
 use crate::judgement::StageSettings;
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError};
@@ -57,23 +54,16 @@ pub use tree::Tree;
 pub struct Configuration {
     /// The pipeline file's name without its extension.
     pub pipeline: String,
+    /// The file as it is written.
+    pub file: PipelineFile,
     /// The robot's name in the tables; absent where the logs' metadata has to name it.
     pub robot: Option<String>,
     /// The robot file, an input of every run.
     pub robot_file: PathBuf,
     /// The nominal arm.
     pub arm: Arm,
-    /// The conditions that the results are valid for.
-    pub valid_for: Conditions,
     /// The reading of what sessions were recorded as.
     pub reads: Reads,
-    /// The largest sizes that a log may have.
-    pub limits: Limits,
-    /// Share of a log's bytes that may be lost to damage before its session fails.
-    pub max_lost_share: f64,
-    /// Share of a topic's messages that may be rejected before a result does not count as good.
-    pub max_rejected_share: f64,
-    pub join: JoinSettings,
     /// The frames of commands, where the logs have them.
     pub command_frames: Option<CommandFrames>,
     /// The set-up as stated, to be held against the logs.
@@ -103,10 +93,6 @@ pub struct Configuration {
     pub remarks: Vec<String>,
     /// Place of the published tables.
     pub lake: Place,
-    /// Whether decoded samples are published.
-    pub logs: bool,
-    /// The id of the sampling plan that the sessions were measured by, where their logs do not state it.
-    pub sampling_plan: Option<String>,
 }
 
 /// The reading of what sessions were recorded as.
@@ -208,18 +194,12 @@ impl Configuration {
             command_frames: placed.command_frames,
             stages: stages(&file, &placed, &arm),
             arm,
-            valid_for: file.robot.valid_for,
-            limits: file.limits,
-            max_lost_share: file.input.max_lost_share,
-            max_rejected_share: file.input.max_rejected_share,
-            join: file.join,
             tree,
             pieces: listed.pieces,
             set_aside: listed.set_aside,
             left_out: listed.left_out,
-            logs: file.output.logs,
-            sampling_plan: file.report.plan,
             lake,
+            file,
         })
     }
 }
@@ -233,13 +213,11 @@ fn joined_sessions(
     overrides: &Overrides,
 ) -> Result<Listed, ConfigurationError> {
     if file.output.logs {
-        let setting = ConfigurationErrorKind::Setting {
-            key: "[output] logs".to_owned(),
-            found: "true".to_owned(),
-            wanted:
-                "false: decoded samples are published from logs, and --from estimate reads none"
-                    .to_owned(),
-        };
+        let setting = ConfigurationErrorKind::setting(
+            "[output] logs",
+            true,
+            "false: decoded samples are published from logs, and --from estimate reads none",
+        );
         return Err(setting.at(path));
     }
     let unread = |source| {
@@ -307,15 +285,9 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, Configura
     if let Some(stations) = &file.stations {
         return Ok(Reads::Tables(Box::new(stations.clone())));
     }
-    let missing = || {
-        let kind = ConfigurationErrorKind::Missing {
-            key: "[controller]",
-            reason: "logs need it and the topic of [tracker]; tables of stations need [stations]",
-        };
-        kind.at(path)
-    };
     let (Some(controller), Some(tracker)) = (&file.controller, &file.tracker.mapping) else {
-        return Err(missing());
+        let reason = "logs need it and the topic of [tracker]; tables of stations need [stations]";
+        return Err(ConfigurationErrorKind::missing("[controller]", reason).at(path));
     };
     let joints = arm.joints().iter();
     Ok(Reads::Logs(Box::new(Mapping {
@@ -515,7 +487,7 @@ pub(super) fn placed(
 ) -> Result<Isometry3<f64>, ConfigurationError> {
     placement
         .isometry()
-        .map_err(|source| ConfigurationErrorKind::Placement { key, source }.at(path))
+        .map_err(|source| ConfigurationErrorKind::Fault(format!("{key}: {source}")).at(path))
 }
 
 /// The tool tip along the flange's axes, mm.
@@ -530,21 +502,21 @@ fn tip_at_flange(
         (TipFrame::Tool, Some(flange_from_tool)) => {
             Ok((flange_from_tool * Point3::new(x, y, z)).coords)
         }
-        (TipFrame::Tool, None) => Err(ConfigurationErrorKind::Missing {
-            key: "[commanded] flange_from_tool",
-            reason: "[report] tool_tip is stated in the frame of the controller's tool; state where that is, or the tip with \
+        (TipFrame::Tool, None) => Err(ConfigurationErrorKind::missing(
+            "[commanded] flange_from_tool",
+            "[report] tool_tip is stated in the frame of the controller's tool; state where that is, or the tip with \
                      frame = \"flange\"",
-        }
+        )
         .at(path)),
     }
 }
 
 fn no_tool(path: &Path) -> ConfigurationError {
-    ConfigurationErrorKind::Missing {
-        key: "[commanded] flange_from_tool",
-        reason: "target_is_tool = false states that the commanded point is not the measured target, so no other key \
+    ConfigurationErrorKind::missing(
+        "[commanded] flange_from_tool",
+        "target_is_tool = false states that the commanded point is not the measured target, so no other key \
                  states its position at the flange; state the controller's tool",
-    }
+    )
     .at(path)
 }
 
@@ -558,11 +530,10 @@ pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, Con
     if (norm - 1.0).abs() <= UNIT {
         return Ok(direction);
     }
-    Err(ConfigurationErrorKind::Setting {
-        key: "[robot] up".to_owned(),
-        found: format!("{up:?}, which has length {norm}"),
-        wanted: "a direction of length 1, against gravity in the base frame: [0, 0, 1] for an arm on the floor"
-            .to_owned(),
-    }
+    Err(ConfigurationErrorKind::setting(
+        "[robot] up",
+        format!("{up:?}, which has length {norm}"),
+        "a direction of length 1, against gravity in the base frame: [0, 0, 1] for an arm on the floor",
+    )
     .at(path))
 }

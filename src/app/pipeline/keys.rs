@@ -1,13 +1,11 @@
 //! Every key of pipeline and robot files: section, type, unit, allowed words, default, and a sentence.
 //!
 //! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and a file is held
-//! against them before it is read, so that all faults are told at once ([`door`]). Keys that were retired are answered with what to do
-//! instead ([`mod@retired`]). What is read is decided by the structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds
+//! against them before it is read, so that all faults are told at once ([`door`]). What is read is decided by the structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds
 //! keys, words and defaults of both against each other.
 
 pub mod door;
 mod joins;
-pub mod retired;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -34,6 +32,22 @@ pub struct KeyReference {
     /// Its sections, in the order of a file.
     #[serde(rename = "section")]
     pub sections: Vec<KeySection>,
+    /// Keys that earlier versions read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub retired: Vec<Retired>,
+}
+
+/// A key that was retired.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Retired {
+    pub section: String,
+    pub key: String,
+    /// The value that was retired, a text; absent where it is the key.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<String>,
+    /// What to do instead.
+    pub instead: String,
 }
 
 /// What a section and a key state alike.

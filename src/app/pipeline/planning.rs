@@ -15,7 +15,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::configuration::checks::{told, wrong_unless};
+use super::configuration::checks::wrong_unless;
 use super::configuration::files::{self, Files, Source};
 use super::configuration::{ConfigurationError, ConfigurationErrorKind, placed, usable};
 use super::run::{self, RunError, input};
@@ -309,5 +309,5 @@ fn check(path: &Path, section: &PlanSection, joints: usize) -> Result<(), Config
         format!("{:?}", section.poses),
         format!("numbers of poses, each from {least} to {MOST_POSES}, for example [25, 50, 100]"),
     );
-    home.and(poses).map_err(|wrong| told(path, wrong))
+    home.and(poses).map_err(|wrong| wrong.at(path))
 }

@@ -211,8 +211,10 @@ fn run_local(
         grids: grids.run,
         ..context(configuration, &outcome, lake.current(&key)?)
     };
-    let promised = promise::held(configuration.sampling_plan.as_ref(), &outcome, lake, &key.robot)?;
-    let driven = driven::words(&outcome, &configuration.arm, &configuration.valid_for, lake)?;
+    let promised =
+        promise::held(configuration.file.report.plan.as_ref(), &outcome, lake, &key.robot)?;
+    let driven =
+        driven::words(&outcome, &configuration.arm, &configuration.file.robot.valid_for, lake)?;
     let state = driven.state;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised.words()).collect();
     let rows = RunRows::of(&outcome, &context, &key)?;
@@ -245,7 +247,7 @@ fn said(
 ) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
-        rejected: damage::rejected_beyond(&counts, configuration.max_rejected_share),
+        rejected: damage::rejected_beyond(&counts, configuration.file.input.max_rejected_share),
         warnings: warnings(outcome, &configuration.stages.tolerance),
         doubts_set_up: outcome.doubts_set_up(),
         notes: notes(outcome).into_iter().chain(remarks.iter().cloned()).collect(),
@@ -258,7 +260,7 @@ fn said(
 
 /// What the sessions were measured with, as the pipeline and robot files state it: what it is, and its name or uncertainty.
 fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
-    let stated = &configuration.valid_for;
+    let stated = &configuration.file.robot.valid_for;
     let of = &configuration.stages.noise.source(SourceId::ONLY).uncertainty;
     let tracker = match of {
         Uncertainty::Tracker(of) => tracker_in_words(configuration, of),
@@ -296,7 +298,7 @@ fn already_there(
     let counts = row.map_or("[]", |row| &row.counts);
     let done = Done {
         verdict_of: row.and_then(|row| row.ending.verdict_of),
-        rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
+        rejected: damage::rejected_beyond(counts, configuration.file.input.max_rejected_share),
         page: page(lake, key)?,
         ..Done::before(lake, key, met, row.and_then(|row| row.ending.reason.clone()))
     };
@@ -318,7 +320,7 @@ fn context<'a>(
         full: &configuration.stages.full,
         tolerance: configuration.stages.tolerance,
         noise_mm2: noise_mm2(configuration, outcome),
-        valid_for: configuration.valid_for.clone(),
+        valid_for: configuration.file.robot.valid_for.clone(),
         made_of: Vec::new(),
         estimate: String::new(),
         grids: String::new(),

@@ -16,15 +16,8 @@ use crate::io::message;
 use crate::kinematics::Arm;
 use crate::pipeline::file::{PipelineFile, Pool};
 
-/// A key with an invalid value.
-pub(in crate::pipeline) struct Wrong {
-    key: String,
-    found: String,
-    wanted: String,
-}
-
 /// The outcome of a check.
-pub(in crate::pipeline) type Check = Result<(), Wrong>;
+pub(in crate::pipeline) type Check = Result<(), ConfigurationErrorKind>;
 
 /// Checks everything that needs only this file; `joints` is the number of joints of the arm.
 pub(super) fn check(
@@ -32,7 +25,7 @@ pub(super) fn check(
     file: &PipelineFile,
     joints: usize,
 ) -> Result<(), ConfigurationError> {
-    numbers(file, joints).map_err(|wrong| told(path, wrong))?;
+    numbers(file, joints).map_err(|wrong| wrong.at(path))?;
     commands(path, file)?;
     own_rows(path, file)?;
     let states_orientations = match &file.tracker.uncertainty {
@@ -40,10 +33,10 @@ pub(super) fn check(
         Uncertainty::Camera(_) => true,
     };
     if file.fit.geometric.orientations && !states_orientations {
-        return Err(ConfigurationErrorKind::Missing {
-            key: "[tracker] uncertainty.orientation_rad",
-            reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
-        }
+        return Err(ConfigurationErrorKind::missing(
+            "[tracker] uncertainty.orientation_rad",
+            "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
+        )
         .at(path));
     }
     Ok(())
@@ -56,10 +49,10 @@ fn own_rows(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> 
     if file.robot.name.is_some() || !has_column {
         return Ok(());
     }
-    let kind = ConfigurationErrorKind::Missing {
-        key: "[robot] name",
-        reason: "[stations] robot names the column of a row's robot: state which one is meant, or all of them under [[robots]]",
-    };
+    let kind = ConfigurationErrorKind::missing(
+        "[robot] name",
+        "[stations] robot names the column of a row's robot: state which one is meant, or all of them under [[robots]]",
+    );
     Err(kind.at(path))
 }
 
@@ -79,7 +72,7 @@ fn commands(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> 
         ),
         _ => return Ok(()),
     };
-    Err(ConfigurationErrorKind::Missing { key, reason }.at(path))
+    Err(ConfigurationErrorKind::missing(key, reason).at(path))
 }
 
 /// Checks that the unit of positions is stated where `arm` has a joint that slides, and nowhere else.
@@ -110,13 +103,7 @@ pub(super) fn length_unit(
     };
     let section = if file.stations.is_some() { "stations" } else { "controller" };
     let key = format!("[{section}] length_unit");
-    Err(told(path, Wrong { key, found, wanted }))
-}
-
-/// The error of an invalid value in the file at `path`.
-pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
-    ConfigurationErrorKind::Setting { key: wrong.key, found: wrong.found, wanted: wrong.wanted }
-        .at(path)
+    Err(ConfigurationErrorKind::setting(key, found, wanted).at(path))
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {
@@ -129,8 +116,13 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         )?;
     }
     if let Some(name) = &file.robot.name {
-        let refused =
-            |error| wrong("[robot] name", format!("{name:?}"), format!("another: {error}"));
+        let refused = |error| {
+            ConfigurationErrorKind::setting(
+                "[robot] name",
+                format!("{name:?}"),
+                format!("another: {error}"),
+            )
+        };
         lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;
@@ -164,10 +156,9 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
 /// Checks the fields of messages that are named.
 fn mapping(file: &PipelineFile, joints: usize) -> Check {
     let of_section = |section: &'static str| {
-        move |fields: WrongFields| Wrong {
-            key: format!("[{section}] {}", fields.key),
-            found: fields.found,
-            wanted: fields.wanted,
+        move |wrong: WrongFields| {
+            let key = format!("[{section}] {}", wrong.key);
+            ConfigurationErrorKind::setting(key, wrong.found, wrong.wanted)
         }
     };
     if let Some(stations) = &file.stations {
@@ -292,7 +283,7 @@ fn grid(grid: &GridSettings) -> Check {
     let steps = &grid.steps_mm;
     let twice = |place: &usize| steps[..*place].contains(&steps[*place]);
     if let Some(place) = (0..steps.len()).find(twice) {
-        return Err(wrong("[grid] steps_mm", steps[place], "given once"));
+        return Err(ConfigurationErrorKind::setting("[grid] steps_mm", steps[place], "given once"));
     }
     if let Some(bounds) = &grid.bounds {
         work_box(bounds)?;
@@ -330,13 +321,9 @@ pub(in crate::pipeline) fn each<T>(
 
 pub(in crate::pipeline) fn wrong_unless(
     holds: bool,
-    key: impl Into<String>,
+    key: impl Display,
     found: impl Display,
-    wanted: impl Into<String>,
+    wanted: impl Display,
 ) -> Check {
-    if holds { Ok(()) } else { Err(wrong(key, found, wanted)) }
-}
-
-fn wrong(key: impl Into<String>, found: impl Display, wanted: impl Into<String>) -> Wrong {
-    Wrong { key: key.into(), found: found.to_string(), wanted: wanted.into() }
+    if holds { Ok(()) } else { Err(ConfigurationErrorKind::setting(key, found, wanted)) }
 }

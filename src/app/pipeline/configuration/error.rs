@@ -1,18 +1,15 @@
 //! Errors of a pipeline file, with advice.
 
+use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::at::At;
-use crate::geometry::PlacementError;
-use crate::io::input::toml_problem;
 use crate::io::lake::LakeError;
 use crate::io::store::StoreError;
 use crate::manifest::ManifestError;
-use crate::pipeline::keys::door::Faults;
-use crate::pipeline::keys::retired::Retired;
 use crate::pipeline::robot_file::NoRobotFile;
 
 /// Why a pipeline file makes no configuration.
@@ -85,52 +82,8 @@ pub enum ConfigurationError {
 pub enum ConfigurationErrorKind {
     /// The pipeline file cannot be read.
     Read(io::Error),
-    /// The pipeline file is no pipeline file.
-    Parse(Box<toml::de::Error>),
-    /// Keys are missing or not known, or their values are out of range.
-    Keys(Faults),
-    /// The pipeline file has a key that was retired.
-    Retired(Retired),
-    /// An invalid value.
-    Setting {
-        /// Section and key.
-        key: String,
-        /// The value found.
-        found: String,
-        /// The values that are allowed.
-        wanted: String,
-    },
-    /// The robots that the file states, or a table beside it, are not sound.
-    Robots {
-        /// The table beside it; `None` where the file states them.
-        table: Option<PathBuf>,
-        /// The fault, with its place.
-        reason: String,
-    },
-    /// The file has no robot of that name.
-    NoRobot {
-        name: String,
-        /// The robots that it has.
-        known: Vec<String>,
-    },
-    /// The file has several robots where one is needed.
-    SeveralRobots {
-        /// The robots that it has.
-        known: Vec<String>,
-    },
-    /// A key is missing that another one needs.
-    Missing {
-        /// Section and key.
-        key: &'static str,
-        /// The key that needs it, and advice.
-        reason: &'static str,
-    },
-    /// An invalid placement.
-    Placement {
-        /// Section and key.
-        key: &'static str,
-        source: PlacementError,
-    },
+    /// What it states is wrong or does not go together, in words.
+    Fault(String),
     /// The robot file cannot be read.
     Robot {
         /// The robot file.
@@ -142,6 +95,38 @@ pub enum ConfigurationErrorKind {
 }
 
 impl ConfigurationErrorKind {
+    /// A key with an invalid value: the value found, and those that are allowed.
+    pub(in crate::pipeline) fn setting(
+        key: impl Display,
+        found: impl Display,
+        wanted: impl Display,
+    ) -> Self {
+        Self::Fault(format!("{key} = {found}, but it has to be {wanted}"))
+    }
+
+    /// A key that is missing and that another one needs; with the reason and advice.
+    pub(in crate::pipeline) fn missing(key: &str, reason: &str) -> Self {
+        Self::Fault(format!("{key} is missing: {reason}"))
+    }
+
+    /// The fault that a file does not have the robot of that name, beside those that it has.
+    pub(in crate::pipeline) fn no_robot(name: &str, known: &[String]) -> Self {
+        Self::Fault(if known.is_empty() {
+            format!(
+                "it has no robot {name:?} to choose: it is of one robot, so leave --robot out; several stand in [[robots]], or in the \
+                 table that [input] robots names"
+            )
+        } else {
+            format!("it has no robot {name:?}; its robots: {}", some_of(known))
+        })
+    }
+
+    /// The fault that a file has several robots where one is needed.
+    pub(in crate::pipeline) fn several_robots(known: &[String]) -> Self {
+        let known = some_of(known);
+        Self::Fault(format!("it is of several robots: name one of them with --robot: {known}"))
+    }
+
     /// This fault of the pipeline file at `path`.
     pub(in crate::pipeline) fn at(self, path: &Path) -> ConfigurationError {
         ConfigurationError::At { path: path.to_owned(), kind: self }
@@ -154,30 +139,7 @@ impl ConfigurationErrorKind {
             Self::Read(source) => format!(
                 "cannot read the pipeline file {path}: {source}; give the path of a TOML file like pipelines/quickstart.toml"
             ),
-            Self::Parse(source) => format!("{path}: {}", toml_problem(source)),
-            Self::Keys(source) => format!("{path}: {source}"),
-            Self::Retired(source) => format!("{path}: {source}"),
-            Self::Setting { key, found, wanted } => {
-                format!("{path}: {key} = {found}, but it has to be {wanted}")
-            }
-            Self::Robots { table: Some(table), reason } => format!(
-                "{}, the table of robots that {path} names under [input] robots: {reason}",
-                table.display()
-            ),
-            Self::Robots { table: None, reason } => format!("{path}: {reason}"),
-            Self::NoRobot { name, known } if known.is_empty() => format!(
-                "{path} has no robot {name:?} to choose: it is of one robot, so leave --robot out; several stand in [[robots]], or in the table that [input] \
-                 robots names"
-            ),
-            Self::NoRobot { name, known } => {
-                format!("{path} has no robot {name:?}; its robots: {}", some_of(known))
-            }
-            Self::SeveralRobots { known } => format!(
-                "{path} is of several robots: name one of them with --robot: {}",
-                some_of(known)
-            ),
-            Self::Missing { key, reason } => format!("{path}: {key} is missing: {reason}"),
-            Self::Placement { key, source } => format!("{path}: {key}: {source}"),
+            Self::Fault(fault) => format!("{path}: {fault}"),
             Self::Robot { robot, source } => format!(
                 "cannot read the robot file {}, which {path} names under [robot] file: {source}; nominal arms are in \
                  pipelines/robots/",
@@ -240,15 +202,11 @@ mod tests {
                  pipelines/quickstart.toml",
             ),
             (
-                ConfigurationErrorKind::Setting {
-                    key: "[robot] up".to_owned(),
-                    found: "[0, 0, 2]".to_owned(),
-                    wanted: "a direction".to_owned(),
-                },
+                ConfigurationErrorKind::setting("[robot] up", "[0, 0, 2]", "a direction"),
                 "cell/my.toml: [robot] up = [0, 0, 2], but it has to be a direction",
             ),
             (
-                ConfigurationErrorKind::Missing { key: "[plan]", reason: "it states the cell" },
+                ConfigurationErrorKind::missing("[plan]", "it states the cell"),
                 "cell/my.toml: [plan] is missing: it states the cell",
             ),
             (

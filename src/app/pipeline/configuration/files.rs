@@ -9,11 +9,10 @@ use super::tree::Tree;
 use super::{
     ConfigurationError, ConfigurationErrorKind, checks, folder_of, placed_at, read_arm, resolved,
 };
-use crate::io::input::{self, Bound};
+use crate::io::input::{self, Bound, toml_problem};
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
-use crate::pipeline::keys::retired::retired;
 use crate::pipeline::keys::{KeyReference, door};
 
 /// The contents of the files.
@@ -47,8 +46,8 @@ pub fn read(path: &Path, robot: Option<&str>) -> Result<Files, ConfigurationErro
         (None, _) => source.alone(),
         (Some(robots), Some(name)) => source.of(robots, robots.named(path, name)?),
         (Some(robots), None) => {
-            let known = robots.names().map(str::to_owned).collect();
-            Err(ConfigurationErrorKind::SeveralRobots { known }.at(path))
+            let known: Vec<String> = robots.names().map(str::to_owned).collect();
+            Err(ConfigurationErrorKind::several_robots(&known).at(path))
         }
     }
 }
@@ -58,10 +57,7 @@ impl Source {
     pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
         let text = input::text(path, Bound::SETTINGS)
             .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
-        let values: Table = toml::from_str(&text).map_err(|source| unread(path, source))?;
-        if let Some(own) = retired(&values) {
-            return Err(ConfigurationErrorKind::Retired(own).at(path));
-        }
+        let values: Table = toml::from_str(&text).map_err(|source| unread(path, &source))?;
         let base = folder_of(path)?;
         Ok(Self { robots: Robots::of(path, &base, &values)?, path: path.to_owned(), base, text })
     }
@@ -69,14 +65,14 @@ impl Source {
     /// The files of the only robot.
     pub fn alone(&self) -> Result<Files, ConfigurationError> {
         self.keys(&self.text, true)?;
-        self.checked(toml::from_str(&self.text).map_err(|source| unread(&self.path, source))?)
+        self.checked(toml::from_str(&self.text).map_err(|source| unread(&self.path, &source))?)
     }
 
     /// The files of one of several robots.
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
         let values = robots.file_of(&robot.entry);
         let files = self.keys(&values.to_string(), false).and_then(|()| {
-            self.checked(values.try_into().map_err(|source| unread(&self.path, source))?)
+            self.checked(values.try_into().map_err(|source| unread(&self.path, &source))?)
         });
         files.map_err(|source| robot.fault(source))
     }
@@ -89,7 +85,7 @@ impl Source {
     ) -> Result<PipelineFile, ConfigurationError> {
         let values = robots.file_of_any(&robot.entry);
         let file = values.try_into();
-        file.map_err(|source| robot.fault(unread(&self.path, source)))
+        file.map_err(|source| robot.fault(unread(&self.path, &source)))
     }
 
     /// Checks that no other robot than that of `files` is asked for, as the file is of one.
@@ -98,8 +94,7 @@ impl Source {
         let Some(other) = robots.iter().find(|name| own.as_ref() != Some(name)) else {
             return Ok(());
         };
-        let (name, known) = (other.clone(), Vec::new());
-        Err(ConfigurationErrorKind::NoRobot { name, known }.at(&self.path))
+        Err(ConfigurationErrorKind::no_robot(other, &[]).at(&self.path))
     }
 
     /// Checks that the file is sound for a robot at least.
@@ -115,7 +110,7 @@ impl Source {
     /// Checks keys and ranges of a file with this text, whose lines are told where the text `is_written` by a person.
     fn keys(&self, text: &str, is_written: bool) -> Result<(), ConfigurationError> {
         let checked = door::check(KeyReference::pipeline(), text, is_written);
-        checked.map_err(|faults| ConfigurationErrorKind::Keys(faults).at(&self.path))
+        checked.map_err(|faults| ConfigurationErrorKind::Fault(faults.to_string()).at(&self.path))
     }
 
     fn checked(&self, file: PipelineFile) -> Result<Files, ConfigurationError> {
@@ -149,6 +144,6 @@ impl Files {
     }
 }
 
-fn unread(path: &Path, source: toml::de::Error) -> ConfigurationError {
-    ConfigurationErrorKind::Parse(Box::new(source)).at(path)
+fn unread(path: &Path, source: &toml::de::Error) -> ConfigurationError {
+    ConfigurationErrorKind::Fault(toml_problem(source)).at(path)
 }

@@ -59,7 +59,9 @@ impl Robots {
         if own.is_none() && named.is_none() && by.is_none() {
             return Ok(None);
         }
-        let wrong = |key: &str, found: &str, wanted: &str| setting(key, found, wanted).at(path);
+        let wrong = |key: &str, found: &str, wanted: &str| {
+            ConfigurationErrorKind::setting(key, found, wanted).at(path)
+        };
         let by = match by.map(|by| by.clone().try_into()) {
             None => RobotsBy::default(),
             Some(Ok(by)) => by,
@@ -104,9 +106,8 @@ impl Robots {
     pub fn named(&self, path: &Path, name: &str) -> Result<&StatedRobot, ConfigurationError> {
         let found = self.stated.iter().find(|own| own.entry.name == name);
         found.ok_or_else(|| {
-            let known = self.stated.iter().map(|own| own.entry.name.clone());
-            let known = known.collect();
-            ConfigurationErrorKind::NoRobot { name: name.to_owned(), known }.at(path)
+            let known: Vec<String> = self.names().map(str::to_owned).collect();
+            ConfigurationErrorKind::no_robot(name, &known).at(path)
         })
     }
 
@@ -307,15 +308,10 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
 }
 
 fn robots_error(path: &Path, table: Option<&Path>, reason: String) -> ConfigurationError {
-    ConfigurationErrorKind::Robots { table: table.map(Path::to_owned), reason }.at(path)
-}
-
-fn setting(key: &str, found: &str, wanted: &str) -> ConfigurationErrorKind {
-    ConfigurationErrorKind::Setting {
-        key: key.to_owned(),
-        found: found.to_owned(),
-        wanted: wanted.to_owned(),
-    }
+    let table = table.map(|table| {
+        format!("{}, the table of robots that [input] robots names: ", table.display())
+    });
+    ConfigurationErrorKind::Fault(table.unwrap_or_default() + &reason).at(path)
 }
 
 #[cfg(test)]

@@ -351,11 +351,8 @@ fn by_what_there_is(
         }
         _ => return Ok(()),
     };
-    let setting = ConfigurationErrorKind::Setting {
-        key: "[input] sessions_by".to_owned(),
-        found: format!("{found:?}"),
-        wanted: wanted.to_owned(),
-    };
+    let setting =
+        ConfigurationErrorKind::setting("[input] sessions_by", format!("{found:?}"), wanted);
     Err(setting.at(path))
 }
 
@@ -384,12 +381,8 @@ fn name_sessions(
     if !patterns.is_empty() && patterns.iter().all(|pattern| places(pattern) == (right, right)) {
         return Ok(());
     }
-    Err(ConfigurationErrorKind::Setting {
-        key: format!("[input] {key}"),
-        found: format!("{:?}", names.to_string()),
-        wanted: wanted.to_owned(),
-    }
-    .at(path))
+    let (key, found) = (format!("[input] {key}"), format!("{:?}", names.to_string()));
+    Err(ConfigurationErrorKind::setting(key, found, wanted).at(path))
 }
 
 fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {

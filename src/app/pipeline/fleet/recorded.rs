@@ -116,11 +116,7 @@ fn check(within: &Within<'_>) -> Result<(), ConfigurationError> {
         ),
         _ => return Ok(()),
     };
-    let kind = ConfigurationErrorKind::Setting {
-        key: "[input] robots_by".to_owned(),
-        found: format!("{found:?}"),
-        wanted: wanted.to_owned(),
-    };
+    let kind = ConfigurationErrorKind::setting("[input] robots_by", format!("{found:?}"), wanted);
     Err(kind.at(within.path))
 }
 

@@ -8,7 +8,7 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Key, KeyReference, KeySection};
+use super::{Key, KeyReference, KeySection, Retired};
 
 /// The faults of a file.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -42,8 +42,12 @@ pub fn check(reference: &'static KeyReference, text: &str, is_written: bool) -> 
         return Ok(());
     };
     let door = Door { reference, file: file.get_ref(), text: is_written.then_some(text) };
-    let faults: Vec<String> =
-        reference.sections.iter().flat_map(|section| door.of_section(section)).collect();
+    let mut faults: Vec<String> =
+        reference.retired.iter().flat_map(|own| door.of_retired(own)).collect();
+    if faults.is_empty() {
+        let sections = reference.sections.iter();
+        faults = sections.flat_map(|section| door.of_section(section)).collect();
+    }
     if faults.is_empty() { Ok(()) } else { Err(Faults { file: &reference.file, faults }) }
 }
 
@@ -56,6 +60,19 @@ pub fn line_of_joint(text: &str, name: &str) -> Option<usize> {
 }
 
 impl Door<'_, '_> {
+    fn of_retired(&self, own: &Retired) -> Vec<String> {
+        let Retired { section, key, value: word, instead } = own;
+        let found = tables(self.file, section).into_iter();
+        let found = found.filter_map(|place| value_of(place.table, key));
+        let found = found.filter(|(_, value)| word.is_none() || value.as_str() == word.as_deref());
+        let word = word.as_ref().map(|word| format!(" = {word:?}")).unwrap_or_default();
+        found
+            .map(|(at, _)| {
+                format!("[{section}] {key}{word}{} was retired: {instead}", self.line(at))
+            })
+            .collect()
+    }
+
     fn of_section(&self, section: &'static KeySection) -> Vec<String> {
         let instead = self.instead(section.common.unless.as_deref());
         let of_place = |place: &str| {
@@ -353,6 +370,19 @@ mod tests {
             assert!(found.iter().any(|own| own.contains(part)), "{part}: {found:?}");
         }
         assert!(check(KeyReference::pipeline(), "no = [toml", true).is_ok());
+    }
+
+    #[test]
+    fn a_retired_key_or_word_is_answered_with_what_to_do_instead() {
+        let text = include_str!("../../../../pipelines/quickstart.toml");
+        let text = text.replace("sessions =", "pool = \"growing\"\nsessions =");
+        let found = told(KeyReference::pipeline(), &text.replace("[grid]", "[grid]\nrivals = 1"));
+        assert!(
+            found[0].starts_with("[grid] rivals (line 46) was retired: leave it out"),
+            "{found:?}"
+        );
+        assert!(found[1].starts_with("[input] pool = \"growing\" (line 17) was retired: write"));
+        assert_eq!(found.len(), 2);
     }
 
     #[test]

@@ -41,12 +41,12 @@ impl<'p> Placed<'p> {
             ),
             (None, Some(tool)) => tool,
             (None, None) => {
-                return Err(ConfigurationErrorKind::Missing {
-                    key: "[fit] target",
-                    reason: "a plan has to know where the target will sit at the flange (of several the main one, under its name in \
+                return Err(ConfigurationErrorKind::missing(
+                    "[fit] target",
+                    "a plan has to know where the target will sit at the flange (of several the main one, under its name in \
                              [fit.targets]): give its xyz_mm and sd_mm, or \
                              [commanded] flange_from_tool where the tool is the target",
-                }
+                )
                 .at(path));
             }
         };
@@ -68,7 +68,7 @@ impl<'p> Placed<'p> {
         file: &PipelineFile,
         section: &PlanSection,
     ) -> Result<PlanSettings, ConfigurationError> {
-        let missing = |key, reason| ConfigurationErrorKind::Missing { key, reason }.at(self.path);
+        let missing = |key, reason| ConfigurationErrorKind::missing(key, reason).at(self.path);
         let bounds = file.grid.bounds.ok_or_else(|| {
             missing("[grid] box", "a plan has no stations to take a box from: give low_mm and high_mm in the base frame")
         })?;
@@ -141,10 +141,12 @@ impl<'p> Placed<'p> {
         let factors = SingularityFactors::of(arm, &nominal, home);
         let line_of_sight = section.line_of_sight.map(|line_of_sight| {
             let facing = Unit::try_new(Vector3::from(line_of_sight.facing), 1e-6);
-            let wrong = || ConfigurationErrorKind::Setting {
-                key: "[plan.constraints] line_of_sight.facing".to_owned(),
-                found: format!("{:?}", line_of_sight.facing),
-                wanted: "a direction, for example [0, 0, 1]".to_owned(),
+            let wrong = || {
+                ConfigurationErrorKind::setting(
+                    "[plan.constraints] line_of_sight.facing",
+                    format!("{:?}", line_of_sight.facing),
+                    "a direction, for example [0, 0, 1]",
+                )
             };
             let facing = facing.ok_or_else(|| wrong().at(self.path))?;
             Ok::<LineOfSight, ConfigurationError>(LineOfSight {

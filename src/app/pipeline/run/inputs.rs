@@ -71,7 +71,7 @@ fn table_input(
         Reads::Tables(settings) if table.whose != Whose::default() => settings,
         Reads::Tables(_) | Reads::Logs(_) => return input(&table.path, name),
     };
-    let bound = Bound::of(configuration.limits);
+    let bound = Bound::of(configuration.file.limits);
     let rows = station_table::own_text(&table.path, settings, &table.whose, bound)?;
     let wrong = |source| RunError::Input { path: table.path.clone(), source };
     let (digest, bytes) = manifest::digest(rows.as_bytes()).map_err(wrong)?;
@@ -126,7 +126,7 @@ fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String
         return Ok(before.key.robot.clone());
     }
     let logs = files.recorded.logs().ok_or_else(none)?;
-    let mut metadata = read_metadata(logs, configuration.limits)?;
+    let mut metadata = read_metadata(logs, configuration.file.limits)?;
     metadata.remove("session.robot").ok_or_else(none)
 }
 

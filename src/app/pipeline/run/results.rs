@@ -91,7 +91,7 @@ impl<'a> Results<'a> {
         let is_only = matches!(files.recorded, Recorded::Joined(_));
         let known = self.known(JOINED, &work, is_only, |key| {
             // Decoded samples are published from the logs alone.
-            if self.configuration.logs && !is_only {
+            if self.configuration.file.output.logs && !is_only {
                 return Ok(None);
             }
             let restored =

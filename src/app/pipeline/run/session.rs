@@ -62,7 +62,7 @@ impl OwnLogs<'_> {
         run: Option<&mut OpenRun<'_>>,
         progress: &dyn Progress,
     ) -> Result<SessionRead, RunError> {
-        let Some(run) = run.filter(|_| self.configuration.logs) else {
+        let Some(run) = run.filter(|_| self.configuration.file.output.logs) else {
             return self.read(&mut (), progress);
         };
         let mut samples = LogTable::new(run, &self.files.name);
@@ -79,10 +79,11 @@ impl OwnLogs<'_> {
         sink: &mut dyn JointSink,
         progress: &dyn Progress,
     ) -> Result<SessionRead, RunError> {
-        let (limits, rule) = (self.configuration.limits, self.configuration.join.arm_rule());
+        let (limits, rule) =
+            (self.configuration.file.limits, self.configuration.file.join.arm_rule());
         let read = read_session(self.logs, self.mapping, limits, &rule, sink, progress)?;
         // No more of the logs may be lost than the pipeline file allows.
-        damage::within(&read.counts, self.configuration.max_lost_share)
+        damage::within(&read.counts, self.configuration.file.input.max_lost_share)
             .map_err(|damage| RunError::Damaged { session: self.files.name.clone(), damage })?;
         Ok(read)
     }
@@ -112,7 +113,7 @@ impl OwnLogs<'_> {
 
     fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
         let (configuration, files) = (self.configuration, self.files);
-        let (arm, settings) = (&configuration.arm, &configuration.join);
+        let (arm, settings) = (&configuration.arm, &configuration.file.join);
         let joined = join(&read.input, arm, settings);
         let joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
@@ -180,7 +181,7 @@ fn of_table(
 ) -> Result<JoinedSession, RunError> {
     let joints = configuration.arm.joints().iter();
     let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
-    let bound = Bound::of(configuration.limits);
+    let bound = Bound::of(configuration.file.limits);
     let read = station_table::read(&table.path, settings, &table.whose, &slides, bound)?;
     let mounted = mounted(configuration);
     if let Some(mounted) = mounted {
@@ -190,7 +191,7 @@ fn of_table(
         Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
         Some(Mounted::Fixed) | None => read.rows,
     };
-    let joined = tabled(rows, &configuration.arm, &configuration.join);
+    let joined = tabled(rows, &configuration.arm, &configuration.file.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
     Ok(JoinedSession {
         counts: row_counts((read.read, read.covariances), &joined),
@@ -232,7 +233,7 @@ fn with_commands(
     files: &SessionFiles,
     joined: Joined,
 ) -> Result<JoinedSession, RunError> {
-    let driven_by = driven::driven_by(files, &joined.stations, configuration.limits)?;
+    let driven_by = driven::driven_by(files, &joined.stations, configuration.file.limits)?;
     Ok(commanded_in(configuration, files, joined, driven_by))
 }
 
@@ -268,7 +269,7 @@ fn set_up(
     anew: impl FnOnce() -> Option<Finding>,
 ) -> Result<Option<Finding>, RunError> {
     let stated = &configuration.set_up;
-    let gate_mm = configuration.join.geometry_gate_mm;
+    let gate_mm = configuration.file.join.geometry_gate_mm;
     let evidence = Evidence::of_stations(&joined.stations);
     let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
     match found {
@@ -307,7 +308,7 @@ fn unjoined(
 
 /// The mistake under whose correction the logs can be joined; `None` where there is none.
 fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
-    let (stated, settings) = (&configuration.set_up, &configuration.join);
+    let (stated, settings) = (&configuration.set_up, &configuration.file.join);
     let supposed = Supposed::of(&read.input, &configuration.arm, settings).ok()?;
     setup::explain(&stated.set_up, &supposed, &stated.alternatives, settings.geometry_gate_mm)
 }

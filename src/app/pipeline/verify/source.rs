@@ -99,7 +99,8 @@ impl Source {
             return None;
         };
         let session = fetched.piece().training.last()?;
-        let mut metadata = read_metadata(session.recorded.logs()?, configuration.limits).ok()?;
+        let mut metadata =
+            read_metadata(session.recorded.logs()?, configuration.file.limits).ok()?;
         metadata.remove("session.plan")
     }
 
@@ -126,7 +127,7 @@ impl Source {
         };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
         // The run itself reports a file that cannot be read.
-        Some(driving::read(path, Bound::of(configuration.limits)).ok()?.key)
+        Some(driving::read(path, Bound::of(configuration.file.limits)).ok()?.key)
     }
 
     /// Does the work by the code of `posegrid run`; returns the run in the temporary lake.
