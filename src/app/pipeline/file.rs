@@ -1,4 +1,4 @@
-//! The pipeline file as written: sections, keys and their defaults.
+//! The pipeline file as written: sections, keys and their defaults. What a key means stands in `keys/pipeline.toml`.
 //!
 //! Missing and unknown keys and values out of range are refused before it is read ([`super::keys::door`]); what keys say together is checked
 //! in [`super::configuration`]. What no log states (units, frames, time sources, the order of angles) has no default. The settings that a
@@ -32,12 +32,10 @@ use crate::similarity::SimilaritySettings;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineFile {
-    /// `[robot]`: the arm, and the conditions that its results are valid for.
     pub robot: RobotSection,
     /// `[[robots]]`: each robot of a file with several, which is read as one file a robot.
     #[serde(default, skip_serializing)]
     pub robots: Vec<RobotEntry>,
-    /// `[input]`: the place of the sessions, and the files of each.
     pub input: InputSection,
     /// `[controller]`: joint angles in a log; absent where sessions are tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -45,33 +43,23 @@ pub struct PipelineFile {
     /// `[stations]`: columns of the tables of stations; absent where sessions are logs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stations: Option<StationsSettings>,
-    /// `[commanded]`, where the controller's log has commands.
     pub commanded: Option<CommandedSection>,
-    /// `[tracker]`: readings of the target.
     pub tracker: TrackerSection,
-    /// `[join]`.
     #[serde(default)]
     pub join: JoinSettings,
-    /// `[fit]` with `[fit.full]`.
     #[serde(default)]
     pub fit: FitSection,
-    /// `[similarity]`.
     #[serde(default)]
     pub similarity: SimilaritySettings,
-    /// `[grid]`.
     pub grid: GridSettings,
-    /// `[tolerance]`.
     pub tolerance: Tolerance,
-    /// `[report]`.
     #[serde(default)]
     pub report: ReportSection,
-    /// `[limits]`: the largest sizes that a log may have.
     #[serde(default)]
     pub limits: Limits,
     /// `[plan]`, for planning alone: no run follows from it.
     #[serde(skip_serializing)]
     pub plan: Option<PlanSection>,
-    /// `[output]`.
     pub output: OutputSection,
 }
 
@@ -133,22 +121,16 @@ pub struct RobotSection {
     /// The robot file, relative to the pipeline file. A run's inputs hold its digest.
     #[serde(skip_serializing)]
     pub file: PathBuf,
-    /// The link of a URDF that is the base. Absent: its root.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
-    /// The link of a URDF that is the flange. Absent: the only link that ends a chain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip: Option<String>,
     /// The controller's names of the reported joints, from base to flange. Absent: those of the robot file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joints: Option<Vec<String>>,
-    /// The robot's name in the tables. Absent: `robot` of the logs' metadata record `session`.
     #[serde(skip_serializing)]
     pub name: Option<String>,
-    /// Direction against gravity, in the base frame: `[0, 0, 1]` for an arm on the floor. Absent: gravity is left out of
-    /// the model.
     pub up: Option<[f64; 3]>,
-    /// `[robot.valid_for]`: the conditions that the results are valid for.
     #[serde(default)]
     pub valid_for: Conditions,
 }
@@ -164,49 +146,33 @@ impl RobotSection {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InputSection {
-    /// The folder with the sessions, relative to the pipeline file.
     #[serde(skip_serializing)]
     pub folder: PathBuf,
-    /// The way in which files belong to sessions.
     #[serde(skip_serializing)]
     pub sessions_by: SessionsBy,
-    /// The way in which sessions belong to robots, where the file has several.
     #[serde(skip_serializing)]
     pub robots_by: RobotsBy,
-    /// The table of the robots, instead of `[[robots]]`.
     #[serde(skip_serializing)]
     pub robots: Option<PathBuf>,
-    /// Sessions to learn from. Absent: every one that has both logs.
     #[serde(skip_serializing)]
     pub sessions: Option<Vec<String>>,
-    /// Sessions that only judge.
     #[serde(skip_serializing)]
     pub test: Vec<String>,
-    /// The controller's log: a name in the session's folder, a pattern with `*` or `?`, or a list of them.
     #[serde(skip_serializing)]
     pub controller: LogNames,
-    /// The tracker's log; it may be the same file.
     #[serde(skip_serializing)]
     pub tracker: LogNames,
-    /// The table of stations, instead of the two logs: a name in the session's folder or a pattern.
     #[serde(skip_serializing)]
     pub stations: Option<LogNames>,
-    /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session
-    /// whose folder has one is also judged by it.
     #[serde(skip_serializing)]
     pub corrected_targets: LogNames,
-    /// The sessions that are learnt from together.
     #[serde(skip_serializing)]
     pub pool: Pool,
-    /// The most sessions that a pool learns from, the latest of them; absent: all.
     #[serde(skip_serializing)]
     pub pool_latest: Option<usize>,
-    /// Time for which a log without an end must not have changed to be taken as damaged, s; until then its session waits.
     #[serde(skip_serializing)]
     pub settle_s: u64,
-    /// Share of a log's bytes or messages, or of those of a topic that is read, that may be lost before its session fails.
     pub max_lost_share: f64,
-    /// Share of a topic's messages that may be rejected before a result does not count as good.
     pub max_rejected_share: f64,
 }
 
@@ -349,9 +315,7 @@ pub enum Pool {
 pub struct CommandedSection {
     /// The frame commands are stated in, in the base frame of the robot file.
     pub base_from_command: Placement,
-    /// The controller's tool at the flange.
     pub flange_from_tool: Option<Placement>,
-    /// Whether the commanded point is the measured target.
     pub target_is_tool: bool,
     /// Topic, time source, unit and fields; absent where sessions are tables.
     #[serde(flatten, deserialize_with = "of_log")]
@@ -361,10 +325,8 @@ pub struct CommandedSection {
 /// `[tracker]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct TrackerSection {
-    /// The instrument's uncertainty: `uncertainty`, or `camera`.
     #[serde(flatten)]
     pub uncertainty: Uncertainty,
-    /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
     pub tracker_from_base: Option<TrackerFromBase>,
     /// Topic, time source, unit and fields; absent where sessions are tables.
     #[serde(flatten, deserialize_with = "of_log")]
@@ -400,21 +362,16 @@ pub enum TrackerFromBase {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Survey {
-    /// Where the base's origin lies in the tracker's frame, mm.
     pub xyz_mm: [f64; 3],
-    /// Rotation as a quaternion x y z w.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion_xyzw: Option<[f64; 4]>,
     /// Rotation as three angles, degrees; `euler_order` says about what.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub euler_deg: Option<[f64; 3]>,
-    /// The order of the three angles; it has no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub euler_order: Option<EulerOrder>,
-    /// Standard deviation of each coordinate of the origin, mm; without it verdict and corrections do not count the survey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd_mm: Option<f64>,
-    /// Standard deviation of the rotation about each axis, degrees; without it verdict and corrections do not count the survey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd_deg: Option<f64>,
 }
@@ -448,12 +405,9 @@ pub struct ReportSection {
     /// How base and target of a session that only judges are found, and from how many of its stations; the others judge. Each
     /// session of a pool is judged so too, by a training on the others, always with a target of its own.
     pub locate: Locate,
-    /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
-    /// The id of the plan that the sessions were measured by, where their logs do not state it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<String>,
-    /// Position of the tool tip, for figures there. Absent: no such figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tool_tip: Option<ToolTip>,
 }
@@ -462,9 +416,7 @@ pub struct ReportSection {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ToolTip {
-    /// The frame that it is stated in.
     pub frame: TipFrame,
-    /// Position in that frame, mm.
     pub xyz_mm: [f64; 3],
 }
 
@@ -481,10 +433,8 @@ pub enum TipFrame {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {
-    /// The folder of the published tables, relative to the pipeline file.
     #[serde(skip_serializing)]
     pub lake: PathBuf,
-    /// Whether the decoded samples of the logs are published as table `logs`.
     #[serde(default)]
     pub logs: bool,
 }

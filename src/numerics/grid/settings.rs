@@ -1,4 +1,4 @@
-//! The `[grid]` section, and the box, orientation and configuration that follow from it and the stations.
+//! The `[grid]` section, whose keys `posegrid schema pipeline` explains, and the box, orientation and configuration that follow from it and the stations.
 
 use std::collections::BTreeMap;
 
@@ -16,25 +16,17 @@ use crate::kinematics::Configuration;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridSettings {
-    /// Steps to judge, mm; none by default, so that a pipeline file has to state them.
     pub steps_mm: Vec<f64>,
-    /// The box in the base frame. Absent: the box around the stations with the table's configuration and about its
-    /// orientation.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub bounds: Option<WorkBox>,
     /// The tool's orientation in the base frame as a quaternion x y z w. Absent: the mean of the most frequent
     /// configuration's stations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orientation_xyzw: Option<[f64; 4]>,
-    /// Largest difference of a target's orientation from the table's, degrees.
     pub orientation_tolerance_deg: f64,
-    /// Interpolations inside a cell.
     pub interpolations: Vec<Interpolation>,
-    /// Sources of node values.
     pub sources: Vec<Source>,
-    /// The power p of `idw`.
     pub idw_power: f64,
-    /// The rule for choosing the published step.
     pub choose: Rule,
     /// A table of model nodes may have a bound above the model's own by this share of it, or by
     /// [`WITHIN_MM`](super::choose::WITHIN_MM) where that is more.

@@ -1,7 +1,8 @@
 //! The pipeline file's sections about the two logs: topics, clocks, units.
 //!
 //! Units and time sources are conventions that a log does not state, so they have no default. Common message types need
-//! nothing else; for any other type, `fields` gives the paths inside a message.
+//! nothing else; for any other type, `fields` gives the paths inside a message. What each key means stands in the reference that
+//! `posegrid schema pipeline` shows.
 
 mod fields;
 mod lengths;
@@ -31,16 +32,11 @@ pub use stations::{
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControllerSettings {
-    /// Topic of the joint states.
     pub topic: String,
-    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
-    /// Unit of the joint angles.
     pub unit: AngleUnit,
-    /// Unit of the positions of joints that slide; absent for an arm without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_unit: Option<LengthUnit>,
-    /// Paths of the fields in a message; empty for a common message type.
     #[serde(default, skip_serializing_if = "JointFields::is_empty")]
     pub fields: JointFields,
 }
@@ -49,16 +45,11 @@ pub struct ControllerSettings {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CommandedSettings {
-    /// Topic of the commanded poses.
     pub topic: String,
-    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
-    /// Unit of the positions.
     pub unit: LengthUnit,
-    /// Paths of the fields in a message; empty for a common message type.
     #[serde(default, skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
-    /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
 }
@@ -67,31 +58,22 @@ pub struct CommandedSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrackerSettings {
-    /// Topic of the readings.
     pub topic: String,
-    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
-    /// Unit of the positions.
     pub unit: LengthUnit,
-    /// Topic of the temperatures (°C, with the time source of the readings); absent without temperatures.
     pub temperature: Option<String>,
-    /// Leave orientations out: for a plain reflector whose driver nevertheless writes whole pose messages.
     #[serde(default)]
     pub ignore_orientation: bool,
-    /// Paths of the fields in a message; empty for a common message type.
     #[serde(default, skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
-    /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
     /// The targets at the flange, the main one first, where there are several or one is told by its name; otherwise all readings are of
     /// one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<LoggedTarget>,
-    /// Reference reflectors on floor or base, which should not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<LoggedReference>,
-    /// Instruments of one length whose readings are in the tracker's log, by its clock.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lengths: Vec<LoggedLength>,
     /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`

@@ -1,4 +1,4 @@
-//! The settings of the join and their defaults.
+//! The settings of the join and their defaults; `posegrid schema pipeline` shows what each key means.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,6 @@ use super::stationary::StationaryRule;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JoinSettings {
-    /// Readings sooner than this after the arm became stationary are left out, s. Found from the readings where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
     /// The shortest dwell of the arm, s. Longer than the turning points of a move, shorter than any measurement.
@@ -21,12 +20,9 @@ pub struct JoinSettings {
     /// log where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stationary_rad: Option<f64>,
-    /// Target motion within the window that still counts as stationary, mm. Found from the log where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stationary_mm: Option<f64>,
-    /// The fewest readings that make a mean with a scatter.
     pub min_readings: usize,
-    /// Readings further than this many robust standard deviations from their dwell's median are outliers.
     pub mad_factor: f64,
     /// A dwell further than this from the nominal arm (base and target fitted) is one of another reflector, mm. Nominal
     /// arms are off by 1–10 mm, wrong reflectors by hundreds.

@@ -1,4 +1,5 @@
-//! The `[plan]` section of a pipeline file: the expected robots, and the constraints of the cell.
+//! The `[plan]` section of a pipeline file: the expected robots, and the constraints of the cell. `posegrid schema pipeline` shows
+//! what each key means.
 
 use std::path::PathBuf;
 
@@ -17,20 +18,15 @@ pub struct PlanSection {
     /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees (mm of a joint that slides). Where `[grid]` states no
     /// orientation, the target's orientation there is the table's.
     pub home_deg: Vec<f64>,
-    /// Intended place of the tracker: the arm's base in its frame, to the decimetre.
     pub tracker_from_base: Placement,
     pub seed: u64,
     pub robots: usize,
     pub whole_model_robots: usize,
     pub test_poses: usize,
-    /// Share of robots that has to meet the tolerance, and the confidence of that.
     pub robots_meet: Coverage,
     pub candidates: usize,
-    /// Numbers of poses at which designs are compared; the smallest that meets the tolerance becomes the plan.
     pub poses: Vec<usize>,
-    /// Random poses are turned away from the table's orientation by up to this angle, degrees.
     pub cone_deg: f64,
-    /// Number of stations after which a few early poses are visited again, which shows the drift of the base; 0 for never.
     pub drift_check_every: usize,
     pub verify_poses: usize,
     /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: a larger angle gives
@@ -74,10 +70,8 @@ impl Default for PlanSection {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KnownSection {
-    /// A `calibrations` table of the run that identified it, relative to the pipeline file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibrations: Option<PathBuf>,
-    /// Or a session (or `pooled`) of the same robot, whose current run in the lake is taken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
     pub base: BaseMounted,
@@ -110,12 +104,9 @@ pub enum TargetMounted {
 #[serde(deny_unknown_fields, default)]
 pub struct ConstraintsSection {
     pub limit_margin_deg: f64,
-    /// Least distance to a singularity, as the smallest of the three factors (0 at it, about 1 far from it).
     pub least_singularity_factor: f64,
     pub keep_out: Vec<KeepOutSection>,
-    /// Distance that the lines between joint origins keep from these boxes, mm: half of the arm's thickness and more.
     pub keep_out_margin_mm: f64,
-    /// The conditions under which the tracker sees the target. Absent: it sees it from everywhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line_of_sight: Option<LineOfSightSection>,
 }
@@ -131,12 +122,9 @@ pub struct KeepOutSection {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LineOfSightSection {
-    /// Direction in which the target faces, along the tool's axes.
     pub facing: [f64; 3],
-    /// Largest angle between that direction and the direction to the tracker, degrees.
     pub acceptance_deg: f64,
     pub range_mm: [f64; 2],
-    /// Distance that the beam keeps from the lines between joint origins, mm: half of the arm's thickness.
     pub link_radius_mm: f64,
 }
 
@@ -157,23 +145,14 @@ impl Default for ConstraintsSection {
 #[serde(deny_unknown_fields, default)]
 pub struct Expect {
     pub length_sd_mm: f64,
-    /// Link angles and joint zeros, degrees.
     pub angle_sd_deg: f64,
-    /// Slow part of each joint's error curve, µrad.
     pub slow_curve_urad: f64,
-    /// Its fast part, µrad.
     pub fast_curve_urad: f64,
-    /// A gear's sine, µrad.
     pub gear_line_urad: f64,
-    /// Backlash, µrad.
     pub backlash_urad: f64,
-    /// Settling error: how far the controller stops before its command, µrad.
     pub stops_short_urad: f64,
-    /// Repeatability: the part of a joint's position that a visit does not repeat, µrad.
     pub repeatability_urad: f64,
-    /// Deflection of a typical joint when the whole arm is stretched out level, µrad.
     pub sag_urad: f64,
-    /// Difference between the real and the intended place of the target at the flange, mm.
     pub target_sd_mm: f64,
     pub base_drift_mm: f64,
     pub lost_share: f64,

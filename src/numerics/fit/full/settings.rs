@@ -1,5 +1,5 @@
 //! The `[fit.full]` section: the start of the full error model. Sizes are starting points that the session's own
-//! likelihood replaces; lengths are fixed.
+//! likelihood replaces; lengths are fixed. `posegrid schema pipeline` shows what each key means.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,18 +32,14 @@ pub struct FullSettings {
     pub gravity: bool,
     pub gear_lines: bool,
     pub drift: bool,
-    /// Whether a command–feedback weight is estimated (needs commanded orientations).
     pub command_weight: bool,
     pub short_length_deg: f64,
     pub long_length_deg: f64,
-    /// Period of joint curves, in turns: 1 for gears that repeat with the joint, 2 or more for those that do not
-    /// within the joint's range.
     pub curve_period_turns: u32,
     pub harmonics: usize,
     pub curve_sd_rad: f64,
     #[serde(skip_serializing_if = "is_usual_length")]
     pub slide_length_mm: [f64; 2],
-    /// Expected size of each kernel of the curve of a joint that slides, and of its deflection under the weight it carries, mm.
     #[serde(skip_serializing_if = "is_usual_size")]
     pub slide_sd_mm: f64,
     /// Expected compliance, rad per m of lever.
@@ -53,14 +49,12 @@ pub struct FullSettings {
     /// reaches 9.
     pub line_threshold: f64,
     pub drift_sd_mm: f64,
-    /// Smoothness of the base drift, stations.
     pub drift_length_stations: f64,
     pub command_weight_sd: f64,
     /// Expected size of the approach-direction offset, rad; m where the joint slides.
     pub approach_offset_sd_rad: f64,
     pub session_command_weight_sd: f64,
     pub session_curve_sd_rad: f64,
-    /// Smoothness of that change, degrees.
     pub session_length_deg: f64,
     /// Standard deviation of a session's own scale, ppm: the instrument's length unit, the air, and how warm the arm is (11 to
     /// 24 ppm per kelvin). It is fixed, because a session's stations cannot separate lengths and scale; 0 for no scale.
@@ -70,7 +64,6 @@ pub struct FullSettings {
     /// Whether stations are weighted by a Student t of their leave-one-out residual: 0 for no, any other number for yes; its
     /// degrees of freedom are found from the residuals.
     pub student_t: f64,
-    /// Joints that were repaired: a session before says nothing of such a joint as it is now.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub repaired: Vec<Repair>,
 }

@@ -9,12 +9,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointFields {
-    /// The message's own stamp, for `time = "header"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub names: Option<String>,
-    /// The array of joint angles, as many as names; or the angle of each joint of the arm, in the arm's order.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angles: Option<AngleFields>,
 }
@@ -35,13 +33,10 @@ pub enum AngleFields {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PoseFields {
-    /// The message's own stamp, for `time = "header"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
-    /// Path of the measured target's name or number, where `[tracker] targets` tells targets by it: one of the message, or of each
-    /// element of an array (`markers[].id`), whose poses then have paths through the array too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -58,10 +53,8 @@ pub struct PoseFields {
     pub qz: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub qw: Option<String>,
-    /// An array of 9 (x y z) or 36 (x y z and three rotations) numbers, row by row.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covariance: Option<String>,
-    /// Path of the temperature (°C) in messages of the topic `[tracker] temperature`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<String>,
 }

@@ -12,22 +12,16 @@ pub struct LengthColumns {
     pub name: String,
     pub reads: LengthRead,
     pub column: String,
-    /// Unit of that column, and of the column `sd`.
     pub unit: LengthUnit,
     pub sd_mm: f64,
-    /// Column of the standard deviation, for readings that state one; absent: `sd_mm` of all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<String>,
-    /// Name of the target that it reads; absent: the main one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// The base or the floor, on which its anchor or plane stands; absent where no references on the base show motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<StandsOn>,
-    /// The anchor's place in the base's frame; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<KnownPlace>,
-    /// The reading at no distance; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<KnownOffset>,
 }
@@ -38,26 +32,19 @@ pub struct LengthColumns {
 pub struct LoggedLength {
     pub name: String,
     pub reads: LengthRead,
-    /// Topic of its readings; several instruments may share one.
     pub topic: String,
-    /// Path of the length in a message; absent: that of a common message type.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
-    /// Path of the stamp in a message; absent: that of a common message type, or a usual one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
     pub unit: LengthUnit,
     pub sd_mm: f64,
-    /// Name of the target that it reads; absent: the main one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// The base or the floor, on which its anchor or plane stands; absent where no references on the base show motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<StandsOn>,
-    /// The anchor's place in the base's frame; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<KnownPlace>,
-    /// The reading at no distance; absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<KnownOffset>,
 }
@@ -96,7 +83,6 @@ pub struct KnownPlace {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownOffset {
-    /// The reading, mm; minus the radius where a sphere around the anchor is touched.
     pub mm: f64,
     pub sd_mm: f64,
 }

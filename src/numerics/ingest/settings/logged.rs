@@ -14,7 +14,6 @@ use super::{StandsOn, TrackerSettings, WrongFields};
 #[serde(deny_unknown_fields)]
 pub struct LoggedTarget {
     pub name: String,
-    /// Topic of its readings. Absent: that of `[tracker]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -27,10 +26,8 @@ pub struct LoggedTarget {
 pub struct LoggedReference {
     pub name: String,
     pub on: StandsOn,
-    /// Topic of its readings. Absent: that of `[tracker]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub topic: Option<String>,
-    /// Its name or number in messages, at the path `fields.target`. Absent: every message of its topic is of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub is: Option<TargetName>,
 }

@@ -18,33 +18,24 @@ use crate::geometry::RotationOrder;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationsSettings {
-    /// The character between cells. Absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub separator: Option<char>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decimal: Option<char>,
-    /// The sheet of a workbook. Absent: its first one with a table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<String>,
-    /// Line of the header, from 1. Absent: found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub header: Option<u64>,
-    /// The value of each reported joint, from base to flange.
     pub joints: Vec<String>,
     pub joint_unit: AngleUnit,
-    /// Unit of the joints that slide; absent for an arm without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_unit: Option<LengthUnit>,
-    /// Column with the name of a row's session, where one table holds several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub session: Option<String>,
-    /// Column with the name of a row's robot, where one table holds several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
-    /// Column with the name of a row's station. A long table needs it; elsewhere no two rows may have one name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub station: Option<String>,
-    /// Column with the name of a row's target: each row has one reading, and the rows of a station belong together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
     /// Names of the targets in the column `target`, the main one first.
@@ -55,7 +46,6 @@ pub struct StationsSettings {
     pub time: Option<TimeColumn>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature: Option<String>,
-    /// Numbers that stand for a missing reading; so do blanks, and a position of three zeros.
     #[serde(default = "missing")]
     pub missing: Vec<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -108,19 +98,14 @@ pub struct PoseColumns {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReadingColumns {
-    /// The target's name. A single target needs none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// x, y and z in the instrument's frame.
     pub position: [String; 3],
     pub unit: LengthUnit,
-    /// Standard deviations of x, y and z, in the same unit: of a single sample where `samples` is given, otherwise of the reading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<[String; 3]>,
-    /// Covariance of the position in the square of that unit, or of the whole pose; it replaces the instrument's uncertainty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceColumns>,
-    /// Number of samples in the reading. Absent: one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -171,7 +156,6 @@ pub struct ReferenceColumns {
     /// x, y and z in the instrument's frame; absent in a long table, whose rows have the columns of `measured`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position: Option<[String; 3]>,
-    /// Their unit; absent where `position` is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<LengthUnit>,
 }
