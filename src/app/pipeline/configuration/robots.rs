@@ -308,10 +308,14 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
 }
 
 fn robots_error(path: &Path, table: Option<&Path>, reason: String) -> ConfigurationError {
-    let table = table.map(|table| {
-        format!("{}, the table of robots that [input] robots names: ", table.display())
-    });
-    ConfigurationErrorKind::Fault(table.unwrap_or_default() + &reason).at(path)
+    let fault = match table {
+        None => reason,
+        Some(table) => {
+            let table = table.display();
+            format!("{table}, the table of robots that [input] robots names: {reason}")
+        }
+    };
+    ConfigurationErrorKind::Fault(fault).at(path)
 }
 
 #[cfg(test)]
