@@ -227,10 +227,10 @@ impl Stated {
     fn read(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self, PlanningError> {
         let read = files::read(path, robot)?;
         let file = &read.file;
-        let missing = ConfigurationErrorKind::Missing {
-            key: "[plan]",
-            reason: "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base",
-        };
+        let missing = ConfigurationErrorKind::missing(
+            "[plan]",
+            "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base",
+        );
         let section = file.plan.clone().ok_or_else(|| missing.at(path))?;
         check(path, &section, read.arm.joints().len())?;
         let settings = Placed::new(path, file, &section)?.settings(&read.arm, file, &section)?;
