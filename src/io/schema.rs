@@ -14,6 +14,9 @@ use arrow::datatypes::{DataType, Field, TimeUnit};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// The time zone of moments, as their type states it.
+pub const UTC: &str = "UTC";
+
 /// The columns that every published table begins with.
 pub const KEY_COLUMNS: [&str; 3] = ["robot", "session", "run"];
 
@@ -100,7 +103,7 @@ pub enum ColumnType {
     /// Text, or one of the allowed words.
     #[serde(rename = "string")]
     String,
-    /// A moment of wall time, UTC, to the microsecond. Without time zone: readers show it as it is.
+    /// A moment of wall time to the microsecond, with UTC in its type.
     #[serde(rename = "timestamp")]
     Timestamp,
     /// A list of finite numbers.
@@ -294,7 +297,7 @@ impl ColumnType {
             Self::Float64 => DataType::Float64,
             Self::Int64 => DataType::Int64,
             Self::Bool => DataType::Boolean,
-            Self::Timestamp => DataType::Timestamp(TimeUnit::Microsecond, None),
+            Self::Timestamp => DataType::Timestamp(TimeUnit::Microsecond, Some(UTC.into())),
             Self::String => DataType::Utf8,
             Self::ListFloat64 => list(DataType::Float64),
             Self::ListInt64 => list(DataType::Int64),

@@ -31,7 +31,7 @@ import pyarrow.parquet
 import schemas
 
 ARROW_TYPES = {
-    "timestamp": "timestamp[us]",
+    "timestamp": "timestamp[us, tz=UTC]",
     "float64": "double",
     "int64": "int64",
     "bool": "bool",
@@ -41,7 +41,7 @@ ARROW_TYPES = {
     "list<string>": "list<element: string not null>",
 }
 POLARS_TYPES = {
-    "timestamp": polars.Datetime("us"),
+    "timestamp": polars.Datetime("us", "UTC"),
     "float64": polars.Float64,
     "int64": polars.Int64,
     "bool": polars.Boolean,
@@ -51,7 +51,7 @@ POLARS_TYPES = {
     "list<string>": polars.List(polars.String),
 }
 DUCKDB_TYPES = {
-    "timestamp": "TIMESTAMP",
+    "timestamp": "TIMESTAMP WITH TIME ZONE",
     "float64": "DOUBLE",
     "int64": "BIGINT",
     "bool": "BOOLEAN",
@@ -148,7 +148,7 @@ def digest(schema, table, metadata):
         values = [value for row in there for value in row] if is_list else there
         kind = column["type"].removeprefix("list<").removesuffix(">")
         if kind == "timestamp":
-            values = [(value - datetime.datetime(1970, 1, 1)) // datetime.timedelta(microseconds=1) for value in values]
+            values = [(value - datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)) // datetime.timedelta(microseconds=1) for value in values]
         if kind in ("float64", "int64", "timestamp"):
             form = "<d" if kind == "float64" else "<q"
             content = blake3.blake3(b"".join(struct.pack(form, value) for value in values)).digest()

@@ -1,3 +1,4 @@
+SET TimeZone = 'UTC';                                       -- moments are shown, and months counted, in UTC
 CREATE MACRO stands_where(file, robot, session, run) AS     -- whether a file stands where its rows say
     list_transform(string_split(file, '/')[-3:], lambda part: url_decode(part)) = [robot, session, run || '.parquet'];
 SET VARIABLE state = (SELECT max(file) FROM glob('lake/compact/states/*.jsonl'));           -- the newest state names the files
@@ -13,6 +14,6 @@ SELECT * FROM read_parquet(getvariable('accuracy_files'), filename = true, union
 WHERE starts_with(filename, 'lake/compact/') OR stands_where(filename, robot, session, run);
 CREATE VIEW asked AS                                        -- requests that changed the current run, none of earlier versions
 SELECT robot, session, run, number, replaced, asked_at FROM (
-    SELECT NULL::BIGINT AS number, NULL::VARCHAR AS replaced, NULL::TIMESTAMP AS asked_at WHERE false UNION ALL BY NAME
+    SELECT NULL::BIGINT AS number, NULL::VARCHAR AS replaced, NULL::TIMESTAMPTZ AS asked_at WHERE false UNION ALL BY NAME
     SELECT * FROM read_parquet(coalesce(getvariable('asked_files'), getvariable('run_files')), filename = true, union_by_name = true))
 WHERE starts_with(filename, 'lake/compact/asked/') OR stands_where(filename, robot, session, format('{:08d}', number));

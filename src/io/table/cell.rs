@@ -8,7 +8,7 @@ use arrow::array::{
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field, FieldRef};
 
-use crate::schema::ColumnType;
+use crate::schema::{ColumnType, UTC};
 use crate::units::WallTime;
 
 /// A value or an absent one: `f64`, `Option<f64>`, `&str`, `Option<Vec<f64>>` and the like.
@@ -58,7 +58,7 @@ impl Value for WallTime {
     const KIND: ColumnType = ColumnType::Timestamp;
     fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
         let micros = values.map(|value| value.map(Self::us));
-        Ok(Arc::new(micros.collect::<TimestampMicrosecondArray>()))
+        Ok(Arc::new(micros.collect::<TimestampMicrosecondArray>().with_timezone(UTC)))
     }
 }
 

@@ -9,9 +9,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, RecordBatch, new_null_array};
+use arrow::array::{ArrayRef, AsArray as _, RecordBatch, new_null_array};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
-use arrow::datatypes::DataType;
+use arrow::datatypes::{DataType, TimeUnit, TimestampMicrosecondType};
 use arrow::error::ArrowError;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::errors::ParquetError;
@@ -21,7 +21,7 @@ use super::error::{plain, plain_values};
 use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::input::{self, Bound};
 use crate::manifest::RunKey;
-use crate::schema::{ColumnSchema, Role, TableSchema};
+use crate::schema::{ColumnSchema, Role, TableSchema, UTC};
 use crate::stated;
 
 struct Entries(Vec<(String, String)>);
@@ -328,7 +328,7 @@ fn columns(
     let nothing = |column: &ColumnSchema| new_null_array(&column.kind.arrow(), batch.num_rows());
     let find = |column: &ColumnSchema| match batch.column_by_name(&column.name) {
         Some(array) if accepted => Some(widened(array, &column.kind.arrow())),
-        Some(array) => Some(Arc::clone(array)),
+        Some(array) => Some(in_utc(array)),
         None if column.nullable && (accepted || !column.is_in(version)) => Some(nothing(column)),
         None => None,
     };
@@ -356,6 +356,17 @@ fn names_are_clear<'n>(
         }
     }
     Ok(())
+}
+
+/// Moments with UTC in their type: earlier versions wrote theirs without a time zone.
+fn in_utc(array: &ArrayRef) -> ArrayRef {
+    match array.data_type() {
+        DataType::Timestamp(TimeUnit::Microsecond, None) => {
+            let moments = array.as_primitive::<TimestampMicrosecondType>();
+            Arc::new(moments.clone().with_timezone(UTC))
+        }
+        _ => Arc::clone(array),
+    }
 }
 
 /// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its
