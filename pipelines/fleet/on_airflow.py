@@ -8,7 +8,6 @@ A task that a fault or a lost worker ended is done again. Sessions without a res
 """
 
 import os
-import subprocess
 from argparse import Namespace
 from datetime import datetime, timedelta
 
@@ -35,8 +34,10 @@ def posegrid_fleet():
     @task(**RETRIES)
     def listed():
         """The tasks that are to be done, in shares; a share is a task each where there are few."""
-        found = subprocess.run(command("tasks"), stdout=subprocess.PIPE, encoding="utf-8", check=True)
-        lines = [line for line in found.stdout.split("\n") if line]
+        try:
+            lines = tasks.listing(command("tasks"))
+        except tasks.Refused as refused:
+            raise AirflowFailException(f"the tasks cannot be listed: {refused}") from None
         return [lines[first::SHARES] for first in range(min(SHARES, len(lines)))]
 
     @task(**RETRIES)

@@ -37,8 +37,7 @@ def main():
             if future.status == "finished":
                 return future.result()
             # Cancelled with its scheduler, or failed for good.
-            reason = "the scheduler was lost" if future.cancelled() else str(future.exception())
-            return tasks.unfinished(futures[future], "fault", reason)
+            return tasks.lost(futures[future], "the scheduler was lost" if future.cancelled() else future.exception())
 
         code = tasks.tell(row(future) for future in as_completed(futures))
     if not given.scheduler:

@@ -36,7 +36,9 @@ def main():
                 try:
                     yield ray.get(future)
                 except ray.exceptions.RayError as error:
-                    yield tasks.unfinished(line, "fault", str(error).strip().split("\n")[-1])
+                    # Ray's text ends with what happened.
+                    said = str(error).strip()
+                    yield tasks.lost(line, said.split("\n")[-1] + "\n" + said)
 
     code = tasks.tell(rows(), out)
     ray.shutdown()

@@ -122,9 +122,7 @@ class Ray(Cluster):
 
 
 class Spark(Cluster):
-    """A standalone master, and two workers of one core. The script has the scheduler of its tasks, and is lost with the master."""
-
-    ends_script = True
+    """A standalone master that keeps its state, and two workers of one core: master alone is started anew, and scripts go on."""
 
     def __init__(self, folder):
         super().__init__(folder)
@@ -133,9 +131,18 @@ class Spark(Cluster):
         home = pathlib.Path(pyspark.__file__).parent
         self.spark_class = home / "bin" / "spark-class"
         self.environment |= {"SPARK_HOME": str(home), "PYSPARK_PYTHON": sys.executable, "SPARK_LOCAL_IP": "127.0.0.1"}
+        state = folder / "spark-state"
+        for kept in (folder / "spark", state):
+            shutil.rmtree(kept, ignore_errors=True)
         # Two scripts are two applications: unless each has a share, the second waits until the first has ended.
-        self.environment["SPARK_MASTER_OPTS"] = "-Dspark.deploy.defaultCores=1"
-        shutil.rmtree(folder / "spark", ignore_errors=True)
+        recovery = f"-Dspark.deploy.recoveryMode=FILESYSTEM -Dspark.deploy.recoveryDirectory={state}"
+        self.environment["SPARK_MASTER_OPTS"] = f"-Dspark.deploy.defaultCores=1 {recovery}"
+
+    def restarts(self):
+        """Kills the master, and starts it anew; its workers come back to it."""
+        killed(self.scheduler)
+        self.scheduler = self.started(self.scheduler_command())
+        self.waited()
 
     @property
     def address(self):

@@ -26,5 +26,6 @@ pub fn done(own: FleetPiece<'_>, lake: &Lake) -> Done {
         corrects: None,
         tables: lake.root(),
         page: None,
+        took: None,
     }
 }

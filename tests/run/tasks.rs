@@ -83,3 +83,16 @@ fn a_task_that_cannot_be_done_says_whether_to_do_it_again() {
     ended(posegrid().arg("task").arg(cell.pipeline()).args(robot))
         .expect(0, &["\"ended\":\"done\""]);
 }
+
+#[test]
+fn a_session_that_changed_just_now_is_a_task_and_says_what_the_next_may_take() {
+    let cell = Cell::new().with_quickstart("mon");
+    let first = listed(&cell).remove(0);
+    assert_eq!((value(&first)["expected_mb"].as_f64(), listed(&cell).len()), (Some(600.0), 1));
+    done(&cell, &first).expect(0, &["\"ended\":\"done\""]);
+    let cell = cell.with_quickstart("tue");
+    let [second] = &listed(&cell)[..] else {
+        panic!("mon is done, and tue is not");
+    };
+    assert!(value(second)["expected_s"].as_f64() < value(&first)["expected_s"].as_f64());
+}

@@ -33,7 +33,7 @@ Examples:
   posegrid tasks fleet.toml --plans
 
 A line of JSON for each task: its id, robot and session, the sessions that it learns from and is judged on, the size of their files,
-and the time and memory that it may take. The id follows from names, sizes and tags or times of the files, from the settings and from
+and the time and memory that it may take, by what runs of the lake took. The id follows from names, sizes and tags or times of the files, from the settings and from
 this version: no log is opened. Work that is known as done is not listed; sessions that wait or cannot be used are told on stderr.
 --plans lists the plans before measuring instead ([plan]), one for each robot whose plan the lake does not have.
 
@@ -99,16 +99,16 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
         let reason = aside.why.reason();
         tracing::warn!("{how} {}: {}", Printable(&aside.session), Printable(reason));
     }
-    let (open, unsettled) = tasks::open(&fleet, &known);
+    let (open, without) = tasks::open(&fleet, &known);
     if let Err(error) = known.keep_gathered() {
         tracing::warn!(
             "what single tasks did cannot be gathered in the index of finished work, and is read again next time: {}",
             Printable(&error.to_string())
         );
     }
-    for label in unsettled {
+    for label in without {
         tracing::warn!(
-            "waits {}: its files changed just now, or later than this machine's clock says that it is",
+            "failed {}: a file of it is gone, or its storage has no tag that tells when it changes; list the tasks again",
             Printable(&label)
         );
     }

@@ -12,6 +12,9 @@ mod mounting;
 pub mod publish;
 mod results;
 mod session;
+mod took;
+
+use std::time::Instant;
 
 use nalgebra::Isometry3;
 
@@ -45,6 +48,7 @@ pub(super) use known::files_of;
 use publish::publish;
 use results::{Found, Results};
 pub(super) use session::session;
+pub use took::{Size, Took};
 
 #[derive(Debug, Clone)]
 pub struct Done {
@@ -73,6 +77,8 @@ pub struct Done {
     pub tables: Place,
     /// Place of its page; `None` for runs of versions without pages.
     pub page: Option<Place>,
+    /// Time and memory of the work; `None` of a run that the lake had already.
+    pub took: Option<Took>,
 }
 
 impl Done {
@@ -112,6 +118,7 @@ impl Done {
             corrects: None,
             tables: lake.root(),
             page: None,
+            took: None,
         }
     }
 }
@@ -131,7 +138,10 @@ pub fn run_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    with_files(configuration, piece, |piece| run_local(configuration, piece, progress))
+    let begun = Instant::now();
+    let done = with_files(configuration, piece, |piece| run_local(configuration, piece, progress))?;
+    let took = (!done.already_there).then(|| Took::since(begun, Size::of(configuration, piece)));
+    Ok(Done { took, ..done })
 }
 
 /// The result of a stage of a piece of work, for later runs to start from: of its first session, where it is joined. Fetched likewise.

@@ -8,18 +8,13 @@ pub mod plans;
 
 use serde::{Deserialize, Serialize};
 
-use super::configuration::{SessionFiles, Tree, WorkPiece};
+use std::collections::BTreeMap;
+
+use super::configuration::{SessionFiles, WorkPiece};
 use super::fleet::{Fleet, FleetPiece};
-use super::run::{Done, Known, files_of, run_piece};
+use super::run::{Done, Known, Size, Took, run_piece};
 use crate::manifest::VERSION;
 use crate::progress::Progress;
-
-/// Seconds of one core that a session to learn from takes beside the reading of its files, about.
-const SECONDS_A_SESSION: f64 = 30.0;
-/// Megabytes of logs that are read in a second, about.
-const MEGABYTES_A_SECOND: f64 = 30.0;
-/// Megabytes of memory that work takes whatever its sessions are, and for each session to learn from, about.
-const MEGABYTES: [f64; 2] = [400.0, 200.0];
 
 /// A piece of work, as it is listed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,7 +30,7 @@ pub struct Task {
     pub judged_on: Vec<String>,
     /// Size of its files, bytes.
     pub bytes: u64,
-    /// Time that it may take on one core, s: to share work out by, not to rely on.
+    /// Time that it may take, s, by what runs of the lake took: to share work out by, not to rely on.
     pub expected_s: f64,
     /// Memory that it may take, MB, likewise.
     pub expected_mb: f64,
@@ -72,30 +67,33 @@ pub enum How {
     Fault,
 }
 
-/// The tasks of a fleet that are not known as done, in the order of its pieces; and the sessions that have no state yet, as they changed
-/// in the last moments.
+/// The tasks of a fleet that are not known as done, in the order of its pieces; and the sessions that have no state, as a file of theirs is
+/// gone or has no tag.
 pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
-    let (mut tasks, mut unsettled) = (Vec::new(), Vec::new());
-    let state = |own: FleetPiece<'_>| known.state(own.configuration, own.piece);
+    let (mut tasks, mut without) = (Vec::new(), Vec::new());
+    let state = |own: FleetPiece<'_>| known.state_now(own.configuration, own.piece);
     let states: Vec<Option<String>> = fleet.pieces().into_iter().map(state).collect();
     known.gather(states.iter().flatten().cloned());
+    let mut took: BTreeMap<Option<&str>, Vec<Took>> = BTreeMap::new();
     for (own, state) in fleet.pieces().into_iter().zip(states) {
         match state {
-            None => unsettled.push(own.label()),
-            Some(state) if known.told(&state).is_none() => tasks.push(task(own, state)),
+            None => without.push(own.label()),
+            Some(state) if known.told(&state).is_none() => {
+                let robot = own.configuration.robot.as_deref();
+                let took = took.entry(robot).or_insert_with(|| known.took(robot));
+                tasks.push(task(own, state, took));
+            }
             Some(_) => {}
         }
     }
-    (tasks, unsettled)
+    (tasks, without)
 }
 
-fn task(own: FleetPiece<'_>, id: String) -> Task {
+fn task(own: FleetPiece<'_>, id: String, took: &[Took]) -> Task {
     let names = |files: &[SessionFiles]| files.iter().map(|own| own.name.clone()).collect();
     let WorkPiece { session, training, test } = own.piece;
-    let tree = &own.configuration.tree;
-    let bytes = training.iter().chain(test).map(|own| size(tree, own)).sum();
-    let megabytes = bytes as f64 * 1e-6;
-    let sessions = training.len() as f64;
+    let size = Size::of(own.configuration, own.piece);
+    let expected = size.expected(took);
     Task {
         id,
         version: VERSION.to_owned(),
@@ -103,15 +101,10 @@ fn task(own: FleetPiece<'_>, id: String) -> Task {
         session: session.clone(),
         learns_from: names(training),
         judged_on: names(test),
-        bytes,
-        expected_s: (SECONDS_A_SESSION * sessions + megabytes / MEGABYTES_A_SECOND).round(),
-        expected_mb: (MEGABYTES[0] + MEGABYTES[1] * sessions).round(),
+        bytes: size.bytes,
+        expected_s: (10.0 * expected.seconds).ceil() / 10.0,
+        expected_mb: expected.megabytes.ceil(),
     }
-}
-
-/// Size of a session's files, bytes; those whose size is not known count nothing.
-fn size(tree: &Tree, session: &SessionFiles) -> u64 {
-    files_of(session).map(|path| tree.size(path).unwrap_or(0)).sum()
 }
 
 /// Does the task of that id among the pieces of a fleet, unless it is known as done and current.
@@ -123,6 +116,9 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
     let Some(own) = fleet.pieces().into_iter().find(is_it) else {
         return no_such(id);
     };
+    if known.settled_state(own.configuration, own.piece).as_deref() != Some(id) {
+        return no_such(id);
+    }
     if let Some(done) = known.told(id) {
         return ended(id, &done);
     }

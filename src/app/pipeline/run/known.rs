@@ -10,11 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::thread::sleep;
 use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use super::Done;
+use super::{Done, Took};
 use crate::io::input::{self, Bound};
 use crate::io::lake::{INDEX, Lake, LakeError, alone_key, request_key};
 use crate::io::store::Listed;
@@ -62,6 +63,9 @@ struct Told {
     reason: Option<String>,
     rejected: Vec<String>,
     has_page: bool,
+    /// `None` where the lake had the run before, or an earlier version made it.
+    #[serde(default)]
+    took: Option<Took>,
 }
 
 impl Known {
@@ -96,11 +100,20 @@ impl Known {
 
     /// The state of a piece of work; `None` where a file of it has none, as it changed in the last moments.
     pub fn state(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
-        let are_settled = piece.training.iter().chain(&piece.test);
-        let mut are_settled = are_settled.flat_map(files_of);
-        are_settled
-            .all(|path| is_settled(&configuration.tree, path))
-            .then(|| self.state_now(configuration, piece))?
+        are_settled(configuration, piece).then(|| self.state_now(configuration, piece))?
+    }
+
+    /// The state of a piece of work once none of its files can change in the moment that it states: where one changed just now, or later
+    /// than this machine's clock says that it is, after it was watched for as long as that takes.
+    pub fn settled_state(
+        &self,
+        configuration: &Configuration,
+        piece: &WorkPiece,
+    ) -> Option<String> {
+        if !are_settled(configuration, piece) {
+            sleep(SETTLED);
+        }
+        self.state_now(configuration, piece)
     }
 
     /// The state of a piece of work as its files are now, to be held against an earlier one: what had a state when it was listed
@@ -161,6 +174,17 @@ impl Known {
         });
         let mut gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
         gathered.extend(told);
+    }
+
+    /// Time and memory that runs of a robot took, or those of all robots where it has none.
+    pub fn took(&self, robot: Option<&str>) -> Vec<Took> {
+        let gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
+        let all = self.before.values().chain(gathered.values());
+        let all: Vec<(bool, Took)> = all
+            .filter_map(|own| Some((robot.is_some_and(|robot| own.robot == robot), own.took?)))
+            .collect();
+        let has_own = all.iter().any(|(is_own, _)| *is_own);
+        all.into_iter().filter(|(is_own, _)| *is_own || !has_own).map(|(_, took)| took).collect()
     }
 
     /// Adds what was gathered to the index as it is now, so that those files are not read again. There is no lock: of a batch that
@@ -271,6 +295,7 @@ impl Told {
             reason: done.reason.clone(),
             rejected: done.rejected.clone(),
             has_page: done.page.is_some(),
+            took: done.took,
         }
     }
 
@@ -345,6 +370,11 @@ fn of_file(tree: &Tree, path: &Path) -> Option<String> {
             ))
         }
     }
+}
+
+fn are_settled(configuration: &Configuration, piece: &WorkPiece) -> bool {
+    let mut files = piece.training.iter().chain(&piece.test).flat_map(files_of);
+    files.all(|path| is_settled(&configuration.tree, path))
 }
 
 /// Whether a file changed long enough ago for another change to have another time. Programs set the time of modification as they

@@ -21,6 +21,7 @@ fn done(verdict: Verdict) -> Box<Done> {
         corrects: Some(Place::of("lake/compensation/r/a b/00ff.parquet")),
         tables: Place::of("lake"),
         page: Some(Place::of("lake/report/r/a/00ff.html")),
+        took: None,
     })
 }
 
