@@ -62,6 +62,12 @@ impl<'t> Cursor<'t> {
         ends.map_or(0..0, |(first, last)| first.span().start..last.span().end)
     }
 
+    /// The line of the token that begins at a byte, or of the last before it.
+    pub fn line_at(&self, byte: usize) -> Option<u32> {
+        let behind = self.tokens.partition_point(|token| token.span().start <= byte);
+        self.tokens.get(behind.checked_sub(1)?).map(|token| token.line)
+    }
+
     pub fn is_empty(&self) -> bool {
         self.tokens.is_empty()
     }
@@ -276,6 +282,16 @@ fn based(text: &str) -> Option<f64> {
 }
 
 impl Value {
+    /// The first number that is written in it.
+    pub fn first_number(&self) -> Option<&Number> {
+        match self {
+            Self::Number(number) => Some(number),
+            Self::List(values) => values.iter().find_map(Self::first_number),
+            Self::Fields { fields, .. } => fields.iter().find_map(|(_, own)| own.first_number()),
+            Self::Name(_) | Self::Text | Self::Expression => None,
+        }
+    }
+
     pub const fn number(&self) -> Option<&Number> {
         match self {
             Self::Number(number) => Some(number),

@@ -108,14 +108,16 @@ impl Reading<'_> {
         let is_everywhere = inside.is_none() && !declaration.is_local;
         let scope = if is_everywhere { self.task(file) } else { scopes[0].clone() };
         let variable = self.common.names.declare(&scope, &declaration.name, &declaration.kind);
-        let Some(value) = declaration.value else {
+        let Some(declared) = declaration.value else {
             return;
         };
-        let span = value.span();
+        let span = declared.span();
         let mut all = Vec::new();
-        elements(value.value(), declaration.dimensions, &[], &mut all);
+        elements(declared.value(), declaration.dimensions, &[], &mut all);
         for (element, value) in all {
-            let written = Written { file, line: statement.line, value, span: span.clone() };
+            let first = value.first_number().map(|number| number.span.start);
+            let line = first.and_then(|first| declared.line_at(first)).unwrap_or(statement.line);
+            let written = Written { file, line, value, span: span.clone() };
             variable.values.entry(element).or_default().push(written);
         }
     }

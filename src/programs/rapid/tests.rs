@@ -161,6 +161,7 @@ fn arrays_and_what_is_passed_on_are_counted() {
     let programs = programs(body, more);
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["A[1]", "A[2]"]);
+    assert_eq!(programs.positions[1].line, programs.positions[0].line + 1);
     let computed: Vec<String> =
         programs.computed.iter().map(|own| format!("{} {}", own.word, own.text)).collect();
     assert_eq!(computed, ["WELD p10", "MOVEL CRobT()", "MOVEL *"]);
