@@ -93,7 +93,8 @@ impl State {
         self.slots[slot as usize] = to;
     }
 
-    fn join(&mut self, other: &Self) {
+    /// What holds on both of two ways.
+    pub fn join(&mut self, other: &Self) {
         for slot in Slot::ALL {
             let same = match (self.get(slot), other.get(slot)) {
                 (Ok(own), Ok(other)) => own == other,
@@ -211,6 +212,8 @@ pub trait Motions {
     fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known>;
     /// The motion happens in this state.
     fn happens(&mut self, motion: usize, state: &State);
+    /// A routine is called in this state.
+    fn calls(&mut self, routine: &str, state: &State);
 }
 
 #[derive(Debug, Clone, Default)]
@@ -406,7 +409,11 @@ impl<M: Motions> Walk<'_, M> {
             Step::Set(slot, to) => self.state.set(*slot, to.clone()),
             Step::Apply => self.apply(),
             Step::Move(motion) => self.motion(*motion),
-            Step::Call { routine, at } => self.state.after(&self.summaries.call(routine, at)),
+            Step::Call { routine, at } => {
+                self.state.after(&self.any_time);
+                self.motions.calls(routine, &self.state);
+                self.state.after(&self.summaries.call(routine, at));
+            }
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),

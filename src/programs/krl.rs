@@ -41,6 +41,8 @@ pub(crate) struct Reading<'f> {
     common: Common<'f>,
     /// Full names of all routines.
     local: BTreeSet<String>,
+    /// Those of them that only their own module calls.
+    private: BTreeSet<String>,
     /// Whether anything sets a tool that stands in the cell.
     any_fixed_tool: bool,
     /// Routines that interrupts call.
@@ -55,8 +57,13 @@ pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
         own.map(|(place, file)| (place, tokens(&file.bytes, &KRL))).collect();
     let give = "the .dat file that declares it";
     let common = Common::new(files, Vec::new(), Vec::new(), motion::shape, give);
-    let mut reading =
-        Reading { common, local: BTreeSet::new(), any_fixed_tool: false, interrupts: Vec::new() };
+    let mut reading = Reading {
+        common,
+        local: BTreeSet::new(),
+        private: BTreeSet::new(),
+        any_fixed_tool: false,
+        interrupts: Vec::new(),
+    };
     for pass in [Reading::data, Reading::touches, Reading::steps] {
         for (file, tokens) in &own {
             pass(&mut reading, *file, tokens);
@@ -89,11 +96,13 @@ impl Reading<'_> {
         changed[Slot::Mode as usize] = self.any_fixed_tool;
         let others = Others { harmless: steps::is_harmless, changed };
         let any_fixed_tool = self.any_fixed_tool;
-        self.common.walk(others, &self.interrupts, |routine| entry(routine, any_fixed_tool));
+        self.common.walk(others, &self.interrupts, &self.private, |routine| {
+            entry(routine, any_fixed_tool)
+        });
     }
 }
 
-/// What holds where a routine begins: nothing is known of its caller's frames.
+/// What holds where a routine begins that anyone may call: nothing is known of its caller's frames.
 fn entry(routine: &str, any_fixed_tool: bool) -> State {
     let routine = routine.to_owned();
     State::new(|slot| match slot {

@@ -1,5 +1,6 @@
 //! What is read of programs: their positions, and what each motion that uses one is in.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -214,6 +215,8 @@ impl Motion {
 pub(crate) struct Recorder<'r> {
     pub(crate) motions: &'r [Motion],
     pub(crate) positions: &'r mut [Position],
+    /// What holds at the calls of a routine so far.
+    pub(crate) entries: HashMap<String, State>,
 }
 
 impl crate::flow::Motions for Recorder<'_> {
@@ -226,6 +229,15 @@ impl crate::flow::Motions for Recorder<'_> {
                 Ok(on) => (**on == Setting::On(true)).then(|| motion.branch()),
                 Err(why) => Some(Err(why.clone())),
             },
+        }
+    }
+
+    fn calls(&mut self, routine: &str, state: &State) {
+        match self.entries.get_mut(routine) {
+            Some(entry) => entry.join(state),
+            None => {
+                self.entries.insert(routine.to_owned(), state.clone());
+            }
         }
     }
 

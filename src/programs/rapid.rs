@@ -148,7 +148,8 @@ impl Reading<'_> {
         let others = Others { harmless: steps::is_harmless, changed };
         let off = [self.any_displacement, self.any_offset];
         let conf = self.any_conf_off;
-        self.common.walk(others, &self.traps, |routine| entry(routine, off, conf));
+        let none = BTreeSet::new();
+        self.common.walk(others, &self.traps, &none, |routine| entry(routine, off, conf));
         self.refuse_several_tasks();
     }
 }

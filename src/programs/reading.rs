@@ -1,9 +1,9 @@
 //! What the readers of all dialects share: positions that motions name, routines, and the walk through them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use crate::flow::{Others, Routine, State, Summaries, walk};
+use crate::flow::{Others, Routine, State, Step, Summaries, walk};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Position, Recorder, Shape, Target};
@@ -157,7 +157,7 @@ impl<'f> Common<'f> {
     }
 
     /// Adds a motion, and its computed targets to those.
-    pub(crate) fn moves(&mut self, motion: Motion) -> crate::flow::Step {
+    pub(crate) fn moves(&mut self, motion: Motion) -> Step {
         let (file, line) = (motion.file, motion.line);
         for target in &motion.targets {
             if let Target::Computed(text) = target {
@@ -166,7 +166,7 @@ impl<'f> Common<'f> {
             }
         }
         self.motions.push(motion);
-        crate::flow::Step::Move(self.motions.len() - 1)
+        Step::Move(self.motions.len() - 1)
     }
 
     /// A routine's full name: of its own module first.
@@ -207,20 +207,30 @@ impl<'f> Common<'f> {
         }
     }
 
-    /// Walks all routines; `interrupts` are those that run at any time.
+    /// Walks all routines, callers first; `interrupts` are those that run at any time. A routine of `private` is called from the files
+    /// alone, and begins with what holds at all of its calls.
     pub(crate) fn walk(
         &mut self,
         others: Others,
         interrupts: &[String],
+        private: &BTreeSet<String>,
         entry: impl Fn(&str) -> State,
     ) {
-        let mut recorder = Recorder { motions: &self.motions, positions: &mut self.positions };
+        let order = self.callers_first(private);
+        let positions = &mut self.positions;
+        let mut recorder = Recorder { motions: &self.motions, positions, entries: HashMap::new() };
         let summaries = Summaries::new(&self.routines, &recorder, others);
         let any_time = summaries.at_any_time(interrupts);
-        for routine in self.routines.values() {
-            let name = routine.name.rsplit('/').next().unwrap_or_default();
+        for (full, is_open) in order {
+            let Some(routine) = self.routines.get(&full) else {
+                continue;
+            };
+            let name = full.rsplit('/').next().unwrap_or_default();
+            let is_open = is_open || interrupts.contains(&full);
+            let called = recorder.entries.remove(&full).filter(|_| !is_open);
+            let entry = called.unwrap_or_else(|| entry(name));
             let before: Vec<usize> = recorder.positions.iter().map(|own| own.uses.len()).collect();
-            if !walk(routine, &summaries, &entry(name), &any_time, &mut recorder) {
+            if !walk(routine, &summaries, &entry, &any_time, &mut recorder) {
                 let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
                 for (position, before) in recorder.positions.iter_mut().zip(before) {
                     for own in &mut position.uses[before..] {
@@ -230,6 +240,42 @@ impl<'f> Common<'f> {
             }
         }
         self.names.forbid(&mut self.positions);
+    }
+
+    /// Names of all routines, each behind those that call it; true for those that are called from elsewhere too, or in a circle.
+    fn callers_first(&self, private: &BTreeSet<String>) -> Vec<(String, bool)> {
+        let calls = |routine: &Routine| {
+            let callee = |step: &Step| match step {
+                Step::Call { routine, .. } if private.contains(routine) => Some(routine.clone()),
+                _ => None,
+            };
+            routine.steps.iter().filter_map(callee).collect::<BTreeSet<String>>()
+        };
+        let calls: BTreeMap<&String, BTreeSet<String>> =
+            self.routines.iter().map(|(name, routine)| (name, calls(routine))).collect();
+        let mut open: HashMap<&str, usize> = HashMap::new();
+        for callee in calls.values().flatten() {
+            *open.entry(callee).or_default() += 1;
+        }
+        let is_ready = |name: &&String| !open.contains_key(name.as_str());
+        let mut ready: Vec<String> = self.routines.keys().filter(is_ready).cloned().collect();
+        let mut order = Vec::new();
+        while let Some(name) = ready.pop() {
+            for callee in calls.get(&name).into_iter().flatten() {
+                if let Some(left) = open.get_mut(callee.as_str()) {
+                    *left -= 1;
+                    if *left == 0 {
+                        ready.push(callee.clone());
+                    }
+                }
+            }
+            let is_open = !private.contains(&name);
+            order.push((name, is_open));
+        }
+        let done: BTreeSet<String> = order.iter().map(|(name, _)| name.clone()).collect();
+        let rest = self.routines.keys().filter(|name| !done.contains(*name));
+        order.extend(rest.map(|name| (name.clone(), true)));
+        order
     }
 }
 

@@ -115,7 +115,7 @@ impl Reading<'_> {
         for line in lines(tokens) {
             let cursor = Cursor::new(&own.bytes, line);
             if let Some((name, parameters, is_global)) = routine(cursor) {
-                self.routine(file, &name, parameters, is_global);
+                self.routine(file, &name, parameters, is_global || inside.is_none());
                 inside = Some(name);
             } else if let Some(statement) = statement(cursor) {
                 let name = cursor.peek_name().unwrap_or_default();
@@ -145,9 +145,10 @@ impl Reading<'_> {
     fn routine(&mut self, file: usize, name: &str, parameters: Cursor<'_>, is_global: bool) {
         let scope = format!("{}/{name}", self.module(file));
         self.local.insert(scope.clone());
-        let is_first = self.common.files[file].stem() == *name;
-        if is_first || is_global {
+        if is_global {
             self.common.global.entry(name.to_owned()).or_default().push(scope.clone());
+        } else {
+            self.private.insert(scope.clone());
         }
         let mut rest = parameters;
         rest.take_sign(b'(');

@@ -130,6 +130,12 @@ fn what_is_not_known_is_refused_by_name() {
         ),
         (format!("{set}IF N==1 THEN\r\n{ptp}"), "the blocks of routine P do not close"),
         (
+            format!("{set}FIRST()\r\nBAS(#BASE,2)\r\nFIRST()\r\nEND\r\nDEF FIRST()\r\n{ptp}"),
+            "the base is another by the way",
+        ),
+        (format!("{set}FIRST()\r\nEND\r\nGLOBAL DEF FIRST()\r\n{ptp}"), "in routine FIRST"),
+        (format!("{set}FIRST()\r\nEND\r\nDEF FIRST()\r\n{ptp}\r\nFIRST()"), "in routine FIRST"),
+        (
             format!(
                 "INTERRUPT DECL 3 WHEN $IN[1] DO IR()\r\n{set}{ptp}\r\nEND\r\nDEF IR()\r\nBAS(#BASE,2)"
             ),
@@ -154,6 +160,9 @@ fn what_holds_on_every_way_is_known() {
         format!("{set}WAIT FOR $IN[1]\r\n$VEL.CP=0.5\r\nOUT($OUT[1])\r\n{set}PTP XP1"),
         format!("{set}LOCAL()\r\nPTP XP1\r\nEND\r\nDEF LOCAL()\r\nBAS(#BASE,1)\r\n$OUT[1]=TRUE"),
         format!("{set}$BASE={{X 5,Y 0,Z 0,A 0,B 0,C 0}}\r\nPTP XP1"),
+        format!(
+            "{set}FIRST()\r\n{set}SECOND()\r\nEND\r\nDEF FIRST()\r\nSECOND()\r\nEND\r\nDEF SECOND()\r\nPTP XP1"
+        ),
         format!("{set}PTP XP1:{{X 0,Y 0,Z -50,A 0,B 0,C 0}}"),
     ];
     for source in sources {
