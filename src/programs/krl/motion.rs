@@ -149,25 +149,23 @@ impl Reading<'_> {
 
 /// The positions of a motion, and what follows `WITH`.
 fn parted(rest: Cursor<'_>) -> (Cursor<'_>, Cursor<'_>) {
+    let positions = &rest.tokens[..place_of(rest, ends_positions)];
+    let with = place_of(rest, |word| word == "WITH");
+    let behind = Cursor { tokens: rest.tokens.get(with + 1..).unwrap_or_default(), ..rest };
+    let with = &behind.tokens[..place_of(behind, |word| word.starts_with("C_"))];
+    (Cursor { tokens: positions, ..rest }, Cursor { tokens: with, ..rest })
+}
+
+/// Where the first of such words stands outside brackets; the number of tokens where there is none.
+fn place_of(rest: Cursor<'_>, is: impl Fn(&str) -> bool) -> usize {
     let mut depth = 0_i32;
-    let mut first_end = rest.tokens.len();
-    for (place, token) in rest.tokens.iter().enumerate() {
+    let found = rest.tokens.iter().position(|token| {
         depth += i32::from(token.is(b'{') || token.is(b'[') || token.is(b'('));
         depth -= i32::from(token.is(b'}') || token.is(b']') || token.is(b')'));
-        if depth != 0 || token.kind != crate::lex::Kind::Name {
-            continue;
-        }
-        let word = crate::lex::capitals(rest.text(token));
-        if ends_positions(&word) {
-            first_end = first_end.min(place);
-        }
-        if word == "WITH" {
-            let with = Cursor { tokens: &rest.tokens[place + 1..], ..rest };
-            return (Cursor { tokens: &rest.tokens[..first_end], ..rest }, with);
-        }
-    }
-    let positions = Cursor { tokens: &rest.tokens[..first_end], ..rest };
-    (positions, Cursor { tokens: &[], ..rest })
+        let is_word = depth == 0 && token.kind == crate::lex::Kind::Name;
+        is_word && is(&crate::lex::capitals(rest.text(token)))
+    });
+    found.unwrap_or(rest.tokens.len())
 }
 
 /// The numbers of a position, and an external axis that is not at 0.

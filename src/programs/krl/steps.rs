@@ -26,7 +26,7 @@ const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO C
     MSGQUIT MSGSTATE ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
     SET_KRLDLGANSWER SET_KRLMSG SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
     STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
-    VARSTATE";
+    USE_CM_PRO_VALUES VARSTATE";
 
 pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
@@ -105,7 +105,8 @@ impl Reading<'_> {
     ) {
         match word {
             "BAS" => self.bas(here, rest, steps),
-            "INTERRUPT" | "GLOBAL" => self.interrupt(here, rest),
+            // What a trigger calls moves nothing, and runs at some later time.
+            "INTERRUPT" | "GLOBAL" | "TRIGGER" => self.interrupt(here, rest),
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);

@@ -70,6 +70,10 @@ fn new_inline_forms_have_their_frames_behind_with() {
     let source = "SPTP XP1 WITH $VEL_AXIS[1]=SVEL_JOINT(100.0), $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO), \
                   $IPO_MODE=SIPO_MODE(FP1.IPO_FRAME), $LOAD=SLOAD(FP1.TOOL_NO)";
     assert_eq!(only(source, POINT), "ok");
+    let more = "SPTP XP1 WITH $TOOL = STOOL2(FP1), $COLLMON_TOL_PRO[1] = USE_CM_PRO_VALUES(0), $BASE=BASE_DATA[1] C_SPL\r\n\
+                TRIGGER WHEN PATH = GETPATH(#OFF) DELAY = 0 DO ARC(#OFF) PRIO = -1\r\n\
+                SLIN {X 1,Y 2,Z 3,A 0,B 0,C 0} WITH $VEL = SVEL_CP(2.0, , LCPDAT1), $TOOL = STOOL2(FP1), $BASE = SBASE(FP1.BASE_NO) C_SPL";
+    assert_eq!(verdicts(more, POINT), ["ok", "ok"]);
     let other = POINT.replace("#BASE", "#TCP");
     assert!(only(source, &other).contains("the tool stands in the cell"));
 }
