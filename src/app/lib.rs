@@ -15,3 +15,4 @@ use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, judgement, plan, report, setup, similarity,
     simulate,
 };
+use posegrid_programs as programs;

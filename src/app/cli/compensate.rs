@@ -5,6 +5,7 @@
 
 mod error;
 mod named;
+pub mod program;
 mod record;
 mod source;
 mod summary;
@@ -49,6 +50,9 @@ TARGETS is one of
   .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool; one of another BASE_NO
                   or TOOL_NO than 0 is refused until --base and --tool name what these are
 
+  .src, .mod, …   a whole robot program of KUKA or ABB: its files, or the folder of a backup, with --points and --cell; every byte but
+                  the numbers of positions stays
+
 The result has the commands, each correction, its covariance and the reason for each refusal
 (`posegrid schema corrected_targets`). Where TABLE is in its lake, table corrections there gains a row for the file
 written, and a file of commands that it knows is refused, whatever was removed from it. A data list keeps all but X, Y
@@ -67,9 +71,9 @@ be read, the table does not meet its tolerance, or it is not valid for what the 
 pub struct CompensateArgs {
     /// The table: a Parquet file of table `compensation` or `calibrations`; with --lake, the name of a robot.
     pub table: PathBuf,
-    /// The targets: a .csv, .parquet, .json or .dat (KUKA) file.
+    /// The targets: a .csv, .parquet, .json or .dat (KUKA) file; or a robot program: its files, or the folder of a backup.
     pub targets: PathBuf,
-    /// Where to write the result, a new file of one of these forms; without it, CSV on standard output, or JSON of JSON.
+    /// Where to write the result: of a program a new folder; of targets a new file of one of these forms; without it, CSV on standard output, or JSON of JSON.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Correct what would be refused for this reason; may be given several times. The result says which each target needed.
@@ -91,6 +95,15 @@ pub struct CompensateArgs {
     /// Conditions that the targets will be run with: tool, payload, mounting, base, controller, temperature.
     #[command(flatten)]
     pub used_with: UsedWithArgs,
+    #[command(flatten)]
+    pub program: program::ProgramArgs,
+}
+
+/// What TARGETS is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum DataListOrProgram {
+    Targets,
+    Program,
 }
 
 #[derive(Debug)]
@@ -104,6 +117,9 @@ pub struct Compensated {
 }
 
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
+    if args.given() == DataListOrProgram::Program {
+        return program::main(args, bars);
+    }
     // The whole result is made first: an error leaves no half of it on a pipe.
     let mut for_stdout = Vec::new();
     match run(args, &mut for_stdout) {

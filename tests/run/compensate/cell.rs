@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use posegrid::cli::compensate::program::ProgramArgs;
 use posegrid::cli::compensate::{
     self, CompensateArgs, CompensateCommandError, Compensated, UsedWithArgs,
 };
@@ -236,6 +237,7 @@ impl Cell {
             session: None,
             by: None,
             used_with: used_with.clone(),
+            program: ProgramArgs::default(),
         })
     }
 
@@ -256,6 +258,7 @@ impl Cell {
             session: None,
             by: None,
             used_with: used_with.clone(),
+            program: ProgramArgs::default(),
         })
     }
 

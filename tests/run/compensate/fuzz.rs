@@ -12,6 +12,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
+use posegrid::cli::compensate::program::ProgramArgs;
 use posegrid::cli::compensate::{self, CompensateArgs, UsedWithArgs};
 use posegrid::cli::export::{self, ExportArgs, ExportFormat};
 use posegrid::compensation::Exception;
@@ -291,6 +292,7 @@ fn tables_given_by_hand() {
             session: None,
             by: None,
             used_with: UsedWithArgs::default(),
+            program: ProgramArgs::default(),
         };
         let mut outcome = match compensate::run(&args, Vec::new()) {
             Err(error) => told(&error),

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use parquet::errors::ParquetError;
 use thiserror::Error;
 
+use super::program::ProgramError;
 use super::used_with::option;
 use crate::at::At;
 use crate::cli::folder_given::FolderGiven;
@@ -130,6 +131,8 @@ pub enum CompensateCommandError {
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
     #[error(transparent)]
+    Program(#[from] ProgramError),
+    #[error(transparent)]
     Result(#[from] TableError),
     #[error("{}: {}", path.as_deref().map_or_else(|| "standard output".into(), Path::to_string_lossy), source.told())]
     Write { path: Option<PathBuf>, source: WriteCause },
@@ -165,6 +168,7 @@ impl From<FolderGiven> for CompensateCommandError {
 impl CompensateCommandError {
     pub const fn exit_code(&self) -> u8 {
         match self {
+            Self::Program(own) => own.exit_code(),
             Self::File(_)
             | Self::OtherTable { .. }
             | Self::Table(_)

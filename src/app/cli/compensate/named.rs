@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{CompensateArgs, CompensateCommandError};
+use super::{CompensateArgs, CompensateCommandError, DataListOrProgram};
 use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
 use crate::compensation::Target;
 use crate::io::lake::Lake;
@@ -80,6 +80,9 @@ impl CompensateArgs {
     ) -> Result<CorrectingTable, CompensateCommandError> {
         let wanted = match self.by {
             Some(by) => vec![by],
+            None if self.given() == DataListOrProgram::Program => {
+                vec![CorrectingTable::Calibrations]
+            }
             None if is_for_the_arm(&targets::read(&self.targets)?) => {
                 vec![CorrectingTable::Calibrations, CorrectingTable::Compensation]
             }

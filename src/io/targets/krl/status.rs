@@ -17,7 +17,7 @@ pub struct Status(u8);
 
 impl Status {
     /// The status of a number; `None` where it has undefined bits.
-    pub(super) fn of(number: i64) -> Option<Self> {
+    pub fn of(number: i64) -> Option<Self> {
         u8::try_from(number).ok().filter(|s| *s < 32).map(Self)
     }
 

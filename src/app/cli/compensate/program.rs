@@ -1,0 +1,330 @@
+//! `posegrid compensate` of whole robot programs: the positions that motions use are corrected where they stand, each under the
+//! base and tool of its motions.
+//!
+//! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found.
+//! 2. Each position becomes a target of the identified arm, and that its command ([`solve`]).
+//! 3. The commands go back into the files; the report names every position that motions use ([`report`]).
+
+mod report;
+mod solve;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use thiserror::Error;
+
+use super::error::CompensateCommandError;
+use super::source::Source;
+use super::used_with::option;
+use super::{CompensateArgs, DataListOrProgram};
+use crate::at::At;
+use crate::cli::messages::{self, Printable};
+use crate::cli::progress::Bars;
+use crate::compensation::{Exception, Term};
+use crate::io::calibrations_table::PublishedArm;
+use crate::io::input::{self, Bound};
+use crate::io::whole_file::{self, write_whole};
+use crate::programs::write::{Edit, applied, edits, marks};
+use crate::programs::{Cell, File, Programs};
+use report::{Outcome, Report};
+use solve::Solver;
+
+/// Whole programs: .src and .dat of KRL with $config.dat and $machine.dat, .mod, .prg, .sys and .modx of RAPID with MOC.cfg
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Whole robot programs")]
+pub struct ProgramArgs {
+    /// More files of the same program, or the folder of a backup
+    #[arg(value_name = "PROGRAM")]
+    pub more: Vec<PathBuf>,
+    /// A TOML file that says how each frame and tool was found: [frames.NAME] found = "surveyed", and its place where no file has it
+    #[arg(long, value_name = "FILE")]
+    pub cell: Option<PathBuf>,
+    /// Where the positions come from: wishes of an off-line system, or taught on the robot
+    #[arg(long, value_enum)]
+    pub points: Option<Points>,
+    /// With --points taught: the file of table calibrations of the arm that they were taught on, as it was then
+    #[arg(long, value_name = "FILE")]
+    pub taught_on: Option<PathBuf>,
+    /// The largest correction, mm; a position that needs more is refused
+    #[arg(long, value_name = "MM")]
+    pub largest: Option<f64>,
+    /// The form of the report on standard output
+    #[arg(long, value_enum, default_value_t)]
+    pub format: Format,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Points {
+    /// Wishes of an off-line programming system
+    OffLine,
+    /// Taught on the robot: they hold its errors already
+    Taught,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Text
+    #[default]
+    Text,
+    /// JSON
+    Json,
+}
+
+#[derive(Debug, Error)]
+pub enum ProgramError {
+    #[error(
+        "where the positions come from is not stated: give --points off-line for wishes of an off-line system; those that were taught \
+             on the robot hold its errors already"
+    )]
+    NoPoints,
+    #[error(
+        "positions that were taught on the robot hold its errors already: give --taught-on with table calibrations of the arm that they \
+         were taught on, as it was then"
+    )]
+    NoTaughtOn,
+    #[error(
+        "--taught-on says on which arm positions were taught, and is for --points taught alone"
+    )]
+    NotTaught,
+    #[error(
+        "whole programs are corrected by table calibrations, which knows the arm in every orientation; give that one, or with --lake \
+             --by calibrations"
+    )]
+    Table,
+    #[error("a corrected program is written into a new folder: give --out FOLDER")]
+    NoOut,
+    #[error("cannot read {0}")]
+    Read(At<std::io::Error>),
+    #[error("{}: {source}", path.display())]
+    Cell { path: PathBuf, source: toml::de::Error },
+    #[error("{}: {problem}", path.display())]
+    Place { path: PathBuf, problem: String },
+    #[error("two files are called {0}; give the folder that they stand in")]
+    TwoFiles(String),
+    #[error("no file of a program is among those given: .src, .dat, .mod, .prg, .sys or .modx")]
+    NoProgram,
+    #[error("not stated: {}; a program moves a real robot, so state what it is run with, or allow it with {}",
+        .0.iter().map(|term| term.name()).collect::<Vec<_>>().join(", "),
+        .0.iter().map(|term| option(Exception::Term(*term))).collect::<Vec<_>>().join(" "))]
+    NotStated(Vec<Term>),
+    #[error("{}: {}", path.display(), whole_file::told(source))]
+    Write { path: PathBuf, source: std::io::Error },
+}
+
+impl ProgramError {
+    pub const fn exit_code(&self) -> u8 {
+        if matches!(self, Self::Write { .. }) { 1 } else { 2 }
+    }
+}
+
+/// Endings of files that are programs, or say something of their frames.
+const ENDINGS: [&str; 8] = ["src", "sub", "mod", "prg", "sys", "modx", "sysx", "cfg"];
+
+impl CompensateArgs {
+    /// Whether what is given is a program and not a file of targets.
+    pub(super) fn given(&self) -> DataListOrProgram {
+        let is_program = |path: &Path| {
+            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+            ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+        };
+        let folder_of_program = |path: &Path| {
+            path.is_dir()
+                && !crate::cli::folder_given::files_in(path, DEPTH, &is_program).is_empty()
+        };
+        let own = &self.targets;
+        if !self.program.more.is_empty() || is_program(own) || folder_of_program(own) {
+            DataListOrProgram::Program
+        } else {
+            DataListOrProgram::Targets
+        }
+    }
+}
+
+/// Folders below a backup's that are looked into.
+const DEPTH: usize = 12;
+
+pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
+    match run(args) {
+        Ok((report, source)) => {
+            let mut told = Vec::new();
+            match args.program.format {
+                Format::Text => told.extend(report.to_string().bytes()),
+                Format::Json => told.extend(report.json().bytes()),
+            }
+            told.push(b'\n');
+            if let Err(undelivered) = messages::deliver(&told, bars) {
+                return undelivered.exit_code();
+            }
+            for line in source.frame().into_iter().chain([source.measured()]) {
+                tracing::info!("{}", Printable(&line));
+            }
+            report.exit_code()
+        }
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            error.exit_code()
+        }
+    }
+}
+
+/// Corrects a program and writes it into its new folder.
+fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError> {
+    let taught_on = args.taught_on()?;
+    let out = args.out.clone().ok_or(ProgramError::NoOut)?;
+    if out.exists() {
+        return Err(CompensateCommandError::Exists(out));
+    }
+    let named = args.named()?;
+    let source = Source::read(&named.path)?;
+    args.admit_verdict(&named.path, &source)?;
+    let held = args.hold(&source)?;
+    let is_allowed = |term: &Term| args.allow.contains(&Exception::Term(*term));
+    let not_stated: Vec<Term> =
+        held.not_said.into_iter().filter(|term| !is_allowed(term)).collect();
+    if !not_stated.is_empty() {
+        return Err(ProgramError::NotStated(not_stated).into());
+    }
+    let Source::Arm(arm) = &source else {
+        return Err(ProgramError::Table.into());
+    };
+    let cell = args.cell()?;
+    let programs = crate::programs::read(args.files()?, &cell);
+    let (report, all) = corrected(args, arm, taught_on.as_ref(), &programs, &cell);
+    write(&programs, &all, &out, arm)?;
+    Ok((report, source))
+}
+
+/// What becomes of each position, and the edits of each file.
+fn corrected(
+    args: &CompensateArgs,
+    arm: &PublishedArm,
+    taught_on: Option<&PublishedArm>,
+    programs: &Programs,
+    cell: &Cell,
+) -> (Report, Vec<Vec<Edit>>) {
+    let asked = (0..programs.positions.len()).map(|index| programs.ask(index, cell));
+    let mut asked: Vec<_> = asked.map(|asked| asked.map_err(|why| why.to_string())).collect();
+    if let Some(own) = taught_on {
+        let open: Vec<_> = asked.iter().flatten().collect();
+        let attained = Solver::new(&own.arm, &args.allow, None).attained(&open);
+        for (asked, attained) in asked.iter_mut().filter(|asked| asked.is_ok()).zip(attained) {
+            *asked = attained;
+        }
+    }
+    let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
+    let open: Vec<_> = asked.iter().filter_map(|asked| asked.as_ref().ok()).collect();
+    let mut solved = solver.solve(&open).into_iter();
+    let mut all = vec![Vec::new(); programs.files.len()];
+    let mut report = Report::new(programs, solver.turns());
+    for (position, asked) in programs.positions.iter().zip(&asked) {
+        let outcome = match asked {
+            Err(why) => Outcome::Refused { reason: why.clone() },
+            Ok(asked) => match solved.next() {
+                Some(Ok(done)) => {
+                    let edits = edits(position, asked, &done.command);
+                    all[position.file].extend(edits.all);
+                    Outcome::Corrected { correction_mm: done.correction_mm, crossed: edits.crossed }
+                }
+                Some(Err(reason)) => Outcome::Refused { reason },
+                None => Outcome::Refused { reason: "it has no command".to_owned() },
+            },
+        };
+        report.add(programs, position, outcome);
+    }
+    (report, all)
+}
+
+/// Writes the files that change, each at its name in the folder.
+fn write(
+    programs: &Programs,
+    all: &[Vec<Edit>],
+    out: &Path,
+    arm: &PublishedArm,
+) -> Result<(), ProgramError> {
+    for (file, own) in programs.files.iter().zip(all).filter(|(_, own)| !own.is_empty()) {
+        let path = out.join(&file.name);
+        let wrong = |source| ProgramError::Write { path: path.clone(), source };
+        let digest = blake3::hash(&file.bytes).to_hex();
+        let words = format!(
+            "table {} of robot {}, session {}; original blake3 {}",
+            arm.arm.table_id, arm.key.robot, arm.key.session, digest
+        );
+        let mut edits = own.clone();
+        edits.extend(marks(file, &words, &arm.arm.table_id));
+        let bytes = applied(&file.bytes, &edits);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(wrong)?;
+        }
+        write_whole(&path, |sink| std::io::Write::write_all(sink, &bytes)).map_err(wrong)?;
+    }
+    Ok(())
+}
+
+impl CompensateArgs {
+    /// The arm that the positions were taught on; `None` for wishes of an off-line system.
+    fn taught_on(&self) -> Result<Option<PublishedArm>, CompensateCommandError> {
+        match (self.program.points, &self.program.taught_on) {
+            (None, _) => Err(ProgramError::NoPoints.into()),
+            (Some(Points::OffLine), None) => Ok(None),
+            (Some(Points::OffLine), Some(_)) => Err(ProgramError::NotTaught.into()),
+            (Some(Points::Taught), None) => Err(ProgramError::NoTaughtOn.into()),
+            (Some(Points::Taught), Some(path)) => match Source::read(path)? {
+                Source::Arm(arm) => Ok(Some(*arm)),
+                Source::Table(_) => Err(ProgramError::Table.into()),
+            },
+        }
+    }
+
+    fn cell(&self) -> Result<Cell, ProgramError> {
+        let Some(path) = &self.program.cell else {
+            return Ok(Cell::default());
+        };
+        let text = read(path)?;
+        let text = String::from_utf8_lossy(&text);
+        let cell: Cell = toml::from_str(&text)
+            .map_err(|source| ProgramError::Cell { path: path.clone(), source })?;
+        let problem = cell.check().err();
+        problem.map_or(Ok(cell), |problem| {
+            Err(ProgramError::Place { path: path.clone(), problem: problem.to_string() })
+        })
+    }
+
+    /// The files of the program by their names in the folder that is written.
+    fn files(&self) -> Result<Vec<File>, ProgramError> {
+        let mut files = BTreeMap::new();
+        for path in std::iter::once(&self.targets).chain(&self.program.more) {
+            let is_any = |_: &Path| true;
+            let (root, found) = if path.is_dir() {
+                (path.as_path(), crate::cli::folder_given::files_in(path, DEPTH, &is_any))
+            } else {
+                (path.parent().unwrap_or(Path::new("")), vec![path.clone()])
+            };
+            for path in found {
+                let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().into_owned();
+                let mut file = File { name: name.clone(), bytes: Vec::new() };
+                if !crate::programs::is_program(&file) {
+                    continue;
+                }
+                file.bytes = read(&path)?;
+                if files.insert(name.clone(), file).is_some() {
+                    return Err(ProgramError::TwoFiles(name));
+                }
+            }
+        }
+        if files.is_empty() {
+            return Err(ProgramError::NoProgram);
+        }
+        Ok(files.into_values().collect())
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, ProgramError> {
+    let wrong = |source| ProgramError::Read(At::new(path.display(), source));
+    let mut bytes = Vec::new();
+    let mut file = input::open(path, Bound::TARGETS).map_err(wrong)?;
+    file.read_to_end(&mut bytes).map_err(wrong)?;
+    Ok(bytes)
+}

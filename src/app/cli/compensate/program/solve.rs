@@ -1,0 +1,398 @@
+//! Positions of a program → commands of the identified arm, in the arm configuration that their motions have.
+//!
+//! A position whose tool is another than the calibrated one is corrected where both have one tool point, or where the readings
+//! showed orientations: the flange is brought to where the tool is right. KUKA's S names the configuration. ABB's
+//! quarter turns are held against all joint angles that reach the pose: those that agree have to be the only ones.
+
+use std::cell::RefCell;
+
+use nalgebra::{Isometry3, Point3};
+use rayon::prelude::*;
+
+use crate::compensation::{Corrected, Exception, IdentifiedArm, Target, TargetJoints};
+use crate::geometry::{Position, Tool, Transform};
+use crate::io::targets::krl::{Postures, Status};
+use crate::kinematics::{Anywhere, Configuration, InverseSettings, inverse};
+use crate::programs::write::Command;
+use crate::programs::{Asked, Branch, Wanted};
+
+/// Tool points nearer to each other are one, mm.
+const SAME_POINT_MM: f64 = 0.01;
+/// Joint angles nearer to each other are one, rad.
+const SAME_RAD: f64 = 1e-6;
+/// Poses nearer than this have the same ways to reach them.
+const NEAR_MM: f64 = 300.0;
+const NEAR_RAD: f64 = 0.5;
+/// Positions that are solved one after the other, each beginning at the ways of those before it.
+const CHUNK: usize = 256;
+
+pub(super) struct Solver<'a> {
+    arm: &'a IdentifiedArm,
+    nominal: Vec<f64>,
+    postures: Option<Postures>,
+    allow: &'a [Exception],
+    largest_mm: Option<f64>,
+}
+
+/// Joint angles that reach a pose, from which those of poses nearby are found.
+#[derive(Default)]
+struct Ways {
+    pose: Option<Isometry3<f64>>,
+    joints: Vec<Vec<f64>>,
+}
+
+impl Ways {
+    /// With the shoulder turned over joint 1 is two quarters away: those are no way of a position whose cf1 is stated.
+    fn new(pose: Isometry3<f64>, mut joints: Vec<Vec<f64>>, agreeing: Option<&Vec<f64>>) -> Self {
+        if let Some(&first) = agreeing.and_then(|own| own.first()) {
+            let apart = |own: &Vec<f64>| own.first().map_or(0.0, |own| (own - first).cos());
+            joints.retain(|own| apart(own) > 0.0);
+        }
+        Self { pose: Some(pose), joints }
+    }
+}
+
+/// All joint angles that reach a pose within the limits.
+fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<f64>>, String> {
+    let found = RefCell::new(Vec::<Vec<f64>>::new());
+    let collect = |joints: &[f64]| {
+        let mut found = found.borrow_mut();
+        let is_one = |own: &Vec<f64>| own.iter().zip(joints).all(|(a, b)| (a - b).abs() < SAME_RAD);
+        if !found.iter().any(is_one) {
+            found.push(joints.to_vec());
+        }
+        false
+    };
+    let ended = anywhere.joints_where(pose, None, collect);
+    let found = found.into_inner();
+    if found.is_empty() {
+        let why = ended.err().map_or_else(String::new, |why| why.to_string());
+        return Err(format!("its pose is out of reach; is it of another arm? {why}"));
+    }
+    Ok(found)
+}
+
+pub(super) struct Done {
+    pub(super) command: Command,
+    pub(super) correction_mm: f64,
+}
+
+type Solved = Result<Done, String>;
+
+impl<'a> Solver<'a> {
+    pub(super) fn new(
+        arm: &'a IdentifiedArm,
+        allow: &'a [Exception],
+        largest_mm: Option<f64>,
+    ) -> Self {
+        Self {
+            arm,
+            nominal: vec![0.0; arm.arm.chain().parameters().len()],
+            postures: Postures::of_arm(&arm.arm),
+            allow,
+            largest_mm,
+        }
+    }
+
+    /// Whether orientations are corrected.
+    pub(super) fn turns(&self) -> bool {
+        self.arm.model.shown.is_some()
+    }
+
+    /// What becomes of each position.
+    pub(super) fn solve(&self, asked: &[&Asked]) -> Vec<Solved> {
+        let settings = InverseSettings::default();
+        let tool = *self.own_tool().isometry();
+        let anywhere = Anywhere::new(&self.arm.arm, &self.nominal, tool, settings);
+        let targets = asked.par_chunks(CHUNK).flat_map_iter(|chunk| {
+            let mut ways = Ways::default();
+            let targets = chunk.iter().map(|asked| self.target(asked, &anywhere, &mut ways));
+            targets.collect::<Vec<_>>()
+        });
+        let targets: Vec<Result<Target, String>> = targets.collect();
+        let outcomes = self.commands(targets);
+        // Those that are asked for on another turn than they were found on, once more on that.
+        let turned = asked.iter().zip(&outcomes).map(|(asked, (target, outcome))| {
+            let done = outcome.as_ref().map_err(Clone::clone)?;
+            let target = target.as_ref().ok_or_else(String::new)?;
+            self.turned(asked, target, done)?.ok_or_else(String::new)
+        });
+        let again = self.commands(turned.collect());
+        let pairs = asked.iter().zip(outcomes.into_iter().zip(again));
+        pairs
+            .map(|(asked, ((_, first), (_, again)))| match (first, again) {
+                // Nothing says why where nothing is to be turned.
+                (Ok(done), Err(why)) if why.is_empty() => self.done(asked, &done),
+                (Ok(_), Ok(done)) => self.done(asked, &done),
+                (Err(why), _) | (Ok(_), Err(why)) => Err(why),
+            })
+            .collect()
+    }
+
+    /// Each target with its command.
+    fn commands(
+        &self,
+        targets: Vec<Result<Target, String>>,
+    ) -> Vec<(Option<Target>, Result<Corrected, String>)> {
+        let all: Vec<Target> = targets.iter().flatten().cloned().collect();
+        let mut outcomes = self.arm.compensate(&all, self.allow).into_iter();
+        let command = |target: Result<Target, String>| match target {
+            Err(why) => (None, Err(why)),
+            Ok(target) => {
+                let none = || Err("it has no command".to_owned());
+                let outcome = outcomes.next().map(|own| own.map_err(|why| why.reason.to_string()));
+                (Some(target), outcome.unwrap_or_else(none))
+            }
+        };
+        targets.into_iter().map(command).collect()
+    }
+
+    /// What each position asks for where it was taught on this arm: the pose that the arm really had at it. An error and that at
+    /// its correction differ by micrometres, so the pose lies as far behind the position as its command before.
+    pub(super) fn attained(&self, asked: &[&Asked]) -> Vec<Result<Asked, String>> {
+        let solved = self.solve(asked).into_iter().zip(asked);
+        let attained = solved.map(|(solved, asked)| {
+            let mut attained = (*asked).clone();
+            match (&mut attained.wanted, solved?.command) {
+                (
+                    Wanted::Pose { base_from_tool, .. },
+                    Command { base_from_tool: Some(command), .. },
+                ) => {
+                    let behind = base_from_tool.translation.vector - command.translation.vector;
+                    base_from_tool.translation.vector += behind;
+                    let turn = base_from_tool.rotation * command.rotation.inverse();
+                    base_from_tool.rotation = turn * base_from_tool.rotation;
+                }
+                (Wanted::Joints(joints), Command { joints: Some([from, to]), .. }) => {
+                    for (joint, (from, to)) in joints.iter_mut().zip(from.iter().zip(&to)) {
+                        *joint += from - to;
+                    }
+                }
+                _ => return Err("it has no command on the arm that it was taught on".to_owned()),
+            }
+            Ok(attained)
+        });
+        attained.collect()
+    }
+
+    fn target(
+        &self,
+        asked: &Asked,
+        anywhere: &Anywhere<'_>,
+        ways: &mut Ways,
+    ) -> Result<Target, String> {
+        self.same_tool(&asked.flange_from_tool)?;
+        let (base_from_tool, branches) = match &asked.wanted {
+            Wanted::Joints(joints) => {
+                let joints = Some(self.joints(joints)?);
+                return Ok(Target { joints, ..Target::default() });
+            }
+            Wanted::Pose { base_from_tool, branches, .. } => (base_from_tool, branches),
+        };
+        let own = base_from_tool * self.program_from_own_tool(asked);
+        let pose = self.arm.command_from_base.isometry() * own;
+        let target = Target {
+            position: Some(Position::claim(Point3::from(pose.translation.vector))),
+            orientation: Some(pose.rotation),
+            ..Target::default()
+        };
+        if branches.iter().any(|branch| matches!(branch, Branch::Quadrants { .. })) {
+            let angles = self.only_joints(&own, branches, anywhere, ways)?;
+            let joints = Some(TargetJoints { angles, ..TargetJoints::default() });
+            return Ok(Target { joints, ..target });
+        }
+        let mut configurations = branches.iter().map(|branch| self.configuration_of(branch));
+        let first = configurations.next().unwrap_or_else(|| Err("no motion uses it".to_owned()))?;
+        for other in configurations {
+            if other? != first {
+                return Err("the motions that lead to it state two arm configurations".to_owned());
+            }
+        }
+        Ok(Target { configuration: Some(first.to_string()), ..target })
+    }
+
+    /// Of all joint angles that reach a pose the only ones that agree with the quarter turns stated.
+    fn only_joints(
+        &self,
+        pose: &Isometry3<f64>,
+        branches: &[Branch],
+        anywhere: &Anywhere<'_>,
+        ways: &mut Ways,
+    ) -> Result<Vec<f64>, String> {
+        let agrees = |joints: &Vec<f64>| {
+            let mut branches = branches.iter();
+            branches.try_fold(joints.clone(), |joints, branch| self.agrees(branch, &joints))
+        };
+        let mut agreeing: Vec<Vec<f64>> = self.near(pose, ways).iter().filter_map(agrees).collect();
+        if agreeing.is_empty() {
+            let found = all_joints(pose, anywhere)?;
+            agreeing = found.iter().filter_map(agrees).collect();
+            *ways = Ways::new(*pose, found, agreeing.first());
+        }
+        match agreeing.as_slice() {
+            [only] => Ok(only.clone()),
+            [] => Err("its cf1, cf4 and cf6 fit no joint angles that reach its pose; is it of another arm?".to_owned()),
+            _ => Err("its cf1, cf4 and cf6 agree with two arm configurations, which differ by cfx; what that means is not proven for this \
+                      arm"
+                .to_owned()),
+        }
+    }
+
+    /// Joint angles that reach a pose from those of one nearby; none where that is further away.
+    fn near(&self, pose: &Isometry3<f64>, ways: &Ways) -> Vec<Vec<f64>> {
+        let is_near = |from: &Isometry3<f64>| {
+            (from.translation.vector - pose.translation.vector).norm() < NEAR_MM
+                && from.rotation.angle_to(&pose.rotation) < NEAR_RAD
+        };
+        if !ways.pose.as_ref().is_some_and(is_near) {
+            return Vec::new();
+        }
+        let settings = InverseSettings::default();
+        let tool = self.own_tool().isometry();
+        let from = |seed: &Vec<f64>| {
+            inverse(&self.arm.arm, &self.nominal, pose, tool, seed, &settings).ok()
+        };
+        ways.joints.iter().filter_map(from).collect()
+    }
+
+    /// The calibrated tool in the frame of the program's tool.
+    fn program_from_own_tool(&self, asked: &Asked) -> Isometry3<f64> {
+        asked.flange_from_tool.inverse() * self.own_tool().isometry()
+    }
+
+    const fn own_tool(&self) -> &Transform<crate::geometry::Flange, Tool> {
+        &self.arm.flange_from_tool
+    }
+
+    fn same_tool(&self, tool: &Isometry3<f64>) -> Result<(), String> {
+        let own = self.own_tool().isometry().translation.vector;
+        let apart_mm = (own - tool.translation.vector).norm();
+        if apart_mm <= SAME_POINT_MM || self.turns() {
+            return Ok(());
+        }
+        Err(format!(
+            "its tool point lies {apart_mm:.2} mm from the calibrated one, and the calibration shows no orientations; calibrate with this \
+             tool, with a 6-DoF target or with three reflectors"
+        ))
+    }
+
+    fn joints(&self, shown: &[f64]) -> Result<TargetJoints, String> {
+        let joints = self.arm.arm.joints();
+        if joints.len() != shown.len() {
+            return Err(format!(
+                "it has {} joint angles, the arm has {} joints",
+                shown.len(),
+                joints.len()
+            ));
+        }
+        let angles = joints.iter().zip(shown).map(|(joint, shown)| joint.read(*shown)).collect();
+        Ok(TargetJoints { angles, ..TargetJoints::default() })
+    }
+
+    fn shown(&self, joints: &[f64]) -> Vec<f64> {
+        let pairs = self.arm.arm.joints().iter().zip(joints);
+        pairs.map(|(joint, value)| joint.shown(*value)).collect()
+    }
+
+    fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
+        Configuration::of(&self.arm.arm, &self.nominal, joints)
+    }
+
+    fn configuration_of(&self, branch: &Branch) -> Result<Configuration, String> {
+        let none = || "the arm of this calibration has no arm configurations".to_owned();
+        match branch {
+            Branch::Status { status, .. } => {
+                let postures = self.postures.as_ref().ok_or_else(none)?;
+                let status = Status::of(i64::from(*status))
+                    .ok_or_else(|| format!("S is {status}, which has bits of no meaning"))?;
+                Ok(postures.configuration(status))
+            }
+            Branch::Joints(joints) => {
+                let joints = self.joints(joints)?;
+                self.configuration(&joints.angles).ok_or_else(none)
+            }
+            Branch::Quadrants { .. } => Err(none()),
+        }
+    }
+
+    /// Joint angles on the turns that a position states; `None` where they do not agree with it.
+    fn agrees(&self, branch: &Branch, joints: &[f64]) -> Option<Vec<f64>> {
+        let shown = self.shown(joints);
+        let fits = |joint: usize, degrees: f64| match branch {
+            Branch::Status { turn: Some(turn), .. } if joint < 6 => {
+                (turn >> joint & 1 == 1) == (degrees < 0.0) || degrees.abs() < 1e-3
+            }
+            Branch::Quadrants { quadrants, is_own: _ } => {
+                let stated = match joint {
+                    0 => quadrants[0],
+                    3 => quadrants[1],
+                    5 => quadrants[2],
+                    _ => return true,
+                };
+                let quarter = degrees / 90.0;
+                (quarter - f64::from(stated) - 0.5).abs() <= 0.5 + 1e-5
+            }
+            _ => true,
+        };
+        let limits = self.arm.arm.joints();
+        let turned = |joint: usize| {
+            let own = shown[joint];
+            let turns: &[f64] = if limits[joint].slides { &[0.0] } else { &[0.0, 360.0, -360.0] };
+            let may = turns.iter().map(|turn| own + turn).find(|degrees| fits(joint, *degrees))?;
+            let angle = limits[joint].read(may);
+            (limits[joint].lower..=limits[joint].upper).contains(&angle).then_some(angle)
+        };
+        (0..joints.len()).map(turned).collect()
+    }
+
+    /// The target on the turns that a position states; `None` where it is on them.
+    fn turned(
+        &self,
+        asked: &Asked,
+        target: &Target,
+        done: &Corrected,
+    ) -> Result<Option<Target>, String> {
+        let Wanted::Pose { branches, .. } = &asked.wanted else {
+            return Ok(None);
+        };
+        let own = done.joints.as_ref().map(|joints| joints.target.clone()).unwrap_or_default();
+        let mut all = branches.iter();
+        let turned = all.try_fold(own.clone(), |joints, branch| self.agrees(branch, &joints));
+        let turned = turned.ok_or_else(|| {
+            "the turns that it states do not fit its pose: is it of another arm?".to_owned()
+        })?;
+        if own.iter().zip(&turned).all(|(own, turned)| (own - turned).abs() < SAME_RAD) {
+            return Ok(None);
+        }
+        let joints = Some(TargetJoints { angles: turned, ..TargetJoints::default() });
+        Ok(Some(Target { joints, ..target.clone() }))
+    }
+
+    fn done(&self, asked: &Asked, done: &Corrected) -> Solved {
+        let joints = done.joints.as_ref().ok_or_else(|| "it has no joint angles".to_owned())?;
+        let correction_mm = done.correction.norm();
+        if let Some(largest) = self.largest_mm.filter(|largest| correction_mm > *largest) {
+            return Err(format!(
+                "its correction is {correction_mm:.3} mm, more than --largest {largest}"
+            ));
+        }
+        if self.configuration(&joints.target) != self.configuration(&joints.command) {
+            return Err("its command is in another arm configuration than the position".to_owned());
+        }
+        let base_from_own = |done: &Corrected| {
+            let rotation = done.orientation?;
+            let at = done.command.coords();
+            let command = Isometry3::from_parts(at.into(), rotation);
+            Some(self.arm.command_from_base.isometry().inverse() * command)
+        };
+        let base_from_tool = match &asked.wanted {
+            Wanted::Joints(_) => None,
+            Wanted::Pose { .. } => {
+                let own = base_from_own(done).ok_or_else(|| "it has no orientation".to_owned())?;
+                Some(own * self.program_from_own_tool(asked).inverse())
+            }
+        };
+        let joints = Some([self.shown(&joints.target), self.shown(&joints.command)]);
+        Ok(Done { command: Command { base_from_tool, joints }, correction_mm })
+    }
+}
