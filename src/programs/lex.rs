@@ -76,7 +76,7 @@ pub fn tokens(bytes: &[u8], dialect: &Dialect) -> Vec<Token> {
 }
 
 /// A mark of UTF-8 at the beginning is no part of the first name.
-fn after_mark(bytes: &[u8]) -> usize {
+pub(crate) fn after_mark(bytes: &[u8]) -> usize {
     if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 }
 }
 

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::program::Shape;
-use crate::write::{Command, applied, edits, undone};
+use crate::write::{Command, applied, edits, mark, marks, undone};
 
 /// Pieces of programs of both dialects, sound and broken.
 const PIECES: [&str; 58] = [
@@ -110,8 +110,12 @@ proptest! {
             all[position.file].extend(edits(position, &asked, &command).all);
         }
         for (file, edits) in files.iter().zip(&all) {
-            let written = applied(&file.bytes, edits);
-            prop_assert_eq!(undone(&written, &file.bytes, edits), file.bytes.clone());
+            let mut edits = edits.clone();
+            edits.extend(marks(file, "table t", "t"));
+            let written = applied(&file.bytes, &edits);
+            prop_assert_eq!(undone(&written, &file.bytes, &edits), file.bytes.clone());
+            let is_marked = mark(&File { bytes: written, ..file.clone() }).is_some();
+            prop_assert!(is_marked || edits.is_empty() || mark(file).is_some());
         }
     }
 }

@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
 use crate::krl::abc;
-use crate::lex::{Dialect, Kind, Token, capitals, tokens};
+use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
 use crate::rapid::is_module;
 use crate::value::Number;
@@ -231,7 +231,8 @@ pub fn mark(file: &File) -> Option<u32> {
         };
         begins(CORRECTED) || has_constant()
     };
-    let found = lines.enumerate().find(|(_, line)| is_mark(line));
+    let has_mark = |line: &[u8]| line.split(|byte| *byte == b'\r').any(is_mark);
+    let found = lines.enumerate().find(|(_, line)| has_mark(line));
     found.and_then(|(place, _)| u32::try_from(place + 1).ok())
 }
 
@@ -243,14 +244,16 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     let end = line_end(&file.bytes);
     let comment = if is_rapid { '!' } else { ';' };
     let id: String = plain(id).replace('"', "?").chars().take(80).collect();
-    let mut line = format!("{comment} {CORRECTED} {}{end}", plain(words));
-    if is_rapid {
-        line = format!("{line}LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
-    }
-    let mut marks = Vec::new();
-    if let Some(place) = behind_head(file, &tokens, is_rapid) {
-        marks.push(insert(&file.bytes, place, line, end));
-    }
+    let line = format!("{comment} {CORRECTED} {}{end}", plain(words));
+    // Without a head nothing is known of where a declaration may stand.
+    let mut marks = vec![match behind_head(file, &tokens, is_rapid) {
+        None => insert(&file.bytes, after_mark(&file.bytes), line, end),
+        Some(place) if is_rapid => {
+            let constant = format!("LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
+            insert(&file.bytes, place, line + &constant, end)
+        }
+        Some(place) => insert(&file.bytes, place, line, end),
+    }];
     if let Some(place) = before_end_of_list(file, &tokens)
         && !id.is_empty()
     {
@@ -262,7 +265,7 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
 
 /// An insertion of whole lines at a place; a line is ended first where the place is inside one.
 fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
-    let is_line_start = place == 0 || matches!(bytes[place - 1], b'\n' | b'\r');
+    let is_line_start = place == after_mark(bytes) || matches!(bytes[place - 1], b'\n' | b'\r');
     let text = if is_line_start { line } else { format!("{end}{line}") };
     Edit { span: place..place, text }
 }
@@ -270,26 +273,26 @@ fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
 /// The end of the header's line: of `DEF`, `DEFDAT` or `MODULE`; that of the header itself where code follows it in its line.
 fn behind_head(file: &File, tokens: &[Token], is_rapid: bool) -> Option<usize> {
     let words: &[&str] = if is_rapid { &["MODULE"] } else { &["DEF", "DEFFCT", "DEFDAT"] };
-    let is_head = |token: &&Token| {
+    let is_head = |token: &Token| {
         token.kind == Kind::Name && words.contains(&capitals(&file.bytes[token.span()]).as_str())
     };
-    let head = tokens.iter().find(is_head)?;
-    let in_line = || tokens.iter().filter(|token| token.line == head.line);
-    let mut last = in_line().filter(|token| token.kind != Kind::LineEnd);
-    let own_words = last.clone().skip_while(|token| !is_head(token)).take(2);
-    let listed = in_line().position(|token| token.is(b')')).map(|place| place + 1);
-    let count = in_line().filter(|token| token.kind != Kind::LineEnd).count();
-    let is_alone =
-        !is_rapid || listed.map_or(own_words.clone().count() == count, |place| place == count);
-    if is_alone {
-        let end = in_line().find(|token| token.kind == Kind::LineEnd);
-        return Some(end.map_or(file.bytes.len(), |token| token.span().end));
-    }
-    let end_of_head = match listed {
-        Some(place) => last.nth(place - 1),
-        None => own_words.last(),
+    let head = tokens.iter().position(is_head)?;
+    let is_end = |token: &Token| token.kind == Kind::LineEnd;
+    let behind = || tokens.iter().enumerate().skip(head);
+    let last = if is_rapid {
+        let mut words = behind().filter(|(_, token)| !is_end(token)).skip(1);
+        let name = words.next()?.0;
+        let has_list = words.next().is_some_and(|(_, token)| token.is(b'('));
+        let close = behind().find(|(_, token)| token.is(b')')).filter(|_| has_list);
+        close.map_or(name, |(place, _)| place)
+    } else {
+        behind().find(|(_, token)| is_end(token)).map_or(tokens.len(), |(place, _)| place) - 1
     };
-    end_of_head.map(|token| token.span().end)
+    match tokens.get(last + 1) {
+        Some(next) if !is_end(next) => Some(tokens[last].span().end),
+        Some(end) => Some(end.span().end),
+        None => Some(file.bytes.len()),
+    }
 }
 
 /// The line of ENDDAT.

@@ -216,3 +216,21 @@ fn the_arms_base_is_that_of_the_only_robot_of_moc() {
     let Wanted::Pose { base_from_tool, .. } = asked.wanted else { panic!("a pose") };
     assert!((base_from_tool.translation.vector.z - (30.0 - 500.0)).abs() < 1e-9);
 }
+
+#[test]
+fn marks_stand_behind_the_head_of_a_module_wherever_that_ends() {
+    let marked = |text: &str| {
+        let file = File { name: "m.mod".to_owned(), bytes: text.as_bytes().to_vec() };
+        String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t"))).unwrap()
+    };
+    let mark = "! corrected by posegrid t\nLOCAL CONST string posegrid_corrected:=\"t\";\n";
+    assert_eq!(
+        marked("MODULE M(SYSMODULE,\n  NOVIEW) ! note\nENDMODULE\n"),
+        format!("MODULE M(SYSMODULE,\n  NOVIEW) ! note\n{mark}ENDMODULE\n")
+    );
+    assert_eq!(
+        marked("MODULE M PROC main() ENDPROC\nENDMODULE\n"),
+        format!("MODULE M\n{mark} PROC main() ENDPROC\nENDMODULE\n")
+    );
+    assert_eq!(marked("PROC p()\n"), "! corrected by posegrid t\nPROC p()\n");
+}
