@@ -53,8 +53,10 @@ pub(crate) struct Reading<'f> {
 pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
     let krl = |file: &File| matches!(file.ending().as_str(), "src" | "sub" | "dat");
     let own = files.iter().enumerate().filter(|(_, file)| krl(file));
-    let own: Vec<(usize, Vec<Token>)> =
+    let mut own: Vec<(usize, Vec<Token>)> =
         own.map(|(place, file)| (place, tokens(&file.bytes, &KRL))).collect();
+    // What routines assign is known once lists have declared it.
+    own.sort_by_key(|(file, _)| files[*file].ending() != "dat");
     let give = "the .dat file that declares it";
     let common = Common::new(files, Vec::new(), Vec::new(), motion::shape, give);
     let mut reading = Reading {

@@ -154,6 +154,19 @@ fn what_is_not_known_is_refused_by_name() {
 }
 
 #[test]
+fn what_a_routine_assigns_is_known_wherever_its_list_stands() {
+    let source = "DEF A()\nBASE_DATA[1]={X 1,Y 0,Z 0,A 0,B 0,C 0}\nBAS(#BASE,1)\nBAS(#TOOL,3)\n\
+                  PTP {X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}\nEND\n";
+    let files = vec![
+        file("a/a.src", source),
+        file("b/$config.dat", CONFIG),
+        file("b/$machine.dat", MACHINE),
+    ];
+    let told = read(files, &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("BASE_DATA[1] has two values"), "{told}");
+}
+
+#[test]
 fn what_holds_on_every_way_is_known() {
     let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
     let sources = [
