@@ -34,21 +34,30 @@ pub(super) struct Solver<'a> {
     largest_mm: Option<f64>,
 }
 
-/// Joint angles that reach a pose, from which those of poses nearby are found.
+/// Poses with the joint angles that reach them, from which those of poses nearby are found.
 #[derive(Default)]
-struct Ways {
-    pose: Option<Isometry3<f64>>,
-    joints: Vec<Vec<f64>>,
-}
+struct Ways(Vec<(Isometry3<f64>, Vec<Vec<f64>>)>);
 
 impl Ways {
-    /// With the shoulder turned over joint 1 is two quarters away: those are no way of a position whose cf1 is stated.
-    fn new(pose: Isometry3<f64>, mut joints: Vec<Vec<f64>>, agreeing: Option<&Vec<f64>>) -> Self {
-        if let Some(&first) = agreeing.and_then(|own| own.first()) {
-            let apart = |own: &Vec<f64>| own.first().map_or(0.0, |own| (own - first).cos());
-            joints.retain(|own| apart(own) > 0.0);
-        }
-        Self { pose: Some(pose), joints }
+    /// Keeps the ways to a pose that those of positions nearby may agree with: with the shoulder turned over joint 1 is two
+    /// quarters away, with the wrist turned over joints 4 and 6 are.
+    fn add(&mut self, pose: Isometry3<f64>, mut joints: Vec<Vec<f64>>, agreeing: &[f64]) {
+        let apart = |own: &[f64], joint: usize| match (own.get(joint), agreeing.get(joint)) {
+            (Some(own), Some(other)) => (own - other).cos(),
+            _ => 1.0,
+        };
+        let is_turned = |own: &[f64]| apart(own, 3).max(apart(own, 5)) < -0.99;
+        joints.retain(|own| apart(own, 0) > 0.0 && !is_turned(own));
+        self.0.push((pose, joints));
+    }
+
+    /// The ways to the first pose nearby; none where there is none.
+    fn near(&self, pose: &Isometry3<f64>) -> &[Vec<f64>] {
+        let is_near = |(from, _): &&(Isometry3<f64>, Vec<Vec<f64>>)| {
+            (from.translation.vector - pose.translation.vector).norm() < NEAR_MM
+                && from.rotation.angle_to(&pose.rotation) < NEAR_RAD
+        };
+        self.0.iter().find(is_near).map_or(&[], |(_, joints)| joints)
     }
 }
 
@@ -227,7 +236,9 @@ impl<'a> Solver<'a> {
         if agreeing.is_empty() {
             let found = all_joints(pose, anywhere)?;
             agreeing = found.iter().filter_map(agrees).collect();
-            *ways = Ways::new(*pose, found, agreeing.first());
+            if let Some(first) = agreeing.first() {
+                ways.add(*pose, found, first);
+            }
         }
         match agreeing.as_slice() {
             [only] => Ok(only.clone()),
@@ -240,19 +251,12 @@ impl<'a> Solver<'a> {
 
     /// Joint angles that reach a pose from those of one nearby; none where that is further away.
     fn near(&self, pose: &Isometry3<f64>, ways: &Ways) -> Vec<Vec<f64>> {
-        let is_near = |from: &Isometry3<f64>| {
-            (from.translation.vector - pose.translation.vector).norm() < NEAR_MM
-                && from.rotation.angle_to(&pose.rotation) < NEAR_RAD
-        };
-        if !ways.pose.as_ref().is_some_and(is_near) {
-            return Vec::new();
-        }
         let settings = InverseSettings::default();
         let tool = self.own_tool().isometry();
         let from = |seed: &Vec<f64>| {
             inverse(&self.arm.arm, &self.nominal, pose, tool, seed, &settings).ok()
         };
-        ways.joints.iter().filter_map(from).collect()
+        ways.near(pose).iter().filter_map(from).collect()
     }
 
     /// The calibrated tool in the frame of the program's tool.
