@@ -12,7 +12,9 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
+use chrono::DateTime;
 use clap::{Args, ValueEnum};
 use thiserror::Error;
 
@@ -249,8 +251,11 @@ fn write(
         let wrong = |source| ProgramError::Write { path: path.clone(), source };
         let digest = blake3::hash(&file.bytes).to_hex();
         let words = format!(
-            "table {} of robot {}, session {}; original blake3 {}",
-            arm.arm.table_id, arm.key.robot, arm.key.session, digest
+            "table calibrations, run {} of robot {}, session {}, {}; original blake3 {digest}",
+            arm.key.run,
+            arm.key.robot,
+            arm.key.session,
+            today()
         );
         let mut edits = own.clone();
         edits.extend(marks(file, &words, &arm.arm.table_id));
@@ -261,6 +266,14 @@ fn write(
         write_whole(&path, |sink| std::io::Write::write_all(sink, &bytes)).map_err(wrong)?;
     }
     Ok(())
+}
+
+/// The day of the correction, UTC.
+fn today() -> String {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
+    let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
+    day.map_or_else(|| "no date".to_owned(), |day| day.date_naive().to_string())
 }
 
 impl CompensateArgs {
