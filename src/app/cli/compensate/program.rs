@@ -125,6 +125,9 @@ impl ProgramError {
 /// Endings of files that are programs, or say something of their frames.
 const ENDINGS: [&str; 8] = ["src", "sub", "mod", "prg", "sys", "modx", "sysx", "cfg"];
 
+/// Endings of programs that are not read: FANUC's and those of Universal Robots.
+const UNREAD: [&str; 5] = ["ls", "tp", "script", "urscript", "urp"];
+
 impl CompensateArgs {
     /// Whether what is given is a program and not a file of targets.
     pub(super) fn given(&self) -> DataListOrProgram {
@@ -193,8 +196,10 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
         return Err(ProgramError::Table.into());
     };
     let cell = args.cell()?;
-    let programs = crate::programs::read(args.files()?, &cell);
-    let (report, all) = corrected(args, arm, taught_on.as_ref(), &programs, &cell);
+    let (files, unread) = args.files()?;
+    let programs = crate::programs::read(files, &cell);
+    let (mut report, all) = corrected(args, arm, taught_on.as_ref(), &programs, &cell);
+    report.unread = unread;
     write(&programs, &all, &out, arm)?;
     Ok((report, source))
 }
@@ -305,9 +310,10 @@ impl CompensateArgs {
         })
     }
 
-    /// The files of the program by their names in the folder that is written.
-    fn files(&self) -> Result<Vec<File>, ProgramError> {
+    /// The files of the program by their names in the folder that is written, and those of programs that are not read.
+    fn files(&self) -> Result<(Vec<File>, Vec<String>), ProgramError> {
         let mut files = BTreeMap::new();
+        let mut unread = Vec::new();
         for path in std::iter::once(&self.targets).chain(&self.program.more) {
             let is_any = |_: &Path| true;
             let (root, found) = if path.is_dir() {
@@ -319,6 +325,9 @@ impl CompensateArgs {
                 let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().into_owned();
                 let mut file = File { name: name.clone(), bytes: Vec::new() };
                 if !crate::programs::is_program(&file) {
+                    if UNREAD.contains(&file.ending().as_str()) {
+                        unread.push(name);
+                    }
                     continue;
                 }
                 file.bytes = read(&path)?;
@@ -330,7 +339,7 @@ impl CompensateArgs {
         if files.is_empty() {
             return Err(ProgramError::NoProgram);
         }
-        Ok(files.into_values().collect())
+        Ok((files.into_values().collect(), unread))
     }
 }
 

@@ -38,6 +38,8 @@ pub struct Report {
     /// Joints that crossed a border of T, cf1, cf4 or cf6.
     crossed: usize,
     orientations_corrected: bool,
+    /// Files of programs that are not read.
+    pub(super) unread: Vec<String>,
     lines: Vec<Entry>,
 }
 
@@ -59,6 +61,7 @@ impl Report {
             largest_correction_mm: 0.0,
             crossed: 0,
             orientations_corrected,
+            unread: Vec::new(),
             lines,
         }
     }
@@ -110,6 +113,9 @@ impl fmt::Display for Report {
                     writeln!(f, "{place}: computed when the program runs, stays as it is")?;
                 }
             }
+        }
+        for name in &self.unread {
+            writeln!(f, "{name}: not read: programs of this dialect are not corrected")?;
         }
         write!(
             f,
