@@ -62,7 +62,7 @@ use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::{ArmDwell, TargetDwell};
 use self::logged_references::bumps::Targets;
-use self::moved::Elsewhere;
+use self::moved::{Elsewhere, Knock};
 use self::observe::Observation;
 use self::others::Other;
 use self::pattern::Relation;
@@ -74,6 +74,7 @@ use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
 pub use began::{Began, began};
 pub use clock_steps::ClockStep;
+pub(crate) use courses::undo;
 pub use disposition::REPEATED;
 pub use error::JoinError;
 pub use logged_lengths::LengthReadings;
@@ -96,6 +97,8 @@ pub struct Joined {
     pub read_references: Vec<tabled::ReadReference>,
     /// Stretches at which the instrument or the base stood elsewhere, and no reference tells it.
     pub elsewhere: Vec<Elsewhere>,
+    /// Motions of the instrument or the base at one time that no reference tells, taken out of the readings behind them.
+    pub knocks: Vec<Knock>,
     pub counts: ReadingCounts,
     /// The thresholds that were given or found from the logs.
     pub found: Thresholds,
@@ -425,6 +428,7 @@ fn join_without(
         references: Vec::new(),
         read_references: Vec::new(),
         elsewhere: elsewhere.found,
+        knocks: Vec::new(),
         counts,
         found: Thresholds {
             stationary_rad: seen.stationary_rad,

@@ -16,6 +16,7 @@ mod inverse;
 mod join;
 mod kinds;
 mod kinematics;
+mod knocks;
 mod locate;
 mod measured_tables;
 mod plan;

@@ -8,7 +8,7 @@ use super::PublishError;
 use super::readings::{self, ReadingRow};
 use super::stage_results::{self, FileColumns, InputColumns, MadeColumns, NotRestored, signed};
 use crate::ingest::LogReject;
-use crate::join::moved::Elsewhere;
+use crate::join::moved::{Elsewhere, Knock};
 use crate::join::tabled::{ReadReference, ReferenceCourse};
 use crate::join::{ClockEstimate, JoinReject, Joined, ReadingCounts, RowReject, Thresholds};
 use crate::judgement::{DrivenBy, JoinedSession};
@@ -45,6 +45,8 @@ pub struct AsJoined {
     read_references: Vec<ReadReference>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     elsewhere: Vec<Elsewhere>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    knocks: Vec<Knock>,
     reading_counts: ReadingCounts,
     found: Thresholds,
     driven_by: Option<DrivenBy>,
@@ -113,6 +115,7 @@ pub fn restored(lake: &Lake, key: &RunKey) -> Result<Restored, NotRestored> {
             references: own.references,
             read_references: own.read_references,
             elsewhere: own.elsewhere,
+            knocks: own.knocks,
             counts: own.reading_counts,
             found: own.found,
         },
@@ -135,6 +138,7 @@ impl AsJoined {
             references: joined.references.clone(),
             read_references: joined.read_references.clone(),
             elsewhere: joined.elsewhere.clone(),
+            knocks: joined.knocks.clone(),
             reading_counts: joined.counts,
             found: joined.found,
             driven_by: session.driven_by.clone(),

@@ -18,6 +18,7 @@ pub mod curves;
 pub mod design;
 pub mod elsewhere;
 mod held_out;
+pub mod knocks;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;

@@ -290,7 +290,7 @@ fn unknown(course: &ReferenceCourse, look: usize, main: Option<usize>) -> Option
 }
 
 /// Takes a motion out of what was read.
-pub(super) fn undo(value: &mut Value, motion: &Motion) {
+pub(crate) fn undo(value: &mut Value, motion: &Motion) {
     let covariance = value.point().map(|point| motion.covariance_at(&point.position));
     if let Some(point) = value.point_mut() {
         point.position = motion.undone(&point.position);

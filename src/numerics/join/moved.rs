@@ -5,6 +5,8 @@
 //! 2. A stretch of far readings that one rigid motion brings back within the gate, of a target in the same place at the flange, is named
 //!    with that motion. Its readings have to be spread by more than the gate: readings in one place are brought back by any.
 //!
+//! A smaller motion, which the model of the arm's errors tells, is a [`Knock`] ([`crate::fit::full::knocks`]).
+//!
 //! Nothing ties such a stretch to the rest, as its motion is known no better than the nominal arm: its readings stay out.
 
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -12,8 +14,10 @@ use serde::{Deserialize, Serialize};
 
 use super::MIN_PAIRS;
 use super::placement::{Placement, ReadingAtFlange};
+use super::references::Motion;
 use crate::figures::median;
 use crate::geometry::align;
+use crate::units::{Controller, Stamp, WallTime};
 
 /// Spread of readings that show a motion, in gates.
 const SPREAD: f64 = 3.0;
@@ -44,6 +48,38 @@ impl Elsewhere {
              motion, so they are left out (instrument_moved); three references that are not in line, read on both sides, tie the parts \
              together; a reflector in another place at a tool that never turns looks the same",
             1e3 * turn_rad
+        )
+    }
+}
+
+/// A motion of the instrument or the base between two stations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Knock {
+    /// The first station behind it.
+    pub station: usize,
+    /// The beginning of that station.
+    pub at: Stamp<Controller>,
+    /// Measured stations before and behind it.
+    pub stations: [usize; 2],
+    pub motion: Motion,
+}
+
+impl Knock {
+    pub fn shift_mm(&self) -> f64 {
+        let Motion { moved, middle, .. } = &self.motion;
+        (moved * middle - middle).norm()
+    }
+
+    pub fn words(&self) -> String {
+        let [before, behind] = self.stations;
+        let at = WallTime::of_clock_ns(self.at.ns())
+            .map_or_else(String::new, |at| format!(", {at} UTC of the controller's clock"));
+        format!(
+            "the instrument or the base was knocked before station {}{at}: by {:.3} mm and {:.3} mrad in the middle of the readings; the \
+             {behind} measured stations behind it are carried to where it stood at the {before} before it",
+            self.station,
+            self.shift_mm(),
+            1e3 * self.motion.moved.rotation.angle(),
         )
     }
 }

@@ -132,6 +132,7 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         references: followed.courses,
         read_references: followed.read,
         elsewhere: gates.elsewhere,
+        knocks: Vec::new(),
         counts: ReadingCounts { kept, unpaired, missing, ..ReadingCounts::default() },
         found: Thresholds { stationary_rad: 0.0, stationary_mm: 0.0, settle_s: 0.0 },
     }

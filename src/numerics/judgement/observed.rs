@@ -96,6 +96,8 @@ pub(super) fn observations(
     let day = session.started().map(WallTime::day);
     for observation in &mut observations {
         observation.day = day;
+        // What was carried over a knock drifts all the same.
+        observation.follows_references &= session.joined.knocks.is_empty();
     }
     observations
 }

@@ -7,6 +7,7 @@ use nalgebra::Isometry3;
 use super::{RunError, mounting};
 use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
+use crate::fit::full::knocks;
 use crate::ingest::covariances::CovarianceCounts;
 use crate::ingest::{Mapping, StationsSettings};
 use crate::io::input::Bound;
@@ -115,10 +116,11 @@ impl OwnLogs<'_> {
         let (configuration, files) = (self.configuration, self.files);
         let (arm, settings) = (&configuration.arm, &configuration.file.join);
         let joined = join(&read.input, arm, settings);
-        let joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
+        let mut joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
         let set_up =
             set_up(configuration, files, &joined, || explained_anew(configuration, &read))?;
+        without_knocks(configuration, &mut joined);
         let counts = with_references(read.counts, &read.input, &joined);
         Ok(JoinedSession {
             sampling_plan: read.metadata.get("session.plan").cloned(),
@@ -191,8 +193,9 @@ fn of_table(
         Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
         Some(Mounted::Fixed) | None => read.rows,
     };
-    let joined = tabled(rows, &configuration.arm, &configuration.file.join);
+    let mut joined = tabled(rows, &configuration.arm, &configuration.file.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
+    without_knocks(configuration, &mut joined);
     Ok(JoinedSession {
         counts: row_counts((read.read, read.covariances), &joined),
         set_up,
@@ -257,6 +260,14 @@ fn commanded_in(
         joined,
         set_up: None,
         stated_sizes: Vec::new(),
+    }
+}
+
+/// Takes knocks of the instrument or the base out of a session that no references follow.
+fn without_knocks(configuration: &Configuration, joined: &mut Joined) {
+    if joined.references.is_empty() {
+        let up = configuration.stages.up;
+        joined.knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
     }
 }
 

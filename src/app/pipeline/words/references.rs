@@ -2,7 +2,7 @@
 
 mod silent;
 
-use crate::join::moved::Elsewhere;
+use crate::join::moved::{Elsewhere, Knock};
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
 use crate::join::{ClockStep, Joined, REPEATED};
@@ -37,7 +37,9 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<S
         let words = silent::warned(&session.joined);
         let elsewhere = session.joined.elsewhere.iter().map(Elsewhere::words);
         let steps = session.joined.clock.steps.iter().map(ClockStep::words);
-        let named = elsewhere.chain(steps).chain(repeated(&session.joined)).chain(words);
+        let knocks = session.joined.knocks.iter().map(Knock::words);
+        let named =
+            elsewhere.chain(steps).chain(knocks).chain(repeated(&session.joined)).chain(words);
         named.map(|words| format!("{}: {words}", session.name)).collect::<Vec<_>>()
     });
     each(outcome).flat_map(of_course).chain(silent).collect()

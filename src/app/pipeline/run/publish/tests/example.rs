@@ -150,6 +150,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 between: Some([0, 2]),
             }],
             elsewhere: Vec::new(),
+            knocks: Vec::new(),
             counts: ReadingCounts { kept: 20, moving: 4, missing: 1, ..ReadingCounts::default() },
             found: Thresholds { stationary_rad: 1e-4, stationary_mm: 0.1, settle_s: 0.2 },
         },

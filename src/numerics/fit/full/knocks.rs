@@ -1,0 +1,378 @@
+//! Knocks: the instrument or the base moved at one time in the middle of a session, and no reference tells it.
+//!
+//! Input: the stations of one session in order of time, and the arm. Output: the motions, and the readings behind each carried to where
+//! the instrument stood at first.
+//! 1. A model of the session alone is trained, of geometry, frames and slow joint curves. A slow drift of all six motions of the base is
+//!    added: Legendre's polynomials over the session, of which the n-th has a variance like 1/n².
+//! 2. A knock before a station is six more columns: the base's, at that station and all behind it. Each has a score test `sᵀ V⁻¹ s`,
+//!    `s = Bᵀ N⁻¹ e` and `V = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B` with the model's rows Φ, their covariance C and residuals e.
+//! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock where the log evidence rises by [`GAIN`]:
+//!    a slow drift gains nothing by a step.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6};
+
+use super::regression::{Posterior, Sums};
+use super::rows::{Around, covariances};
+use super::settings::FullSettings;
+use super::train::{Settled, train};
+use super::whitening::noise_factor;
+use crate::fit::observation::{Noise, Observation, Source, TrackerUncertainty, observations};
+use crate::fit::problem::{Freedom, Owner, Problem};
+use crate::fit::{FitSettings, identify};
+use crate::join::moved::Knock;
+use crate::join::references::Motion;
+use crate::join::{ReadingKind, SourceId, Station, undo};
+use crate::kinematics::{Arm, Motion as Axis, Parameter};
+use crate::linalg::gram_of_columns;
+
+/// Fewest measured stations on each side of a knock.
+const BESIDE: usize = 20;
+/// Least gain in log evidence of a knock, nats.
+const GAIN: f64 = 20.0;
+/// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
+const TRIED: f64 = 30.0;
+const MOST: usize = 4;
+const HARMONICS: usize = 6;
+/// Polynomials of the slow drift.
+const ORDERS: usize = 6;
+/// Rounds in which sizes are found.
+const ROUNDS: usize = 12;
+/// Standard deviations of a knock: of its shift, mm, and of its turn, rad.
+const KNOCK: [f64; 2] = [10.0, 5e-3];
+
+/// Takes knocks out of the readings of a session: the readings behind each are carried to where the instrument stood before.
+pub fn taken_out(stations: &mut [Station], arm: &Arm, up: Option<UnitVector3<f64>>) -> Vec<Knock> {
+    let mut found = Vec::new();
+    while found.len() < MOST {
+        let own = observed(stations, arm);
+        let Some((station, motion)) = Small::of(&own, arm, up).and_then(|small| small.knock())
+        else {
+            break;
+        };
+        found.extend(carried(stations, station, motion));
+    }
+    found
+}
+
+/// Carries the readings of this station and all behind it to where the instrument stood before.
+fn carried(stations: &mut [Station], number: usize, motion: Motion) -> Option<Knock> {
+    let first = stations.iter().position(|own| own.number == number)?;
+    let (before, behind) = stations.split_at_mut(first);
+    for reading in behind.iter_mut().flat_map(|own| &mut own.readings) {
+        let earlier = reading.value.point().and_then(|own| own.motion_covariance);
+        undo(&mut reading.value, &motion);
+        let now = reading.value.point_mut().and_then(|own| own.motion_covariance.as_mut());
+        for (own, earlier) in now.into_iter().flatten().zip(earlier.into_iter().flatten()) {
+            *own += earlier;
+        }
+    }
+    let measured = |own: &[Station]| own.iter().filter(|own| !own.measured().is_empty()).count();
+    Some(Knock {
+        station: number,
+        at: behind.first()?.start,
+        stations: [measured(before), measured(behind)],
+        motion,
+    })
+}
+
+/// The readings of places, with no noise but a little: the training finds what there is.
+fn observed(stations: &[Station], arm: &Arm) -> Vec<Observation> {
+    let uncertainty = TrackerUncertainty {
+        range_um: 5.0,
+        range_um_per_m: 0.0,
+        transverse_um: 5.0,
+        transverse_um_per_m: 0.0,
+        divisor: 1.0,
+        orientation_rad: None,
+    };
+    let source = Source { reads: ReadingKind::Point, uncertainty: uncertainty.into() };
+    let mut own = observations(0, stations, arm, &Noise::of_one(source, 0.02));
+    own.retain(|own| own.point().is_some());
+    // What was carried drifts as before.
+    for observation in &mut own {
+        observation.follows_references = false;
+    }
+    own
+}
+
+/// The model of one session, and the whitened rows of its stations.
+struct Small<'a> {
+    observations: &'a [Observation],
+    problem: Problem<'a>,
+    settled: Settled,
+    /// The columns of the base.
+    base: Vec<usize>,
+    /// Whether each of them turns it.
+    turns: Vec<bool>,
+    /// Rows of the columns of the model, then of the drift's: a row of the regression in each column.
+    rows: DMatrix<f64>,
+    values: DVector<f64>,
+    /// The first row of each station, and its first observation.
+    stations: Vec<(usize, usize)>,
+    sums: Sums,
+}
+
+/// The whitened rows of all stations.
+struct Whitened {
+    rows: DMatrix<f64>,
+    values: DVector<f64>,
+    stations: Vec<(usize, usize)>,
+}
+
+impl Whitened {
+    fn of(
+        problem: &Problem<'_>,
+        settled: &Settled,
+        base: &[usize],
+        up: Option<Vector3<f64>>,
+    ) -> Self {
+        let around = Around::new(problem, &settled.state, up);
+        let columns = settled.state.layout.size();
+        let count = problem.observations().len() as f64;
+        let (mut all, mut values, mut firsts) = (Vec::new(), Vec::new(), Vec::new());
+        let mut observation = 0;
+        for (session, stations) in around.batches() {
+            let rows = around.rows(&stations);
+            let noise = covariances(&settled.state, &rows, &stations);
+            for (row, noise) in rows.iter().zip(&noise) {
+                firsts.push((values.len(), observation));
+                let model = row.whole(around.seen(session), columns);
+                let mut value = &row.value - &model * &settled.prior_mean;
+                let mut whole = with_drift(model, base, 2.0 * observation as f64 / count - 1.0);
+                let factor = noise_factor(noise);
+                factor.solve_lower_triangular_mut(&mut whole);
+                factor.solve_lower_triangular_mut(&mut value);
+                all.extend_from_slice(whole.transpose().as_slice());
+                values.extend_from_slice(value.as_slice());
+                observation += row.value.len() / 3;
+            }
+        }
+        Self {
+            rows: DMatrix::from_vec(columns + 6 * ORDERS, values.len(), all),
+            values: DVector::from_vec(values),
+            stations: firsts,
+        }
+    }
+}
+
+/// Rows of the model with those of the drift's columns at a time, from −1 to 1 over the session.
+fn with_drift(model: DMatrix<f64>, base: &[usize], time: f64) -> DMatrix<f64> {
+    let columns = model.ncols();
+    let moved = model.select_columns(base);
+    let mut whole = model.resize_horizontally(columns + 6 * ORDERS, 0.0);
+    for order in 1..=ORDERS {
+        let share = legendre(order, time) / order as f64;
+        whole.columns_mut(columns + 6 * (order - 1), 6).copy_from(&(&moved * share));
+    }
+    whole
+}
+
+/// The sizes of the model's parts, found with or without a knock.
+struct Sized {
+    posterior: Posterior,
+    /// Factor on the variance of the noise.
+    noise: f64,
+}
+
+impl<'a> Small<'a> {
+    fn of(
+        observations: &'a [Observation],
+        arm: &Arm,
+        up: Option<UnitVector3<f64>>,
+    ) -> Option<Self> {
+        let fit = FitSettings::default();
+        let placed = identify(arm, observations, 1, Freedom::BaseAndTarget, &fit).ok()?;
+        let (frames, prior) = (&placed.frames, fit.prior());
+        let problem = Problem::new(observations, arm.chain(), frames, Freedom::Geometry, &prior);
+        let start = DVector::zeros(problem.unknowns().len());
+        let settings = FullSettings {
+            harmonics: HARMONICS,
+            gear_lines: false,
+            command_weight: false,
+            session_scale_ppm: 0.0,
+            ..FullSettings::default()
+        };
+        let up = up.map(UnitVector3::into_inner);
+        let settled = train(&problem, start, &settings, up)?;
+        let is_base = |place: &usize| {
+            let own = &problem.unknowns()[*place];
+            matches!((own.owner, own.parameter), (Owner::Source { .. }, Parameter::Base(_)))
+        };
+        let base: Vec<usize> = (0..problem.unknowns().len()).filter(is_base).collect();
+        let turns: Vec<bool> =
+            base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
+        let Whitened { rows, values, stations } = Whitened::of(&problem, &settled, &base, up);
+        let sums = Sums {
+            information: gram_of_columns(&rows.as_view()),
+            moment: &rows * &values,
+            square: values.norm_squared(),
+            ln_noise: 0.0,
+        };
+        let small =
+            Self { observations, problem, settled, base, turns, rows, values, stations, sums };
+        (small.base.len() == 6).then_some(small)
+    }
+
+    /// The first station behind the knock of the session, and the motion; `None` where it has none.
+    fn knock(&self) -> Option<(usize, Motion)> {
+        let without = self.sized(None)?;
+        let (station, statistic) = self.most_likely(&without)?;
+        if statistic < TRIED {
+            return None;
+        }
+        let near =
+            station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
+        let sized = near.filter_map(|station| Some((station, self.sized(Some(station))?)));
+        let (station, with) = sized
+            .max_by(|a, b| a.1.posterior.log_evidence.total_cmp(&b.1.posterior.log_evidence))?;
+        let gain = with.posterior.log_evidence - without.posterior.log_evidence;
+        (gain > GAIN).then(|| self.knock_at(station, &with))?
+    }
+
+    /// The model with sizes of curves, drift and noise found by their likelihood; with a knock before a station, where one is given.
+    fn sized(&self, knock: Option<usize>) -> Option<Sized> {
+        let columns = self.settled.state.layout.size();
+        let sums = knock.map_or_else(|| self.sums.clone(), |station| self.sums_with(station));
+        let mut components = self.settled.state.components.clone();
+        let (mut drift, mut noise) = ([1e-4, 1e-10], 1.0);
+        let mut sized = None;
+        for _ in 0..ROUNDS {
+            let own = components.variances();
+            let variances = DVector::from_fn(sums.moment.len(), |place, _| {
+                let Some(added) = place.checked_sub(columns) else {
+                    return own[place];
+                };
+                let turns = usize::from(self.turns[added % 6]);
+                if added < 6 * ORDERS { drift[turns] } else { KNOCK[turns].powi(2) }
+            });
+            let posterior = divided(&sums, noise, self.values.len()).posterior(&variances)?;
+            let (squares, determined) = (posterior.whitened.map(|u| u * u), posterior.determined());
+            let of_model = |all: &DVector<f64>| all.rows(0, columns).into_owned();
+            components.update(&of_model(&squares), &of_model(&determined), &own);
+            for (turns, size) in drift.iter_mut().enumerate() {
+                let places =
+                    (0..6 * ORDERS).filter(|own| usize::from(self.turns[own % 6]) == turns);
+                let shown = places.fold((1.0, 1.0), |(squared, counted), own| {
+                    (squared + squares[columns + own], counted + determined[columns + own])
+                });
+                *size *= (shown.0 / shown.1).clamp(0.05, 20.0);
+            }
+            let mean = posterior.mean();
+            let left =
+                sums.square - 2.0 * mean.dot(&sums.moment) + mean.dot(&(&sums.information * &mean));
+            let free = self.values.len() as f64 - determined.sum();
+            sized = Some(Sized { posterior, noise });
+            noise = left / free.max(1.0);
+        }
+        sized
+    }
+
+    /// The first row of a station; the end behind the last.
+    fn first_row(&self, station: usize) -> usize {
+        self.stations.get(station).map_or(self.values.len(), |own| own.0)
+    }
+
+    /// The sums with the columns of a knock before a station.
+    fn sums_with(&self, station: usize) -> Sums {
+        let first = self.first_row(station);
+        let behind = self.values.len() - first;
+        let rows = self.rows.columns(first, behind);
+        let knock = rows.select_rows(&self.base);
+        let (size, all) = (self.rows.nrows(), self.rows.nrows() + 6);
+        let along = rows * knock.transpose();
+        let mut information = self.sums.information.clone().resize(all, all, 0.0);
+        information.view_mut((0, size), (size, 6)).copy_from(&along);
+        information.view_mut((size, 0), (6, size)).copy_from(&along.transpose());
+        information.view_mut((size, size), (6, 6)).copy_from(&along.select_rows(&self.base));
+        let mut moment = self.sums.moment.clone().resize_vertically(all, 0.0);
+        moment.rows_mut(size, 6).copy_from(&(knock * self.values.rows(first, behind)));
+        Sums { information, moment, ..self.sums }
+    }
+
+    /// The station before which a knock has the largest statistic, and that.
+    fn most_likely(&self, without: &Sized) -> Option<(usize, f64)> {
+        let left = &self.values - self.rows.tr_mul(&without.posterior.mean());
+        let mut along = DMatrix::zeros(self.rows.nrows(), 6);
+        let mut score = DVector::zeros(6);
+        let mut best: Option<(usize, f64)> = None;
+        let stride = (self.stations.len() / 256).max(1);
+        for station in (BESIDE..self.stations.len()).rev() {
+            let first = self.first_row(station);
+            let count = self.first_row(station + 1) - first;
+            let rows = self.rows.columns(first, count);
+            let base = rows.select_rows(&self.base);
+            along += rows * base.transpose();
+            score += base * left.rows(first, count);
+            if station + BESIDE > self.stations.len() || station % stride != 0 {
+                continue;
+            }
+            let half = without.posterior.half(&along.transpose());
+            let known = along.select_rows(&self.base) - half.tr_mul(&half) / without.noise;
+            let statistic =
+                known.cholesky().map(|own| own.solve(&score).dot(&score) / without.noise);
+            if let Some(statistic) =
+                statistic.filter(|own| best.is_none_or(|(_, most)| *own > most))
+            {
+                best = Some((station, statistic));
+            }
+        }
+        best
+    }
+
+    /// The knock before a station, of which the model has the columns.
+    fn knock_at(&self, station: usize, with: &Sized) -> Option<(usize, Motion)> {
+        let places: Vec<usize> = (self.rows.nrows()..self.rows.nrows() + 6).collect();
+        let change = with.posterior.mean().select_rows(&places);
+        let covariance = with.posterior.covariance_of(&places);
+        let offsets = &self.settled.state.offsets;
+        let stands = |change: &DVector<f64>| {
+            let mut offsets = offsets.clone();
+            self.base.iter().zip(change).for_each(|(&column, by)| offsets[column] += by);
+            *self.problem.frames(&offsets)[0].tracker_from_base(SourceId::ONLY).isometry()
+        };
+        let first = stands(&DVector::zeros(6));
+        let moved = |change: &DVector<f64>| -> Isometry3<f64> { stands(change) * first.inverse() };
+        let middle = middle(self.observations)?;
+        let per_unit: [Vector6<f64>; 6] = std::array::from_fn(|axis| {
+            const STEP: f64 = 1e-4;
+            let by = moved(&DVector::from_fn(6, |own, _| if own == axis { STEP } else { 0.0 }));
+            let (shift, turn) = (by * middle - middle, by.rotation.scaled_axis());
+            Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z) / STEP
+        });
+        let per_unit = Matrix6::from_columns(&per_unit);
+        let covariance =
+            per_unit * Matrix6::from_fn(|a, b| covariance[(a, b)]) * per_unit.transpose();
+        let number = self.observations[self.stations[station].1].station;
+        Some((number, Motion { moved: moved(&change), middle, covariance, part: 1 }))
+    }
+}
+
+const fn is_turn(parameter: Parameter) -> bool {
+    matches!(parameter, Parameter::Base(Axis::Rotation(_)))
+}
+
+/// Sums of rows whose noise has `noise` times the variance.
+fn divided(sums: &Sums, noise: f64, rows: usize) -> Sums {
+    Sums {
+        information: &sums.information / noise,
+        moment: &sums.moment / noise,
+        square: sums.square / noise,
+        ln_noise: rows as f64 * noise.ln(),
+    }
+}
+
+/// Legendre's polynomial of this order at `at`, from −1 to 1.
+fn legendre(order: usize, at: f64) -> f64 {
+    let step = |(before, now): (f64, f64), n: usize| {
+        let n = n as f64;
+        (now, ((2.0 * n + 1.0) * at * now - n * before) / (n + 1.0))
+    };
+    (1..order).fold((1.0, at), step).1
+}
+
+/// The middle of all readings, mm.
+fn middle(observations: &[Observation]) -> Option<Point3<f64>> {
+    let places = observations.iter().map(|own| Some(own.point()?.position.coords));
+    let sum: Vector3<f64> = places.sum::<Option<_>>()?;
+    Some(Point3::from(sum / observations.len() as f64))
+}
