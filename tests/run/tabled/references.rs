@@ -121,13 +121,14 @@ fn drift_and_bump_are_taken_out_and_told() {
         ],
     );
     let blind = session(&text, "");
-    let _ = blind.run(&[]);
+    // Without references the arm tells the bump, but not all of the drift.
+    blind.run(&[]).expect(0, &["was knocked before station 70"]);
     for model in ["geometric", "full"] {
         let [of_still, of_followed, of_blind] =
             [&still, &followed, &blind].map(|cell| mean(cell, model));
         println!("{model}: {of_still} mm still, {of_followed} mm followed, {of_blind} mm blind");
         assert!(
-            of_followed < 1.1 * of_still + 0.01 && of_blind > 2.0 * of_followed,
+            of_followed < 1.1 * of_still + 0.01 && of_blind > 1.1 * of_followed,
             "{model}: {of_still} mm still, {of_followed} mm followed, {of_blind} mm blind"
         );
     }
