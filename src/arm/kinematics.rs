@@ -29,7 +29,7 @@ pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};
 pub use convention::Convention;
 pub use held::{ChainView, HeldChain};
-pub use inverse::{Anywhere, InverseError, InverseSettings, inverse};
+pub use inverse::{Anywhere, Inverse, InverseError, InverseSettings, inverse};
 pub use motion::{Axis, Motion};
 pub use parameter::{GaugePart, LinkQuantity, Parameter};
 pub use restate::RestateError;

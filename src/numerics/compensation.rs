@@ -84,14 +84,21 @@ pub struct Corrected {
     pub correction: Vector3<f64>,
     /// Covariance of the correction, mm²: from the nodes' or the model's covariance, and where errors are stated in a surveyed frame from
     /// that frame's uncertainty at the target. It excludes the interpolation error inside a cell: that is the held-out figure of the
-    /// grid's step.
-    pub covariance: Matrix3<f64>,
+    /// grid's step. `None` where it was not asked for.
+    pub covariance: Option<Matrix3<f64>>,
     /// The share of the surveyed frame in the covariance, mm²: alike for all targets, as the frame is off by one motion.
     pub of_frame: Matrix3<f64>,
     /// Number of evaluations of the table or the model.
     pub iterations: usize,
     /// The exceptions without which the target would have been refused, in their order; none where none was needed.
     pub allowed: Vec<Exception>,
+}
+
+/// Whether corrections have covariances: an identified arm's cost more than its commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Covariances {
+    Given,
+    Omitted,
 }
 
 /// A reason for refusal that the caller may take upon himself.
@@ -128,13 +135,13 @@ impl JointCommand {
 
 impl Corrected {
     /// Standard deviation of the correction along each axis, mm.
-    pub fn standard_deviation(&self) -> Vector3<f64> {
-        self.covariance.diagonal().map(f64::sqrt)
+    pub fn standard_deviation(&self) -> Option<Vector3<f64>> {
+        Some(self.covariance?.diagonal().map(f64::sqrt))
     }
 
     /// Root of the covariance's trace, mm.
-    pub fn standard_deviation_norm(&self) -> f64 {
-        self.covariance.trace().sqrt()
+    pub fn standard_deviation_norm(&self) -> Option<f64> {
+        Some(self.covariance?.trace().sqrt())
     }
 
     /// Root of the trace of the surveyed frame's share, mm.
@@ -143,8 +150,8 @@ impl Corrected {
     }
 
     /// Sum of the variances along three axes without the surveyed frame's share, mm².
-    pub fn own_variance_mm2(&self) -> f64 {
-        (self.covariance - self.of_frame).trace()
+    pub fn own_variance_mm2(&self) -> Option<f64> {
+        Some((self.covariance? - self.of_frame).trace())
     }
 }
 
@@ -218,7 +225,7 @@ fn by_pose(
         orientation: target.orientation,
         joints: None,
         correction: converged.command - wanted.point(),
-        covariance: converged.found + of_frame,
+        covariance: Some(converged.found + of_frame),
         of_frame,
         iterations: converged.iterations,
         allowed: Vec::new(),

@@ -11,7 +11,9 @@ use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
-use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
+use posegrid::compensation::{
+    ArmModel, Corrected, Covariances, IdentifiedArm, Target, TargetJoints, Validity,
+};
 use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorFrame, FrameUncertainty};
@@ -149,7 +151,11 @@ impl Identified {
                 ..Target::default()
             })
             .collect();
-        self.by.compensate(&targets, &[]).into_iter().filter_map(Result::ok).collect()
+        self.by
+            .compensate(&targets, &[], Covariances::Given)
+            .into_iter()
+            .filter_map(Result::ok)
+            .collect()
     }
 
     /// Drives the arm to targets by commands, in another session, and tells what a session says of it.
@@ -177,7 +183,7 @@ impl Identified {
                 command: visit.command.as_ref()?.position,
                 attained: error_frame.attained_tool(&visit.joints, visit.one_reading()?)?,
                 stated: corrected.correction,
-                variance_mm2: corrected.own_variance_mm2(),
+                variance_mm2: corrected.own_variance_mm2()?,
                 turn: None,
             })
         };
@@ -254,7 +260,7 @@ fn a_table_does_what_it_promised_and_what_was_done_with_it_is_reported() {
     assert!(matches!(told(&|c| otherwise(c, |q| 2.0 * q)), Application::Twice(_)));
     // Another arm's table, for the same targets.
     let other = Identified::new(4, 12);
-    let theirs = other.by.compensate(&targets_of(&corrected), &[]);
+    let theirs = other.by.compensate(&targets_of(&corrected), &[], Covariances::Given);
     let theirs: Vec<Corrected> = theirs.into_iter().filter_map(Result::ok).collect();
     let of_another = driven::application(&own.driven(&theirs, as_meant));
     assert!(matches!(of_another, Application::Unrelated(_)), "{of_another:?}");
@@ -314,7 +320,7 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
         let right = matches!(about, Application::Turned { .. });
         count("turned", &about, right);
         if let Some(other) = &last {
-            let theirs = other.by.compensate(&targets_of(&corrected), &[]);
+            let theirs = other.by.compensate(&targets_of(&corrected), &[], Covariances::Given);
             let theirs: Vec<Corrected> = theirs.into_iter().filter_map(Result::ok).collect();
             let found = driven::application(&own.driven(&theirs, as_meant));
             let right = matches!(found, Application::Unrelated(_));

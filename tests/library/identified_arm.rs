@@ -4,7 +4,9 @@ use crate::common;
 
 use common::NOISE;
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
+use posegrid::compensation::{
+    ArmModel, Corrected, Covariances, IdentifiedArm, Target, TargetJoints, Validity,
+};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
@@ -154,7 +156,9 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
     let targets: Vec<Target> = fresh.iter().map(|(target, _)| target.clone()).collect();
     let (mut before, mut after, mut middle) = (Vec::new(), Vec::new(), Vec::new());
     let mut squares = Vec::new();
-    for ((_, visits), outcome) in fresh.iter().zip(identified.compensate(&targets, &[])) {
+    for ((_, visits), outcome) in
+        fresh.iter().zip(identified.compensate(&targets, &[], Covariances::Given))
+    {
         let done: Corrected = outcome.expect("inside the ranges measured");
         let joints = done.joints.expect("joint angles");
         let of = |command: &[f64], visits: &[[f64; 2]]| {

@@ -7,7 +7,9 @@ use std::fs::File;
 use std::io::BufWriter;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
+use posegrid::compensation::{
+    ArmModel, Corrected, Covariances, IdentifiedArm, Target, TargetJoints, Validity,
+};
 use posegrid::fit::flange::turn_behind;
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{
@@ -558,7 +560,7 @@ fn an_arm_learnt_from_three_reflectors_corrects_orientations_too() {
     };
     let targets: Vec<Target> = fresh.truth.stations.iter().map(target).collect();
     let corrected = |by: &IdentifiedArm| -> Vec<Corrected> {
-        let all = by.compensate(&targets, &[]).into_iter();
+        let all = by.compensate(&targets, &[], Covariances::Given).into_iter();
         all.filter_map(Result::ok).collect()
     };
     let found = outcome(&arm, three.clone(), vec![], &settings);

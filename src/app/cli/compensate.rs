@@ -21,7 +21,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use crate::compensation::validity::Held;
-use crate::compensation::{Corrected, Exception, Refused};
+use crate::compensation::{Corrected, Covariances, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Targets};
@@ -92,6 +92,10 @@ pub struct CompensateArgs {
     /// corrected by its marks alone.
     #[arg(long)]
     pub no_record: bool,
+    /// Leave out how uncertain each correction is: by calibrations the commands alone take less than half the time. What such
+    /// a file drove is judged without it.
+    #[arg(long)]
+    pub no_covariance: bool,
     /// Conditions that the targets will be run with: tool, payload, mounting, base, controller, temperature.
     #[command(flatten)]
     pub used_with: UsedWithArgs,
@@ -232,7 +236,9 @@ impl CompensateArgs {
         needed: &[Exception],
         targets: &Targets,
     ) -> Vec<Result<Corrected, Refused>> {
-        let mut outcomes = source.compensate(&targets.targets, &self.allow);
+        let covariances =
+            if self.no_covariance { Covariances::Omitted } else { Covariances::Given };
+        let mut outcomes = source.compensate(&targets.targets, &self.allow, covariances);
         for done in outcomes.iter_mut().flatten() {
             done.allowed.extend(needed);
             done.allowed.sort_unstable();

@@ -15,6 +15,7 @@ use std::fmt;
 use nalgebra::{DMatrix, Matrix6, Point3, Vector3};
 
 use super::arm::Arm;
+use super::held::{ChainView, HeldChain};
 use super::twist::Twist;
 
 /// Axes at a smaller angle's sine count as parallel: ten times what identified arms are off by.
@@ -76,13 +77,12 @@ impl SingularityFactors {
     /// Factors at reported joint angles (rad); `None` for an arm that has none, or whose upper arm or
     /// forearm has no length.
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
-        if arm.joints().len() != 6 {
-            return None;
-        }
-        let q = arm.axes(joints);
-        let axes = arm.chain().joint_axes(&q, offsets);
-        let twists = arm.chain().differential(&q, offsets).joints;
-        let forearm_end = forearm_end(&axes, &twists)?;
+        Self::of_view(&HeldChain::fixed(arm.chain(), offsets).view(&arm.axes(joints)))
+    }
+
+    pub(super) fn of_view(view: &ChainView) -> Option<Self> {
+        let (axes, twists) = (&view.axes.first, &view.joints);
+        let forearm_end = forearm_end(axes, twists)?;
         let z = |axis: usize| axes[axis - 1].1;
         let upper_arm = axes[2].0 - axes[1].0;
         let forearm = forearm_end - axes[2].0;
@@ -94,7 +94,7 @@ impl SingularityFactors {
         }
         let wrist = z(4).cross(&z(5)).dot(&z(6));
         let elbow_mm2 = z(2).dot(&upper_arm.cross(&forearm));
-        let determinant = determinant(&twists);
+        let determinant = determinant(twists);
         let elbow = elbow_mm2 / (upper * fore);
         // On a singularity of elbow or wrist the quotient is undefined, and the pose is singular anyway.
         let shoulder = if (elbow * wrist).abs() < 1e-12 {
@@ -171,15 +171,7 @@ fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
 /// The smallest singular value of the Jacobian over `lever_mm`: 0 at a singularity. Rows of angles are multiplied by
 /// `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a length); it works for any
 /// arm.
-pub(super) fn conditioning(
-    arm: &Arm,
-    offsets: &[f64],
-    joints: &[f64],
-    scales: &[f64],
-    lever_mm: f64,
-) -> f64 {
-    let at = arm.chain().differential(&arm.axes(joints), offsets);
-    let twists = arm.joint_twists(&at.joints);
+pub(super) fn conditioning(twists: &[Twist], scales: &[f64], lever_mm: f64) -> f64 {
     let least = DMatrix::from_fn(6, twists.len(), |row, column| {
         let value = if row < 3 {
             twists[column].linear[row]
@@ -260,7 +252,8 @@ mod tests {
                 })
                 .collect();
             let factors = SingularityFactors::of(arm, &offsets, &joints).expect("six axes");
-            let least = 500.0 * conditioning(arm, &offsets, &joints, &[1.0; 6], 500.0);
+            let twists = arm.chain().differential(&joints, &offsets).joints;
+            let least = 500.0 * conditioning(&twists, &[1.0; 6], 500.0);
             // The determinant is the product of the factors: each side bounds the other.
             if factors.smallest() < 0.003 {
                 assert!(least < 6.0, "{joints:?}: {factors:?}, {least}");

@@ -8,6 +8,9 @@ use super::chain::{Chain, Element};
 use super::motion::{Axis, Motion};
 use super::twist::{Twist, UnitMotion};
 
+/// Origin (mm) and direction of a joint in the root frame.
+type Line = (Point3<f64>, Vector3<f64>);
+
 #[derive(Debug, Clone)]
 pub struct HeldChain {
     segments: Vec<Segment>,
@@ -36,6 +39,11 @@ pub struct ChainView {
 }
 
 impl HeldChain {
+    /// [`Self::new`] without unknowns.
+    pub fn fixed(chain: &Chain, offsets: &[f64]) -> Self {
+        Self::new(chain, offsets, &vec![None; offsets.len()])
+    }
+
     /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed
     /// one.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
@@ -75,23 +83,22 @@ impl HeldChain {
         frame.isometry()
     }
 
+    /// [`Self::end`] and its motion per unit of each axis variable.
+    pub fn end_and_joints(&self, q: &[f64]) -> (Isometry3<f64>, Vec<Twist>) {
+        let (frame, axes) = self.walk(q, |_, _| {});
+        (frame.isometry(), self.joint_twists(&axes, &frame.origin))
+    }
+
     pub fn view(&self, q: &[f64]) -> ChainView {
         self.view_of(q, &Vector3::zeros())
     }
 
     pub fn view_of(&self, q: &[f64], lever: &Vector3<f64>) -> ChainView {
-        let mut frame = Frame::root();
         let mut unknowns = Vec::with_capacity(self.segments.iter().map(|s| s.free.len()).sum());
-        let mut axes = Vec::with_capacity(self.joints);
-        for segment in &self.segments {
+        let (mut frame, axes) = self.walk(q, |segment, frame| {
             let in_root = |(unknown, motion): &(usize, UnitMotion)| (*unknown, frame.unit(motion));
             unknowns.extend(segment.free.iter().map(in_root));
-            frame.pass(segment);
-            if let Some((motion, joint, sign)) = segment.joint {
-                axes.push((Point3::from(frame.origin), frame.rotation * motion.axis()));
-                frame.turn(motion, sign * q[joint]);
-            }
-        }
+        });
         frame.origin += frame.rotation * lever;
         let end = frame.origin;
         ChainView {
@@ -105,7 +112,22 @@ impl HeldChain {
         }
     }
 
-    fn axes(&self, axes: &[(Point3<f64>, Vector3<f64>)]) -> Axes {
+    /// The end's frame, and origin and direction of each joint; `at` is called with the frame before each segment.
+    fn walk(&self, q: &[f64], mut at: impl FnMut(&Segment, &Frame)) -> (Frame, Vec<Line>) {
+        let mut frame = Frame::root();
+        let mut axes = Vec::with_capacity(self.segments.len());
+        for segment in &self.segments {
+            at(segment, &frame);
+            frame.pass(segment);
+            if let Some((motion, joint, sign)) = segment.joint {
+                axes.push((Point3::from(frame.origin), frame.rotation * motion.axis()));
+                frame.turn(motion, sign * q[joint]);
+            }
+        }
+        (frame, axes)
+    }
+
+    fn axes(&self, axes: &[Line]) -> Axes {
         let joints = self.segments.iter().filter_map(|segment| segment.joint);
         let joint = |((motion, variable, factor), (origin, axis)): (_, &(_, _))| AxisJoint {
             variable,
@@ -117,7 +139,7 @@ impl HeldChain {
         Axes::of(joints.zip(axes).map(joint).collect(), self.joints)
     }
 
-    fn joint_twists(&self, axes: &[(Point3<f64>, Vector3<f64>)], end: &Vector3<f64>) -> Vec<Twist> {
+    fn joint_twists(&self, axes: &[Line], end: &Vector3<f64>) -> Vec<Twist> {
         let mut twists = vec![Twist::zero(); self.joints];
         let joints = self.segments.iter().filter_map(|segment| segment.joint);
         for ((motion, joint, sign), (origin, axis)) in joints.zip(axes) {

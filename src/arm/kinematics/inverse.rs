@@ -14,7 +14,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::arm::{Arm, Joint};
-use super::configuration::Configuration;
+use super::configuration::{Configuration, SingularityFactors};
 
 mod anywhere;
 mod few;
@@ -137,14 +137,48 @@ pub fn inverse(
     seed: &[f64],
     settings: &InverseSettings,
 ) -> Result<Vec<f64>, InverseError> {
-    let search = Search::new(arm, offsets, flange_from_end, settings);
-    let held = search.with_lengths_held();
-    let held = held.and_then(|held| by_approaches(&held, base_from_end, seed).ok());
-    match held.map_or_else(|| by_approaches(&search, base_from_end, seed), Ok) {
-        Err(InverseError::NotReachable { .. }) if seed.len() < 6 => search
-            .nearest_orientation(base_from_end, seed)
-            .and_then(|joints| search.checked(seed, joints, false)),
-        outcome => outcome,
+    Inverse::new(arm, offsets, *flange_from_end, *settings).joints(base_from_end, seed)
+}
+
+/// [`inverse`] of one arm for many poses: what follows from the arm is made once.
+#[derive(Debug)]
+pub struct Inverse<'a> {
+    search: Search<'a>,
+    /// With the linear axes of a redundant arm held.
+    held: Option<Search<'a>>,
+}
+
+impl<'a> Inverse<'a> {
+    pub fn new(
+        arm: &'a Arm,
+        offsets: &[f64],
+        flange_from_end: Isometry3<f64>,
+        settings: InverseSettings,
+    ) -> Self {
+        let search = Search::new(arm, offsets, flange_from_end, settings);
+        Self { held: search.with_lengths_held(), search }
+    }
+
+    /// Reported joint angles (rad) of a pose, as [`inverse`] finds them.
+    pub fn joints(
+        &self,
+        base_from_end: &Isometry3<f64>,
+        seed: &[f64],
+    ) -> Result<Vec<f64>, InverseError> {
+        let search = &self.search;
+        let held = self.held.as_ref();
+        let held = held.and_then(|held| by_approaches(held, base_from_end, seed).ok());
+        match held.map_or_else(|| by_approaches(search, base_from_end, seed), Ok) {
+            Err(InverseError::NotReachable { .. }) if seed.len() < 6 => search
+                .nearest_orientation(base_from_end, seed)
+                .and_then(|joints| search.checked(seed, joints, false)),
+            outcome => outcome,
+        }
+    }
+
+    /// Singularity factors at reported joint angles (rad); `None` for an arm that has none.
+    pub fn factors(&self, joints: &[f64]) -> Option<SingularityFactors> {
+        self.search.factors(joints)
     }
 }
 
@@ -153,18 +187,16 @@ fn by_approaches(
     base_from_end: &Isometry3<f64>,
     seed: &[f64],
 ) -> Result<Vec<f64>, InverseError> {
-    let mut outcome = Err(search.not_reachable(base_from_end, seed));
-    for steps in APPROACHES {
-        outcome = search
+    let approached = |steps: u32| {
+        search
             .approach(base_from_end, seed, steps)
             .map(|joints| search.closest(base_from_end, seed, joints))
             .map(|joints| search.within_limits(base_from_end, joints))
-            .and_then(|joints| search.checked(seed, joints, steps == SMALLEST));
-        if outcome.is_ok() {
-            break;
-        }
-    }
-    outcome
+            .and_then(|joints| search.checked(seed, joints, steps == SMALLEST))
+    };
+    let [first, others @ ..] = APPROACHES;
+    let tried = |outcome: Result<_, _>, steps| outcome.or_else(|_| approached(steps));
+    others.into_iter().fold(approached(first), tried)
 }
 
 #[cfg(test)]
@@ -199,7 +231,7 @@ mod tests {
         let offsets = nominal_offsets(&arm);
         let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
         let settings = InverseSettings::default();
-        let search = Search::new(&arm, &offsets, &tool, &settings);
+        let search = Search::new(&arm, &offsets, tool, settings);
         let truth = radians([33.0, -72.0, 101.0, -58.0, 44.0, 127.0]);
         let target = search.end(&truth);
         let mut joints: Vec<f64> = truth.iter().map(|q| q + 0.02).collect();

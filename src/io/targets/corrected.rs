@@ -209,10 +209,10 @@ fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
         correction_joints_rad: joints.map(JointCommand::correction),
         target_at: Some(done.target.coords().into()),
         correction: Some(done.correction.into()),
-        correction_sd: Some(done.standard_deviation().into()),
-        correction_sd_mm: Some(done.standard_deviation_norm()),
+        correction_sd: done.standard_deviation().map(Into::into),
+        correction_sd_mm: done.standard_deviation_norm(),
         correction_frame_sd_mm: Some(done.frame_deviation_norm()),
-        correction_cov_mm2: Some(upper(&done.covariance)),
+        correction_cov_mm2: done.covariance.as_ref().map(upper),
         iterations: Some(done.iterations),
         allowed: done.allowed.iter().map(|own| own.word().to_owned()).collect(),
         ..row

@@ -155,14 +155,16 @@ impl DrivingRow {
     /// The target with its command; `None` where it was refused.
     fn corrected(&self) -> Option<CorrectedTarget> {
         let point = |[x, y, z]: [Option<f64>; 3]| Some(Point3::new(x?, y?, z?));
-        let [xx, yy, zz] =
-            [self.correction_cov_xx_mm2?, self.correction_cov_yy_mm2?, self.correction_cov_zz_mm2?];
+        // A file without covariances states none.
+        let axes =
+            [self.correction_cov_xx_mm2, self.correction_cov_yy_mm2, self.correction_cov_zz_mm2];
+        let stated: f64 = axes.into_iter().flatten().sum();
         let of_frame_mm = self.correction_frame_sd_mm.unwrap_or_default();
         Some(CorrectedTarget {
             name: self.target.clone(),
             target: point([self.target_x_mm, self.target_y_mm, self.target_z_mm])?,
             command: point([self.x_mm, self.y_mm, self.z_mm])?,
-            variance_mm2: (xx + yy + zz - of_frame_mm.powi(2)).max(0.0),
+            variance_mm2: (stated - of_frame_mm.powi(2)).max(0.0),
         })
     }
 }
@@ -230,7 +232,7 @@ mod tests {
             orientation: None,
             joints: None,
             correction,
-            covariance: Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 5e-4, -2e-5, 0.0, -2e-5, 6e-4),
+            covariance: Some(Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 5e-4, -2e-5, 0.0, -2e-5, 6e-4)),
             of_frame: Matrix3::identity() * 3e-4,
             iterations: 2,
             allowed: Vec::new(),

@@ -11,7 +11,8 @@
 //!    ([`crate::method::compensation`]), as for the nodes of a grid: at a node both give the same command;
 //!    Where readings show orientations (a 6-DoF target's, or three reflectors'), the command's orientation is turned by minus the error
 //!    of the orientation in the same rounds; otherwise it is the target's;
-//! 4. the covariance of the error at the joint command, and that of a surveyed frame at the target, are that of the correction.
+//! 4. the covariance of the error at the joint command, and that of a surveyed frame at the target, are that of the correction: of
+//!    many commands together, as one pass through the model's factor serves them all.
 
 use std::any::Any;
 use std::f64::consts::TAU;
@@ -21,7 +22,7 @@ use rayon::prelude::*;
 
 use super::fixed_point::converge;
 use super::pose::{Poses, Wanted, within_limits};
-use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
+use super::{Corrected, Covariances, Exception, JointCommand, Reason, Refused, Target, Validity};
 use crate::fit::full::FullModel;
 use crate::fit::{ErrorFrame, FramePair, FrameUncertainty, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
@@ -94,6 +95,7 @@ impl IdentifiedArm {
         &self,
         targets: &[Target],
         allow: &[Exception],
+        covariances: Covariances,
     ) -> Vec<Result<Corrected, Refused>> {
         let error_frame = self.error_frame();
         let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
@@ -103,10 +105,20 @@ impl IdentifiedArm {
         let one = |target: &Target| {
             let admitted = self.validity.admit(target);
             let wanted = admitted.and_then(|()| poses.wanted(target));
-            let corrected = wanted.and_then(|wanted| correction.of(&wanted));
-            corrected.map_err(|reason| Refused { target: target.name.clone(), reason, slip: None })
+            wanted.and_then(|wanted| correction.of(&wanted))
         };
-        targets.par_iter().map(one).collect()
+        let some = |targets: &[Target]| {
+            let mut corrected: Vec<_> = targets.iter().map(one).collect();
+            if covariances == Covariances::Given {
+                correction.add_covariances(&mut corrected);
+            }
+            let named = targets.iter().zip(corrected).map(|(target, own)| {
+                let refused = |reason| Refused { target: target.name.clone(), reason, slip: None };
+                own.map(|own| own.corrected).map_err(refused)
+            });
+            named.collect::<Vec<_>>()
+        };
+        targets.par_chunks(TOGETHER).flat_map_iter(some).collect()
     }
 
     /// By how much a joint's value is beyond those measured, rad or mm; negative inside.
@@ -166,6 +178,15 @@ impl IdentifiedArm {
     }
 }
 
+/// Targets that a worker takes at once; fixed, so that results do not depend on the number of threads.
+const TOGETHER: usize = 64;
+
+/// A correction without its covariance, and the joint angles of its command on the measured turn, where the model knows its error.
+struct Found {
+    corrected: Corrected,
+    joints: Vec<f64>,
+}
+
 /// Computes the corrections of one arm.
 struct Correction<'a> {
     identified: &'a IdentifiedArm,
@@ -175,7 +196,7 @@ struct Correction<'a> {
 }
 
 impl Correction<'_> {
-    fn of(&self, wanted: &Wanted) -> Result<Corrected, Reason> {
+    fn of(&self, wanted: &Wanted) -> Result<Found, Reason> {
         let Isometry3 { translation, rotation } = wanted.base_from_tool;
         let mut allowed = self.exceptions(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
@@ -195,26 +216,46 @@ impl Correction<'_> {
         allowed.extend(self.exceptions(&joints)?);
         allowed.sort_unstable();
         allowed.dedup();
-        let error = self.errors.error_with_covariance(&joints);
-        let (_, covariance) = error.map_err(Reason::Target)?;
         let of_frame = self.identified.frame_uncertainty.covariance(&target);
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
-        let matrix = turn.to_rotation_matrix();
-        let turned = |own: Matrix3<f64>| matrix * own * matrix.transpose();
         let [target, command] = [target, converged.command]
             .map(|point| *command_from_base * Position::<Base>::claim(point));
-        Ok(Corrected {
+        let corrected = Corrected {
             target,
             command,
             orientation: Some(turn * commanded),
             correction: command.coords() - target.coords(),
-            covariance: turned(covariance + of_frame),
-            of_frame: turned(of_frame),
+            covariance: None,
+            of_frame: self.in_command_frame(of_frame),
             joints: Some(self.on_turn(wanted, &joints)?),
             iterations: converged.iterations,
             allowed,
-        })
+        };
+        Ok(Found { corrected, joints })
+    }
+
+    /// Adds the covariance of each correction, or refuses it where the model has none.
+    fn add_covariances(&self, some: &mut [Result<Found, Reason>]) {
+        let joints = some.iter().flatten().map(|own| own.joints.as_slice());
+        let errors = self.errors.errors_with_covariance(&joints.collect::<Vec<_>>());
+        let found = some.iter_mut().filter(|own| own.is_ok()).zip(errors);
+        for (own, error) in found {
+            match (own.as_mut(), error) {
+                (Ok(own), Ok((_, covariance))) => {
+                    let covariance = self.in_command_frame(covariance);
+                    own.corrected.covariance = Some(covariance + own.corrected.of_frame);
+                }
+                (_, Err(gap)) => *own = Err(Reason::Target(gap)),
+                (Err(_), Ok(_)) => {}
+            }
+        }
+    }
+
+    /// A covariance of the base frame along the axes of commands.
+    fn in_command_frame(&self, covariance: Matrix3<f64>) -> Matrix3<f64> {
+        let turn = self.identified.command_from_base.isometry().rotation.to_rotation_matrix();
+        turn * covariance * turn.transpose()
     }
 
     /// The orientation to command at joint angles so that `wanted` is attained; itself where no readings show orientations.

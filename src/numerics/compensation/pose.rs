@@ -6,7 +6,9 @@
 //! all over the limits. An arm of at most six joints that has no configurations is taken within the ranges measured; one with
 //! more joints needs joint angles.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::iter;
 
 use nalgebra::{Isometry3, Translation3};
 
@@ -43,7 +45,8 @@ pub(super) struct Poses<'a> {
     identified: &'a IdentifiedArm,
     error_frame: &'a ErrorFrame<'a>,
     reach: &'a Reach<'a>,
-    seeds: Vec<Seed>,
+    /// Joint angles that a search may begin at, by arm configuration.
+    seeds: BTreeMap<Option<Configuration>, Vec<Seed>>,
     /// After what each joint's errors repeat, rad; `None` where they do not.
     periods: Vec<Option<f64>>,
 }
@@ -52,7 +55,6 @@ pub(super) struct Poses<'a> {
 struct Seed {
     joints: Vec<f64>,
     base_from_tool: Isometry3<f64>,
-    configuration: Option<Configuration>,
 }
 
 impl<'a> Poses<'a> {
@@ -61,21 +63,14 @@ impl<'a> Poses<'a> {
         error_frame: &'a ErrorFrame<'a>,
         reach: &'a Reach<'a>,
     ) -> Self {
-        let seed = |number| {
+        let mut seeds = BTreeMap::<_, Vec<Seed>>::new();
+        for number in 0..SEEDS {
             let joints = spread(number, &identified.measured);
-            Seed {
-                base_from_tool: error_frame.nominal_tool(&joints),
-                configuration: reach.configuration(&joints),
-                joints,
-            }
-        };
-        Self {
-            identified,
-            error_frame,
-            reach,
-            seeds: (0..SEEDS).map(seed).collect(),
-            periods: identified.periods(),
+            let base_from_tool = error_frame.nominal_tool(&joints);
+            let own = seeds.entry(reach.configuration(&joints)).or_default();
+            own.push(Seed { joints, base_from_tool });
         }
+        Self { identified, error_frame, reach, seeds, periods: identified.periods() }
     }
 
     pub(super) fn wanted(&self, target: &Target) -> Result<Wanted, Reason> {
@@ -212,40 +207,26 @@ impl<'a> Poses<'a> {
         wanted: Option<&str>,
         pose: &Isometry3<f64>,
     ) -> Result<impl Iterator<Item = &Seed>, Reason> {
-        let has_configurations = self.seeds.iter().any(|seed| seed.configuration.is_some());
-        if wanted.is_none() && has_configurations {
+        if wanted.is_none() && self.seeds.keys().any(Option::is_some) {
             return Err(Reason::NoConfiguration);
         }
-        let is_wanted = |seed: &&Seed| {
-            let own = seed.configuration.map(|c| c.to_string());
-            own.as_deref() == wanted
-        };
-        let mut seeds: Vec<(f64, &Seed)> = self
-            .seeds
-            .iter()
-            .filter(is_wanted)
-            .map(|seed| (apart_mm(&seed.base_from_tool, pose), seed))
-            .collect();
-        if seeds.is_empty() {
+        let named = |own: &Option<Configuration>| own.map(|own| own.to_string());
+        let mut seeds = self.seeds.iter();
+        let Some((_, seeds)) = seeds.find(|(own, _)| named(own).as_deref() == wanted) else {
             return Err(Reason::Unmeasured {
                 wanted: wanted.unwrap_or_default().to_owned(),
                 measured: self.configurations(),
             });
-        }
-        seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+        };
         // When the search fails from the nearest, it may succeed from others of the configuration.
-        let stride = seeds.len() / TRIED + 1;
-        let order = (0..TRIED).chain((TRIED..).step_by(stride));
-        let tried = order.map_while(move |place| seeds.get(place).map(|(_, seed)| *seed));
-        Ok(tried)
+        let pose = *pose;
+        let others = iter::once_with(move || others(seeds, &pose)).flatten();
+        Ok(nearest(seeds, &pose).into_iter().chain(others))
     }
 
     /// The arm configurations within the ranges measured.
     fn configurations(&self) -> Vec<String> {
-        let mut all: Vec<_> = self.seeds.iter().filter_map(|s| s.configuration).collect();
-        all.sort_unstable();
-        all.dedup();
-        all.iter().map(Configuration::to_string).collect()
+        self.seeds.keys().flatten().map(Configuration::to_string).collect()
     }
 
     /// The angles, each moved by whole turns as near to the middle of the measured range as its limits allow.
@@ -270,6 +251,32 @@ pub(super) fn within_limits(arm: &Arm, joints: &[f64]) -> Result<(), Reason> {
     let mut joints = arm.joints().iter().zip(joints);
     let beyond = joints.find(|(joint, value)| !(joint.lower..=joint.upper).contains(value));
     beyond.map_or(Ok(()), |(joint, value)| Err(Reason::Arm(InverseError::beyond(joint, *value))))
+}
+
+/// The seed nearest to a pose, the first of several that are as near.
+fn nearest<'s>(seeds: &'s [Seed], pose: &Isometry3<f64>) -> Option<&'s Seed> {
+    let (mut nearest, mut least_mm) = (None, f64::INFINITY);
+    for seed in seeds {
+        let place = seed.base_from_tool.translation.vector - pose.translation.vector;
+        // A turn costs more to find than a distance, and counts only where that is the least.
+        if place.norm_squared() < least_mm * least_mm {
+            let apart_mm = apart_mm(&seed.base_from_tool, pose);
+            if apart_mm < least_mm {
+                (nearest, least_mm) = (Some(seed), apart_mm);
+            }
+        }
+    }
+    nearest
+}
+
+/// Some more of the seeds that are near a pose, then some of all.
+fn others<'s>(seeds: &'s [Seed], pose: &Isometry3<f64>) -> Vec<&'s Seed> {
+    let apart = seeds.iter().map(|seed| (apart_mm(&seed.base_from_tool, pose), seed));
+    let mut seeds: Vec<(f64, &Seed)> = apart.collect();
+    seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let stride = seeds.len() / TRIED + 1;
+    let order = (1..TRIED).chain((TRIED..).step_by(stride));
+    order.map_while(|place| seeds.get(place).map(|(_, seed)| *seed)).collect()
 }
 
 /// How far apart two poses are, a turn counted by its lever, mm.

@@ -9,9 +9,7 @@ use super::lattice::{InCell, Lattice};
 use crate::fit::ErrorFrame;
 pub use crate::fit::Refusal;
 use crate::join::Station;
-use crate::kinematics::{
-    Anywhere, Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
-};
+use crate::kinematics::{Anywhere, Arm, Configuration, Inverse, InverseError, InverseSettings};
 use crate::progress::Progress;
 
 /// The error at a node, base frame, mm, or why there is none.
@@ -91,8 +89,8 @@ const BRANCH_RAD: f64 = 1.5;
 pub struct Reach<'a> {
     arm: &'a Arm,
     flange_from_tool: Isometry3<f64>,
-    nominal: Vec<f64>,
     settings: InverseSettings,
+    inverse: Inverse<'a>,
     counted: Vec<f64>,
 }
 
@@ -104,13 +102,8 @@ impl<'a> Reach<'a> {
             orientation_slack_rad: ORIENTATION_SLACK_RAD,
             ..InverseSettings::default()
         };
-        Self {
-            arm,
-            flange_from_tool,
-            nominal: vec![0.0; arm.chain().parameters().len()],
-            settings,
-            counted: arm.counted(),
-        }
+        let inverse = Inverse::new(arm, &nominal(arm), flange_from_tool, settings);
+        Self { arm, flange_from_tool, settings, inverse, counted: arm.counted() }
     }
 
     /// Radians that one unit of each joint's variable counts as, in the arm's order.
@@ -140,8 +133,7 @@ impl<'a> Reach<'a> {
     /// Joint angles for a tool pose, in the arm configuration of `seed`; the error states how far from reachable the pose
     /// is.
     pub fn solve(&self, pose: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
-        let tool = &self.flange_from_tool;
-        inverse(self.arm, &self.nominal, pose, tool, seed, &self.settings)
+        self.inverse.joints(pose, seed)
     }
 
     /// Joint angles for a tool pose that `accepts`, from seeds all over the joint limits.
@@ -151,15 +143,19 @@ impl<'a> Reach<'a> {
         accepts: impl Fn(&[f64]) -> bool,
     ) -> Result<Vec<f64>, InverseError> {
         let tool = self.flange_from_tool;
-        let anywhere = Anywhere::new(self.arm, &self.nominal, tool, self.settings);
+        let anywhere = Anywhere::new(self.arm, &nominal(self.arm), tool, self.settings);
         anywhere.joints_where(pose, None, accepts)
     }
 
     /// The arm configuration at reported joint angles; `None` for an arm that has none.
     pub fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
-        SingularityFactors::of(self.arm, &self.nominal, joints)
-            .map(|factors| factors.configuration())
+        self.inverse.factors(joints).map(|factors| factors.configuration())
     }
+}
+
+/// Offsets of the nominal arm's parameters.
+fn nominal(arm: &Arm) -> Vec<f64> {
+    vec![0.0; arm.chain().parameters().len()]
 }
 
 /// Nodes between two looks at the progress, and at whether an end is asked for.

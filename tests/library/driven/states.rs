@@ -126,7 +126,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
             command: station.command.as_ref()?.position,
             attained: error_frame.attained_tool(&station.joints, station.one_reading()?)?,
             stated: corrected.correction,
-            variance_mm2: corrected.own_variance_mm2(),
+            variance_mm2: corrected.own_variance_mm2()?,
             turn: None,
         })
     };

@@ -68,7 +68,7 @@ fn moved(target: &Target) -> Corrected {
         orientation: target.orientation,
         joints: None,
         correction: by,
-        covariance: Matrix3::identity(),
+        covariance: Some(Matrix3::identity()),
         of_frame: Matrix3::zeros(),
         iterations: 1,
         allowed: Vec::new(),

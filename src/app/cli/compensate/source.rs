@@ -4,7 +4,9 @@ use std::path::Path;
 
 use super::CompensateCommandError;
 use crate::compensation::slips::Slip;
-use crate::compensation::{Corrected, Exception, Refused, Target, Term, Validity, compensate};
+use crate::compensation::{
+    Corrected, Covariances, Exception, Refused, Target, Term, Validity, compensate,
+};
 use crate::ingest::AngleUnit;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
@@ -48,10 +50,11 @@ impl Source {
         &self,
         targets: &[Target],
         allow: &[Exception],
+        covariances: Covariances,
     ) -> Vec<Result<Corrected, Refused>> {
         let other_tool = Exception::Term(Term::Tool);
         if !allow.contains(&other_tool) {
-            return self.refusing_other_tools(targets, allow);
+            return self.refusing_other_tools(targets, allow, covariances);
         }
         let own = self.validity().conditions.tool.as_ref();
         let is_other = |target: &Target| target.tool.is_some() && target.tool.as_ref() != own;
@@ -59,7 +62,7 @@ impl Source {
         for target in &mut asked {
             target.tool = None;
         }
-        let mut outcomes = self.refusing_other_tools(&asked, allow);
+        let mut outcomes = self.refusing_other_tools(&asked, allow, covariances);
         for (target, outcome) in targets.iter().zip(&mut outcomes) {
             if let Ok(done) = outcome
                 && is_other(target)
@@ -74,13 +77,18 @@ impl Source {
         &self,
         targets: &[Target],
         allow: &[Exception],
+        covariances: Covariances,
     ) -> Vec<Result<Corrected, Refused>> {
-        match self {
+        let mut outcomes: Vec<_> = match self {
             Self::Table(published) => {
                 targets.iter().map(|target| compensate(&published.table, target)).collect()
             }
-            Self::Arm(published) => published.arm.compensate(targets, allow),
+            Self::Arm(published) => return published.arm.compensate(targets, allow, covariances),
+        };
+        if covariances == Covariances::Omitted {
+            outcomes.iter_mut().flatten().for_each(|done| done.covariance = None);
         }
+        outcomes
     }
 
     /// Names the slip of a unit at each refused target that would have a command without it.
@@ -104,7 +112,7 @@ impl Source {
             if meant.is_empty() {
                 continue;
             }
-            let without = self.compensate(&meant, allow);
+            let without = self.compensate(&meant, allow, Covariances::Omitted);
             for (place, _) in places.iter().zip(&without).filter(|(_, own)| own.is_ok()) {
                 if let Err(refused) = &mut outcomes[*place] {
                     refused.slip = Some(slip);

@@ -39,10 +39,7 @@ struct Seed {
 /// ```
 #[derive(Debug)]
 pub struct Anywhere<'a> {
-    arm: &'a Arm,
-    offsets: &'a [f64],
-    flange_from_end: Isometry3<f64>,
-    settings: InverseSettings,
+    search: Search<'a>,
     seeds: Vec<Seed>,
 }
 
@@ -50,11 +47,11 @@ impl<'a> Anywhere<'a> {
     /// Seeds within the limits of an arm with parameter offsets, as [`super::inverse`] takes them.
     pub fn new(
         arm: &'a Arm,
-        offsets: &'a [f64],
+        offsets: &[f64],
         flange_from_end: Isometry3<f64>,
         settings: InverseSettings,
     ) -> Self {
-        let search = Search::new(arm, offsets, &flange_from_end, &settings);
+        let search = Search::new(arm, offsets, flange_from_end, settings);
         let joints = search.variables.iter().zip(arm.joints());
         let ranges: Vec<_> = joints.map(|(own, joint)| own.range(joint)).collect();
         let seed = |number| {
@@ -62,7 +59,7 @@ impl<'a> Anywhere<'a> {
             Seed { base_from_end: search.end(&joints), joints }
         };
         let seeds = (0..SEEDS).map(seed).collect();
-        Self { arm, offsets, flange_from_end, settings, seeds }
+        Self { search, seeds }
     }
 
     /// Joint angles within the limits at which the end has the pose. With `near`, joints take the turn that is nearest
@@ -84,7 +81,7 @@ impl<'a> Anywhere<'a> {
         near: Option<&[f64]>,
         accepts: impl Fn(&[f64]) -> bool,
     ) -> Result<Vec<f64>, InverseError> {
-        let search = self.search();
+        let search = &self.search;
         let mut nearest: Option<InverseError> = None;
         for seed in self.order(base_from_end) {
             match search.tried(base_from_end, &seed.joints, near) {
@@ -98,12 +95,8 @@ impl<'a> Anywhere<'a> {
         Err(nearest.unwrap_or_else(|| search.not_reachable(base_from_end, &self.seeds[0].joints)))
     }
 
-    fn search(&self) -> Search<'_> {
-        Search::new(self.arm, self.offsets, &self.flange_from_end, &self.settings)
-    }
-
     fn order(&self, pose: &Isometry3<f64>) -> impl Iterator<Item = &Seed> {
-        let lever = self.settings.lever_mm;
+        let lever = self.search.settings.lever_mm;
         let apart = |seed: &Seed| {
             let end = &seed.base_from_end;
             let place = (end.translation.vector - pose.translation.vector).norm();

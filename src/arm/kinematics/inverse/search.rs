@@ -1,23 +1,27 @@
 //! The search: damped Newton steps, the approach in small steps, and the checks of the solution.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector6};
+use nalgebra::{DVector, Isometry3, Matrix6xX, Translation3, UnitQuaternion, Vector6};
 
 use super::variables::{JointVariable, is_within};
 use super::{InverseError, InverseSettings};
 use crate::kinematics::arm::Arm;
 use crate::kinematics::configuration::{Configuration, SingularityFactors, conditioning};
+use crate::kinematics::held::HeldChain;
 
 /// Longest Newton step, rad, or that many levers for a length: a longer one may end on another branch.
 const LONGEST_STEP: f64 = 0.5;
 /// A joint of an arm without configurations that moves further in one step (rad, or levers) may be on another branch:
 /// the way is then taken in smaller steps.
 const FAR: f64 = 1.5;
+/// A residual below this share of the tolerances is rounding.
+const ROUNDING: f64 = 0.01;
 
+#[derive(Debug)]
 pub(super) struct Search<'a> {
     pub(super) arm: &'a Arm,
-    pub(super) offsets: &'a [f64],
-    pub(super) flange_from_end: &'a Isometry3<f64>,
-    pub(super) settings: &'a InverseSettings,
+    chain: HeldChain,
+    flange_from_end: Isometry3<f64>,
+    pub(super) settings: InverseSettings,
     pub(super) variables: Vec<JointVariable>,
     /// The unit in which the search counts each joint: 1 rad, or the lever for a length.
     pub(super) scales: Vec<f64>,
@@ -26,13 +30,14 @@ pub(super) struct Search<'a> {
 impl<'a> Search<'a> {
     pub(super) fn new(
         arm: &'a Arm,
-        offsets: &'a [f64],
-        flange_from_end: &'a Isometry3<f64>,
-        settings: &'a InverseSettings,
+        offsets: &[f64],
+        flange_from_end: Isometry3<f64>,
+        settings: InverseSettings,
     ) -> Self {
         let variables = JointVariable::of(arm);
-        let scales = variables.iter().map(|own| own.scale());
-        Self { arm, offsets, flange_from_end, settings, scales: scales.collect(), variables }
+        let scales = variables.iter().map(|own| own.scale()).collect();
+        let chain = HeldChain::fixed(arm.chain(), offsets);
+        Self { arm, chain, flange_from_end, settings, variables, scales }
     }
 
     /// This search with the linear axes of a redundant arm held, so a track under an arm stays where the seed has it;
@@ -43,6 +48,7 @@ impl<'a> Search<'a> {
         (is_redundant && has_lengths).then(|| Self {
             scales: vec![1.0; self.scales.len()],
             variables: self.variables.clone(),
+            chain: self.chain.clone(),
             ..*self
         })
     }
@@ -58,8 +64,7 @@ impl<'a> Search<'a> {
     }
 
     pub(super) fn end(&self, joints: &[f64]) -> Isometry3<f64> {
-        let chain = self.arm.chain();
-        chain.forward(&self.arm.axes(joints), self.offsets) * self.flange_from_end
+        self.chain.end(&self.arm.axes(joints)) * self.flange_from_end
     }
 
     /// Walks from the seed's pose to the target pose in equal steps, each solved from the one before.
@@ -109,13 +114,20 @@ impl<'a> Search<'a> {
         Err(joints)
     }
 
-    /// One more Newton step costs little and takes the residual from the tolerance to rounding.
+    /// One more Newton step costs little and takes the residual from the tolerance to rounding. Joint angles that have the pose but for
+    /// rounding stay as they are, to the bit.
     fn polished(
         &self,
         target: &Isometry3<f64>,
         joints: Vec<f64>,
         residual: &Vector6<f64>,
     ) -> Vec<f64> {
+        let (position_mm, orientation_rad) = self.parts(residual);
+        if position_mm <= ROUNDING * self.settings.position_tolerance_mm
+            && orientation_rad <= ROUNDING * self.settings.orientation_tolerance_rad
+        {
+            return joints;
+        }
         let step = self.step(&joints, residual, 0.0);
         let next = self.moved(&joints, &step);
         if self.residual(target, &self.end(&next)).norm() < residual.norm() { next } else { joints }
@@ -144,19 +156,24 @@ impl<'a> Search<'a> {
     }
 
     /// Six rows per joint, per unit of the search: mm, and rad times the lever.
-    pub(super) fn jacobian(&self, joints: &[f64]) -> DMatrix<f64> {
-        let at = self.arm.chain().differential(&self.arm.axes(joints), self.offsets);
-        let twists = self.arm.joint_twists(&at.joints);
-        let lever = at.end.rotation * self.flange_from_end.translation.vector;
-        DMatrix::from_fn(6, joints.len(), |row, joint| {
-            let twist = &twists[joint];
-            let moved = if row < 3 {
-                (twist.linear + twist.angular.cross(&lever))[row]
-            } else {
-                twist.angular[row - 3] * self.settings.lever_mm
-            };
-            moved * self.scales[joint]
-        })
+    pub(super) fn jacobian(&self, joints: &[f64]) -> Matrix6xX<f64> {
+        let (end, twists) = self.chain.end_and_joints(&self.arm.axes(joints));
+        let lever = end.rotation * self.flange_from_end.translation.vector;
+        let columns = self.arm.joint_twists(&twists).into_iter().zip(&self.scales);
+        let columns = columns.map(|(twist, scale)| {
+            let mut column = Vector6::zeros();
+            let linear = (twist.linear + twist.angular.cross(&lever)) * *scale;
+            column.fixed_rows_mut::<3>(0).copy_from(&linear);
+            let angular = twist.angular * (self.settings.lever_mm * scale);
+            column.fixed_rows_mut::<3>(3).copy_from(&angular);
+            column
+        });
+        Matrix6xX::from_columns(&columns.collect::<Vec<_>>())
+    }
+
+    /// Singularity factors at reported joint angles (rad); `None` for an arm that has none.
+    pub(super) fn factors(&self, joints: &[f64]) -> Option<SingularityFactors> {
+        SingularityFactors::of_view(&self.chain.view(&self.arm.axes(joints)))
     }
 
     pub(super) fn residual(&self, target: &Isometry3<f64>, end: &Isometry3<f64>) -> Vector6<f64> {
@@ -191,8 +208,8 @@ impl<'a> Search<'a> {
         joints: Vec<f64>,
         is_tracked: bool,
     ) -> Result<Vec<f64>, InverseError> {
-        match Configuration::of(self.arm, self.offsets, seed) {
-            Some(before) => self.check_configuration(before, &joints)?,
+        match self.factors(seed) {
+            Some(before) => self.check_configuration(before.configuration(), &joints)?,
             None => self.check_branch(seed, &joints, is_tracked)?,
         }
         self.check_limits(&joints)?;
@@ -209,7 +226,7 @@ impl<'a> Search<'a> {
     }
 
     fn check_configuration(&self, seed: Configuration, joints: &[f64]) -> Result<(), InverseError> {
-        let Some(factors) = SingularityFactors::of(self.arm, self.offsets, joints) else {
+        let Some(factors) = self.factors(joints) else {
             return Ok(());
         };
         let found = factors.configuration();
@@ -236,12 +253,12 @@ impl<'a> Search<'a> {
     }
 
     fn orientation(&self, joints: &[f64]) -> bool {
-        self.jacobian(joints).determinant() < 0.0
+        self.jacobian(joints).fixed_columns::<6>(0).into_owned().determinant() < 0.0
     }
 
     /// Judged by the factors of the arm's determinant or, where it has none, by the conditioning of its Jacobian.
     pub(super) fn check_singularity(&self, joints: &[f64]) -> Result<(), InverseError> {
-        match SingularityFactors::of(self.arm, self.offsets, joints) {
+        match self.factors(joints) {
             Some(factors) => self.check_factor(factors.smallest(), Some(factors.configuration())),
             None => self.check_conditioning(joints),
         }
@@ -252,7 +269,8 @@ impl<'a> Search<'a> {
             return Ok(());
         }
         let lever = self.settings.lever_mm;
-        let factor = conditioning(self.arm, self.offsets, joints, &self.scales, lever);
+        let (_, twists) = self.chain.end_and_joints(&self.arm.axes(joints));
+        let factor = conditioning(&self.arm.joint_twists(&twists), &self.scales, lever);
         self.check_factor(factor, None)
     }
 

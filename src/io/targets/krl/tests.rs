@@ -38,7 +38,7 @@ fn moved(target: &Target, by: [f64; 3]) -> Corrected {
         orientation: target.orientation,
         joints: None,
         correction: Vector3::from(by),
-        covariance: Matrix3::identity(),
+        covariance: Some(Matrix3::identity()),
         of_frame: Matrix3::zeros(),
         iterations: 2,
         allowed: Vec::new(),

@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 
-use crate::compensation::{Corrected, Exception, IdentifiedArm, Target, TargetJoints};
+use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
 use crate::geometry::{Position, Tool, Transform};
 use crate::io::targets::krl::{Postures, Status};
 use crate::kinematics::{Anywhere, Configuration, InverseSettings, inverse};
@@ -144,7 +144,8 @@ impl<'a> Solver<'a> {
         targets: Vec<Result<Target, String>>,
     ) -> Vec<(Option<Target>, Result<Corrected, String>)> {
         let all: Vec<Target> = targets.iter().flatten().cloned().collect();
-        let mut outcomes = self.arm.compensate(&all, self.allow).into_iter();
+        let outcomes = self.arm.compensate(&all, self.allow, Covariances::Omitted);
+        let mut outcomes = outcomes.into_iter();
         let command = |target: Result<Target, String>| match target {
             Err(why) => (None, Err(why)),
             Ok(target) => {
