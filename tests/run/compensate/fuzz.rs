@@ -288,6 +288,7 @@ fn tables_given_by_hand() {
             out: None,
             allow: vec![Exception::NotMet, Exception::NotShown],
             no_record: false,
+            no_covariance: false,
             lake: None,
             session: None,
             by: None,
