@@ -111,8 +111,13 @@ impl Progress for TerminalProgress {
     }
 
     fn end(&self) {
-        if let Some(task) = self.with_tasks(Vec::pop) {
-            task.bar.finish_and_clear();
+        if let Some(Task { bar, name, done, begun, .. }) = self.with_tasks(Vec::pop) {
+            bar.finish_and_clear();
+            let took_s = begun.elapsed().as_secs_f64();
+            tracing::debug!(
+                session = Printable(&self.session).to_string(),
+                "{name}: {done} in {took_s:.2} s"
+            );
         }
     }
 }
