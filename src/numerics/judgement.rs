@@ -4,6 +4,7 @@
 mod between_sessions;
 mod checks;
 mod commands;
+mod corrections;
 mod estimate;
 mod figures;
 mod flanges;
@@ -27,9 +28,9 @@ use crate::fit::full::{FullSettings, Repair};
 use crate::fit::same_arm::NotOneArm;
 use crate::fit::saved::SavedError;
 use crate::fit::{
-    ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
+    ErrorBase, ErrorFrame, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
 };
-use crate::grid::{GridError, GridSettings, StepAnswers, Tolerance};
+use crate::grid::{GridError, GridSettings, GridStation, StepAnswers, Tolerance};
 use crate::join::SeveralSources;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
@@ -38,11 +39,12 @@ use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use between_sessions::add_between_session_variation;
 use commands::raw_command;
+use corrections::Corrections;
 use estimate::Trained;
 pub use estimate::{Estimate, StoredTrainings, estimate};
-use figures::FigureMaker;
 use gridded::grid_stations;
 use judged::{Judges, TestSession, unseen_sessions};
+use observed::Observed;
 pub use outcome::{
     Driven, DrivenBy, DrivingFile, JoinedSession, LengthResidual, Outcome, SeveralTargets,
     ShownFlange, Source,
@@ -175,10 +177,7 @@ pub fn results<'a>(
     let error_frame = stated::error_frame(arm, &frames[last], settings);
     residuals.extend(raw_command(own, &error_frame, settings));
     let semivariograms = semivariograms(own, &residuals, &settings.similarity);
-    let folds_of = observed.folds_of(last);
-    let fold = |station| folds_of.get(&station).copied();
-    let mut stations = grid_stations(own, &error_frame, fold);
-    add_between_session_variation(&mut stations, own, last, &models, &error_frame);
+    let stations = stations(&training, &observed, &models, &error_frame);
     let judges = Judges {
         arm,
         models: &models,
@@ -191,18 +190,9 @@ pub fn results<'a>(
         stations: &stations,
         settings,
     };
-    let mut grids = judges.grids(&folds, known, progress)?;
-    judges.judge_table(&mut grids);
-    let driven = commands::driven_by(own, &error_frame, settings);
-    let by_table = driven.as_ref();
-    let iso_9283 = iso_9283::figures(judges, &residuals, by_table, grids.guard_mm);
-    let maker = FigureMaker { judges, grids: &grids };
-    let mut accuracy = maker.figures(&residuals, by_table);
-    accuracy.extend(unseen::table_figures(&grids, &tested, &settings.locate));
-    let mut at_tip = maker.at_tip(&residuals, by_table);
-    let scales = sizes::scales(&observed, &models, &training, settings);
-    sizes::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
-    let verdict = judges.verdict(&grids, &accuracy, &residuals, &semivariograms)?;
+    let grids = judges.grids(&folds, known, progress)?;
+    let corrections = judges.corrections(grids, &residuals, &semivariograms)?;
+    let Corrections { grids, driven, scales, accuracy, at_tip, iso_9283, verdict } = corrections;
     residuals.extend(driven.iter().flat_map(Driven::sets).cloned());
     Ok(Outcome {
         best: models.best().0,
@@ -230,6 +220,21 @@ pub fn results<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// Stations of the last training session, which the table is for, with their folds and between-session variation.
+fn stations(
+    training: &[JoinedSession],
+    observed: &Observed,
+    models: &Models,
+    error_frame: &ErrorFrame<'_>,
+) -> Vec<GridStation> {
+    let last = training.len() - 1;
+    let folds = observed.folds_of(last);
+    let fold = |station| folds.get(&station).copied();
+    let mut stations = grid_stations(&training[last], error_frame, fold);
+    add_between_session_variation(&mut stations, &training[last], last, models, error_frame);
+    stations
 }
 
 /// The main frames of each session by base + target.

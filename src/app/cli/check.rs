@@ -9,7 +9,7 @@ use clap::Args;
 use super::messages::Printable;
 use super::run::{near, work};
 use crate::geometry::rpy;
-use crate::grid::{GridSettings, Lattice, WorkBox};
+use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
 use crate::ingest::{Mapping, StationsSettings};
 use crate::kinematics::{Arm, Convention, Joint};
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides, Reads};
@@ -95,35 +95,36 @@ fn described(configuration: &Configuration, fleet: &Fleet) -> String {
             |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
         ),
     );
-    let tolerance = &configuration.stages.tolerance;
-    line(
-        "tolerance",
-        &format!(
-            "{} mm for {} % of positions, with {} % confidence",
-            tolerance.mm,
-            100.0 * tolerance.share,
-            100.0 * tolerance.confidence
-        ),
-    );
-    line(
-        "damage",
-        &format!(
-            "a session has no result when a log lost more than {} % of its bytes",
-            100.0 * configuration.file.input.max_lost_share
-        ),
-    );
-    line(
-        "rejects",
-        &format!(
-            "exit code 3 when more than {} % of a topic's messages cannot be used",
-            100.0 * configuration.file.input.max_rejected_share
-        ),
-    );
+    for (name, value) in limits(configuration) {
+        line(name, &value);
+    }
     line("tables", &near(&configuration.lake).display().to_string());
     text += "\n";
     text += &work(fleet);
     text += &split(configuration);
     text + &remarks(fleet)
+}
+
+/// What a result has to hold, and what its logs may lose.
+fn limits(configuration: &Configuration) -> [(&'static str, String); 3] {
+    let Tolerance { mm, share, confidence } = configuration.stages.tolerance;
+    let [share, confidence] = [100.0 * share, 100.0 * confidence];
+    let input = &configuration.file.input;
+    let [lost, rejected] = [100.0 * input.max_lost_share, 100.0 * input.max_rejected_share];
+    [
+        (
+            "tolerance",
+            format!("{mm} mm for {share} % of positions, with {confidence} % confidence"),
+        ),
+        (
+            "damage",
+            format!("a session has no result when a log lost more than {lost} % of its bytes"),
+        ),
+        (
+            "rejects",
+            format!("exit code 3 when more than {rejected} % of a topic's messages cannot be used"),
+        ),
+    ]
 }
 
 /// A step with the number of nodes that it makes of the box, or of a cube of 1 m where stations will say the box.

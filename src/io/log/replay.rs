@@ -8,6 +8,7 @@
 //! those of a single replay, to the last bit.
 
 use std::collections::BTreeMap;
+use std::mem::take;
 use std::sync::{Mutex, PoisonError};
 
 use super::ordered::{Ordered, SessionStreams};
@@ -15,7 +16,7 @@ use super::session::{ReadFiles, SessionLogs};
 use super::streams::Stream;
 use super::{Limits, LogError};
 use crate::ingest::{Amendments, BUFFERED, LogReject, Mapping, Poses};
-use crate::join::stationary::{Finder, StationaryRule, stationary_of};
+use crate::join::stationary::{Finder, Stationary, StationaryRule, stationary_of};
 use crate::join::{JoinInput, LengthReadings, ReferenceReadings};
 use crate::progress::Progress;
 use crate::units::Tracker;
@@ -69,14 +70,24 @@ pub fn read_session(
         let beside = sink.take();
         source.replay(&mut Detecting { finder, beside })
     })?;
-    let Replayed { ordered, files } = replayed;
+    let Replayed { mut ordered, files } = replayed;
     let (mut counts, mut rejects) = (files.counts, files.rejects);
     rejects.extend(source.amendments.rejects());
-    for (stream, summary) in ordered.summaries {
+    for (stream, summary) in take(&mut ordered.summaries) {
         summary.add_to(stream.name(), &mut counts, &mut rejects);
     }
     rejects
         .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
+    Ok(SessionRead {
+        input: input(joints, ordered, mapping),
+        rejects,
+        metadata: files.metadata,
+        counts,
+    })
+}
+
+/// The streams as the join takes them, each under the name that the mapping gives it.
+fn input(joints: Stationary, ordered: Ordered, mapping: &Mapping) -> JoinInput {
     let mut readings = ordered.readings.into_iter();
     let main = readings.next().unwrap_or_default();
     let boxed = |own| Box::new(own) as Box<dyn Poses<Tracker>>;
@@ -92,20 +103,15 @@ pub fn read_session(
     let lengths = lengths.map(|(own, readings)| {
         LengthReadings::of(&own.source(), &mapping.tracker.target_names(), boxed(readings))
     });
-    Ok(SessionRead {
-        input: JoinInput {
-            joints,
-            commands: Box::new(ordered.commands),
-            readings: Box::new(main),
-            others,
-            references: references.collect(),
-            lengths: lengths.collect(),
-            temperatures: ordered.temperatures,
-        },
-        rejects,
-        metadata: files.metadata,
-        counts,
-    })
+    JoinInput {
+        joints,
+        commands: Box::new(ordered.commands),
+        readings: Box::new(main),
+        others,
+        references: references.collect(),
+        lengths: lengths.collect(),
+        temperatures: ordered.temperatures,
+    }
 }
 
 struct LogSource<'a> {

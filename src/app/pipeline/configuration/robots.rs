@@ -59,39 +59,8 @@ impl Robots {
         if own.is_none() && named.is_none() && by.is_none() {
             return Ok(None);
         }
-        let wrong = |key: &str, found: &str, wanted: &str| {
-            ConfigurationErrorKind::setting(key, found, wanted).at(path)
-        };
-        let by = match by.map(|by| by.clone().try_into()) {
-            None => RobotsBy::default(),
-            Some(Ok(by)) => by,
-            Some(Err(_)) => {
-                let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
-                return Err(wrong(
-                    "[input] robots_by",
-                    &by.map(ToString::to_string).unwrap_or_default(),
-                    wanted,
-                ));
-            }
-        };
-        let stated = match (own, named) {
-            (Some(own), None) => of_file(own).map_err(|reason| robots_error(path, None, reason))?,
-            (None, Some(Value::String(named))) => of_table(path, &base.join(named), named)?,
-            (Some(_), Some(_)) => {
-                return Err(wrong(
-                    "[input] robots",
-                    "a table",
-                    "left out where [[robots]] states them",
-                ));
-            }
-            (None, Some(other)) => {
-                return Err(wrong("[input] robots", &other.to_string(), "the path of a table"));
-            }
-            (None, None) => {
-                let wanted = "beside [input] robots, a table of the robots, or [[robots]]";
-                return Err(wrong("[input] robots_by", "alone", wanted));
-            }
-        };
+        let by = robots_by(path, by)?;
+        let stated = stated(path, base, own, named)?;
         let mut common = values.clone();
         common.remove("robots");
         if let Some(input) = common.get_mut("input").and_then(Value::as_table_mut) {
@@ -305,6 +274,41 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
         own.place = format!("{} of {named}", own.place);
     }
     Ok(stated)
+}
+
+fn robots_by(path: &Path, by: Option<&Value>) -> Result<RobotsBy, ConfigurationError> {
+    let Some(by) = by else {
+        return Ok(RobotsBy::default());
+    };
+    by.clone().try_into().map_err(|_| {
+        let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
+        ConfigurationErrorKind::setting("[input] robots_by", by, wanted).at(path)
+    })
+}
+
+/// The robots that the file's `own` tables state, or the table that it has `named`.
+fn stated(
+    path: &Path,
+    base: &Path,
+    own: Option<&Value>,
+    named: Option<&Value>,
+) -> Result<Vec<StatedRobot>, ConfigurationError> {
+    let (key, found, wanted) = match (own, named) {
+        (Some(own), None) => {
+            return of_file(own).map_err(|reason| robots_error(path, None, reason));
+        }
+        (None, Some(Value::String(named))) => return of_table(path, &base.join(named), named),
+        (Some(_), Some(_)) => {
+            ("robots", "a table".to_owned(), "left out where [[robots]] states them")
+        }
+        (None, Some(other)) => ("robots", other.to_string(), "the path of a table"),
+        (None, None) => (
+            "robots_by",
+            "alone".to_owned(),
+            "beside [input] robots, a table of the robots, or [[robots]]",
+        ),
+    };
+    Err(ConfigurationErrorKind::setting(format!("[input] {key}"), found, wanted).at(path))
 }
 
 fn robots_error(path: &Path, table: Option<&Path>, reason: String) -> ConfigurationError {

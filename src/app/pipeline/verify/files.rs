@@ -78,58 +78,82 @@ pub fn account(
 ) -> Result<FilesOfLake, VerifyError> {
     let known = Known::of(lake, selected)?;
     let scope = Scope::of(lake, selected, names)?;
-    let mut account = FilesOfLake { asked: problems(lake, &scope)?, ..FilesOfLake::default() };
+    let files = FilesOfLake { asked: problems(lake, &scope)?, ..FilesOfLake::default() };
+    let mut counted =
+        Counted { lake, files, foreign: BTreeMap::new(), without_row: BTreeMap::new() };
     let mut doubtful = Vec::new();
-    let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
-    let mut add_foreign = |file: &LakeFile, why: Option<String>| {
-        let entry = foreign.entry(topmost(&file.key)).or_insert((0, why));
-        entry.0 += 1;
-    };
-    for file in lake.files("")? {
-        if !scope.has(&file) {
-            continue;
-        }
+    for file in lake.files("")?.into_iter().filter(|file| scope.has(file)) {
         match known.judged(&file) {
-            Judged::OfRun => account.of_runs += 1,
-            Judged::OfUnread => account.of_unread += 1,
-            Judged::Own if is_correction(&file.key) => match lake.correction(&file.key) {
-                Ok(_) => account.own += 1,
-                Err(why) => add_foreign(&file, Some(why)),
-            },
-            Judged::Own => account.own += 1,
-            Judged::Temporary => account.temporaries.push(lake.place_of(&file.key)),
-            Judged::NotNamed(run) => {
-                add_foreign(&file, Some(format!("the row of run {run} in runs does not name it")));
-            }
-            Judged::Foreign => add_foreign(&file, said(lake, &file)),
             Judged::NoRow => doubtful.push(file),
+            judged => counted.add(&file, judged),
         }
     }
     let rows = if doubtful.is_empty() { BTreeSet::new() } else { rows_now(lake)? };
-    let mut without_row: BTreeMap<(String, String), Vec<String>> = BTreeMap::new();
-    for file in doubtful {
-        let Stands::OfRun { table, robot, session, run } = &file.stands else {
-            continue;
-        };
-        if rows.contains(&(robot.clone(), run.clone())) {
-            // Committed in the meantime.
-            account.of_runs += 1;
-        } else if let Some(why) = says_otherwise(lake, &file, table, run) {
-            add_foreign(&file, Some(why));
-        } else {
-            let of_run = without_row.entry((robot.clone(), run.clone()));
-            of_run.or_default().push(format!("{table}/{session}"));
+    for file in &doubtful {
+        counted.add_doubtful(file, &rows);
+    }
+    Ok(counted.files())
+}
+
+/// Files of a lake as they are counted.
+struct Counted<'a> {
+    lake: &'a Lake,
+    files: FilesOfLake,
+    /// Files under each topmost foreign name, and why the first of them is there.
+    foreign: BTreeMap<String, (usize, Option<String>)>,
+    /// Files of runs without a row, as table and session, by robot and run.
+    without_row: BTreeMap<(String, String), Vec<String>>,
+}
+
+impl Counted<'_> {
+    fn add(&mut self, file: &LakeFile, judged: Judged) {
+        match judged {
+            Judged::OfRun => self.files.of_runs += 1,
+            Judged::OfUnread => self.files.of_unread += 1,
+            Judged::Own if is_correction(&file.key) => match self.lake.correction(&file.key) {
+                Ok(_) => self.files.own += 1,
+                Err(why) => self.add_foreign(file, Some(why)),
+            },
+            Judged::Own => self.files.own += 1,
+            Judged::Temporary => self.files.temporaries.push(self.lake.place_of(&file.key)),
+            Judged::NotNamed(run) => {
+                let why = format!("the row of run {run} in runs does not name it");
+                self.add_foreign(file, Some(why));
+            }
+            Judged::Foreign | Judged::NoRow => self.add_foreign(file, said(self.lake, file)),
         }
     }
-    let named = |(key, (files, why)): (String, (usize, Option<String>))| Foreign {
-        place: lake.place_of(&key),
-        files,
-        why,
-    };
-    account.foreign = foreign.into_iter().map(named).collect();
-    let run = |((robot, run), files)| WithoutRow { robot, run, files };
-    account.without_row = without_row.into_iter().map(run).collect();
-    Ok(account)
+
+    fn add_foreign(&mut self, file: &LakeFile, why: Option<String>) {
+        self.foreign.entry(topmost(&file.key)).or_insert((0, why)).0 += 1;
+    }
+
+    /// Adds a file of a run that had no row, where `rows` are those that are there since.
+    fn add_doubtful(&mut self, file: &LakeFile, rows: &BTreeSet<(String, String)>) {
+        let Stands::OfRun { table, robot, session, run } = &file.stands else {
+            return;
+        };
+        let key = (robot.clone(), run.clone());
+        if rows.contains(&key) {
+            self.files.of_runs += 1;
+        } else if let Some(why) = says_otherwise(self.lake, file, table, run) {
+            self.add_foreign(file, Some(why));
+        } else {
+            self.without_row.entry(key).or_default().push(format!("{table}/{session}"));
+        }
+    }
+
+    fn files(self) -> FilesOfLake {
+        let foreign = self.foreign.into_iter();
+        let foreign = foreign.map(|(key, (files, why))| Foreign {
+            place: self.lake.place_of(&key),
+            files,
+            why,
+        });
+        let without_row = self.without_row.into_iter();
+        let without_row = without_row.map(|((robot, run), files)| WithoutRow { robot, run, files });
+        FilesOfLake { foreign: foreign.collect(), without_row: without_row.collect(), ..self.files }
+    }
 }
 
 /// The name of a foreign file: itself, or the topmost folder that is not the lake's.

@@ -44,13 +44,7 @@ impl Source {
         lake: &Path,
     ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.run.sessions.is_empty() {
-            let planning =
-                Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
-            let planning = planning.map_err(|error| match error {
-                PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
-                error => other(error),
-            })?;
-            return Ok(Self::Planning(Box::new(planning)));
+            return Self::find_plan(claim, pipeline, known_arm, lake);
         }
         let overrides = Overrides {
             robot: Some(claim.key.robot.clone()),
@@ -66,31 +60,29 @@ impl Source {
             }
             error => other(error),
         })?;
-        let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
-        let files: BTreeMap<String, SessionFiles> = configuration
-            .pieces
-            .iter()
-            .flat_map(files)
-            .map(|files| (files.name.clone(), files))
-            .collect();
-        let named = |names: &[String]| -> Result<Vec<SessionFiles>, NoSource> {
-            let missing = |name: &String| {
-                let aside = configuration.set_aside.iter().find(|aside| aside.session == *name);
-                let reason = aside.map_or("it is not there", |aside| aside.why.reason());
-                of_session(name, reason)
-            };
-            let files = |name| files.get(name).cloned().ok_or_else(|| missing(name));
-            names.iter().map(files).collect()
-        };
         let piece = WorkPiece {
             session: claim.key.session.clone(),
-            training: named(&claim.run.sessions)?,
-            test: named(&claim.run.test_sessions)?,
+            training: sessions_named(&configuration, &claim.run.sessions)?,
+            test: sessions_named(&configuration, &claim.run.test_sessions)?,
         };
         let fetched = Fetched::of(&configuration.tree, &piece).map_err(other)?;
         // Tables that were elsewhere are in this lake now.
         let configuration = Configuration { tree: Tree::Folder, ..configuration };
         Ok(Self::Sessions(Box::new(configuration), fetched))
+    }
+
+    fn find_plan(
+        claim: &Claim,
+        pipeline: &Path,
+        known_arm: Option<&Path>,
+        lake: &Path,
+    ) -> Result<Self, NoSource> {
+        let planning = Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
+        let planning = planning.map_err(|error| match error {
+            PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
+            error => other(error),
+        })?;
+        Ok(Self::Planning(Box::new(planning)))
     }
 
     /// The plan that the last session's logs name.
@@ -141,6 +133,23 @@ impl Source {
             }
         }
     }
+}
+
+/// The files of the sessions with these names.
+fn sessions_named(
+    configuration: &Configuration,
+    names: &[String],
+) -> Result<Vec<SessionFiles>, NoSource> {
+    let all = configuration.pieces.iter().flat_map(|own| own.training.iter().chain(&own.test));
+    let all: BTreeMap<&str, &SessionFiles> =
+        all.map(|files| (files.name.as_str(), files)).collect();
+    let named = |name: &String| {
+        all.get(name.as_str()).map(|&files| files.clone()).ok_or_else(|| {
+            let aside = configuration.set_aside.iter().find(|aside| aside.session == *name);
+            of_session(name, aside.map_or("it is not there", |aside| aside.why.reason()))
+        })
+    };
+    names.iter().map(named).collect()
 }
 
 fn of_session(session: &str, reason: &str) -> NoSource {
