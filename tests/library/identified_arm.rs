@@ -168,7 +168,8 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
         let error = of(&joints.command, visits);
         after.push(error.norm());
         middle.push(of(&joints.command, &[[0.0; 2]; 6]).norm());
-        let information: Matrix3<f64> = done.covariance.try_inverse().expect("a covariance");
+        let covariance: Matrix3<f64> = done.covariance.expect("asked for");
+        let information = covariance.try_inverse().expect("positive definite");
         squares.push((error.transpose() * information * error)[0]);
         // The nominal arm at the joint command is at the command.
         let at_command = identified.error_frame().nominal_tool(&joints.command);
