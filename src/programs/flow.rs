@@ -261,11 +261,11 @@ impl Summaries {
         own
     }
 
-    /// What routines that are given may do at any time, as interrupts call them. They come back to where the arm was.
-    pub fn at_any_time<'r>(&self, routines: impl IntoIterator<Item = &'r String>) -> AtAnyTime {
+    /// What routines may do at any time, as interrupts call them. They come back to where the arm was.
+    pub fn at_any_time(&self, routines: &[(String, Place)]) -> AtAnyTime {
         let mut all = Effects::default();
-        for effects in routines.into_iter().filter_map(|routine| self.of.get(routine)) {
-            add(&mut all, effects);
+        for (routine, at) in routines {
+            add(&mut all, &self.call(routine, at));
         }
         all[Slot::Branch as usize] = Effect::None;
         AtAnyTime(all)

@@ -23,7 +23,7 @@ use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
 use crate::program::{Computed, File, Position};
 use crate::reading::Common;
-use crate::refusal::Refusal;
+use crate::refusal::{Place, Refusal};
 
 pub(crate) use frames::abc;
 
@@ -45,8 +45,10 @@ pub(crate) struct Reading<'f> {
     private: BTreeSet<String>,
     /// Whether anything sets a tool that stands in the cell.
     any_fixed_tool: bool,
-    /// Routines that interrupts call.
-    interrupts: Vec<String>,
+    /// Whether anything lets a sensor move the arm.
+    any_sensor: bool,
+    /// Routines that interrupts call, each with the place that says so.
+    interrupts: Vec<(String, Place)>,
 }
 
 /// Positions, computed targets and the arm's base of the KRL files among `files`.
@@ -64,8 +66,13 @@ pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
         local: BTreeSet::new(),
         private: BTreeSet::new(),
         any_fixed_tool: false,
+        any_sensor: false,
         interrupts: Vec::new(),
     };
+    // What holds a frame everywhere is known as such without the list that declares it.
+    for name in ["BASE_DATA", "TOOL_DATA", "$ROBROOT"] {
+        reading.common.names.declare("", name, "");
+    }
     for pass in [Reading::data, Reading::touches, Reading::steps] {
         for (file, tokens) in &own {
             pass(&mut reading, *file, tokens);
@@ -96,19 +103,19 @@ impl Reading<'_> {
             changed[slot as usize] = true;
         }
         changed[Slot::Mode as usize] = self.any_fixed_tool;
+        changed[Slot::Displacement as usize] = self.any_sensor;
         let others = Others { harmless: steps::is_harmless, changed };
-        let any_fixed_tool = self.any_fixed_tool;
-        self.common.walk(others, &self.interrupts, &self.private, |routine| {
-            entry(routine, any_fixed_tool)
-        });
+        let own = [self.any_fixed_tool, self.any_sensor];
+        self.common.walk(others, &self.interrupts, &self.private, |routine| entry(routine, own));
     }
 }
 
 /// What holds where a routine begins that anyone may call: nothing is known of its caller's frames.
-fn entry(routine: &str, any_fixed_tool: bool) -> State {
+fn entry(routine: &str, [any_fixed_tool, any_sensor]: [bool; 2]) -> State {
     let routine = routine.to_owned();
     State::new(|slot| match slot {
         Slot::Mode if !any_fixed_tool => known(Setting::On(true)),
+        Slot::Displacement if any_sensor => unknown(Refusal::Displaced { what: steps::SENSOR }),
         Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.clone() }),
         _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.clone() }),

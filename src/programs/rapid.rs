@@ -25,7 +25,7 @@ use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
 use crate::program::{Computed, File, Position};
 use crate::reading::Common;
-use crate::refusal::Refusal;
+use crate::refusal::{Place, Refusal};
 use statement::Statement;
 
 pub(crate) use motion::quaternion;
@@ -55,8 +55,8 @@ pub(crate) struct Reading<'f> {
     tasks: BTreeSet<String>,
     /// Routines by their full names, and whether they may change what is passed to them.
     given: HashMap<String, bool>,
-    /// Full names of the routines that interrupts call.
-    traps: Vec<String>,
+    /// Full names of the routines that interrupts call, with their places.
+    traps: Vec<(String, Place)>,
     any_displacement: bool,
     any_offset: bool,
     any_conf_off: [bool; 2],
@@ -120,10 +120,21 @@ impl Reading<'_> {
         name.split('/').find(is_task).unwrap_or_default().to_owned()
     }
 
+    /// The arm's task that a path names, in its folder or its name: `T_ROB1`, `Weld_T_ROB2.mod`.
+    fn arm(&self, file: usize) -> Option<String> {
+        let name = self.module(file);
+        let arm = &name[name.rfind("T_ROB")?..];
+        let is_end = |letter: char| !letter.is_ascii_alphanumeric() && letter != '_';
+        Some(arm.split(is_end).next()?.to_owned())
+    }
+
     /// Refuses the positions of several tasks: each may be of another arm.
     fn refuse_several_tasks(&mut self) {
         let motions = self.common.motions.iter();
-        let tasks: BTreeSet<String> = motions.map(|motion| self.task(motion.file)).collect();
+        let files: BTreeSet<usize> = motions.map(|motion| motion.file).collect();
+        let tasks: BTreeSet<String> = files.iter().map(|file| self.task(*file)).collect();
+        let arms: BTreeSet<String> = files.iter().filter_map(|file| self.arm(*file)).collect();
+        let tasks = if tasks.len() < 2 { arms } else { tasks };
         if tasks.len() < 2 {
             return;
         }

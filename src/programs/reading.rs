@@ -169,6 +169,17 @@ impl<'f> Common<'f> {
         Step::Move(self.motions.len() - 1)
     }
 
+    /// Motions from an index on that stand outside all routines: they are counted, and refused.
+    pub(crate) fn outside(&mut self, here: &Here<'_>, from: usize, steps: Vec<Step>) {
+        let words = "its motion stands in no routine; give the whole program".to_owned();
+        let why = Arc::new(Refusal::Other(words));
+        for motion in &mut self.motions[from..] {
+            motion.obstacle = Some(why.clone());
+        }
+        let name = format!("{}/", self.files[here.file].name);
+        self.routines.entry(name).or_default().steps.extend(steps);
+    }
+
     /// A routine's full name: of its own module first.
     pub(crate) fn full_name(&self, own: String, name: &str, is_own: bool) -> String {
         match self.global.get(name).map(Vec::as_slice) {
@@ -212,7 +223,7 @@ impl<'f> Common<'f> {
     pub(crate) fn walk(
         &mut self,
         others: Others,
-        interrupts: &[String],
+        interrupts: &[(String, Place)],
         private: &BTreeSet<String>,
         entry: impl Fn(&str) -> State,
     ) {
@@ -226,12 +237,18 @@ impl<'f> Common<'f> {
                 continue;
             };
             let name = full.rsplit('/').next().unwrap_or_default();
-            let is_open = is_open || interrupts.contains(&full);
+            let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);
             let entry = called.unwrap_or_else(|| entry(name));
             let before: Vec<usize> = recorder.positions.iter().map(|own| own.uses.len()).collect();
             if !walk(routine, &summaries, &entry, &any_time, &mut recorder) {
                 let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
+                let unknown = State::new(|_| Err(why.clone()));
+                for step in &routine.steps {
+                    if let Step::Call { routine, .. } = step {
+                        recorder.entries.insert(routine.clone(), unknown.clone());
+                    }
+                }
                 for (position, before) in recorder.positions.iter_mut().zip(before) {
                     for own in &mut position.uses[before..] {
                         (own.base, own.tool) = (Err(why.clone()), Err(why.clone()));

@@ -14,6 +14,8 @@ pub struct Number {
     pub decimals: usize,
     /// Whether it is in a form other than decimal digits: with an exponent, or of another base.
     pub is_special: bool,
+    /// Whether its sign alone parts it from a name: `A1-90`.
+    pub is_glued: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -119,6 +121,8 @@ impl<'t> Cursor<'t> {
             return None;
         }
         let mut number = number(self.text(first), first.span())?;
+        number.is_glued = start < first.span().start
+            && start.checked_sub(1).is_some_and(|before| is_of_name(self.bytes[before]));
         number.span.start = start;
         if is_negative {
             number.value = -number.value;
@@ -241,6 +245,10 @@ impl<'t> Cursor<'t> {
     }
 }
 
+fn is_of_name(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || byte == b'_'
+}
+
 /// The tokens before a sign outside brackets, and those behind it.
 fn split(tokens: &[Token], until: u8) -> (&[Token], &[Token]) {
     let mut depth = 0_i32;
@@ -261,13 +269,13 @@ fn number(text: &[u8], span: Range<usize>) -> Option<Number> {
     let text = std::str::from_utf8(text).ok()?;
     if let Some(inside) = text.strip_prefix('\'') {
         let value = based(inside.strip_suffix('\'')?)?;
-        return Some(Number { span, value, decimals: 0, is_special: true });
+        return Some(Number { span, value, decimals: 0, is_special: true, is_glued: false });
     }
     let value: f64 = text.parse().ok().filter(|value: &f64| value.is_finite())?;
     let is_special = text.contains(['e', 'E']);
     let mantissa = text.split(['e', 'E']).next().unwrap_or(text);
     let decimals = mantissa.split_once('.').map_or(0, |(_, behind)| behind.len());
-    Some(Number { span, value, decimals, is_special })
+    Some(Number { span, value, decimals, is_special, is_glued: false })
 }
 
 /// `B0101`, `H1F`.

@@ -86,10 +86,13 @@ impl Edits {
         self.text(number, text);
     }
 
-    fn text(&mut self, number: &Number, text: String) {
+    fn text(&mut self, number: &Number, mut text: String) {
         #[expect(clippy::float_cmp, reason = "the same number is the same text")]
         let is_same = text.parse::<f64>().is_ok_and(|value| value == number.value);
         if !is_same {
+            if number.is_glued && !text.starts_with('-') {
+                text.insert(0, ' ');
+            }
             self.all.push(Edit { span: number.span.clone(), text });
         }
     }
@@ -246,14 +249,20 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     let id: String = plain(id).replace('"', "?").chars().take(80).collect();
     let line = format!("{comment} {CORRECTED} {}{end}", plain(words));
     // Without a head nothing is known of where a declaration may stand.
-    let mut marks = vec![match behind_head(file, &tokens, is_rapid) {
-        None => insert(&file.bytes, after_mark(&file.bytes), line, end),
+    let mut marks = match behind_head(file, &tokens, is_rapid) {
+        None => vec![insert(&file.bytes, after_mark(&file.bytes), line, end)],
         Some(place) if is_rapid => {
             let constant = format!("LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
-            insert(&file.bytes, place, line + &constant, end)
+            match behind_types(file, &tokens) {
+                Some(types) => vec![
+                    insert(&file.bytes, place, line, end),
+                    insert(&file.bytes, types, constant, end),
+                ],
+                None => vec![insert(&file.bytes, place, line + &constant, end)],
+            }
         }
-        Some(place) => insert(&file.bytes, place, line, end),
-    }];
+        Some(place) => vec![insert(&file.bytes, place, line, end)],
+    };
     if let Some(place) = before_end_of_list(file, &tokens)
         && !id.is_empty()
     {
@@ -281,7 +290,13 @@ fn behind_head(file: &File, tokens: &[Token], is_rapid: bool) -> Option<usize> {
     let behind = || tokens.iter().enumerate().skip(head);
     let last = if is_rapid {
         let mut words = behind().filter(|(_, token)| !is_end(token)).skip(1);
-        let name = words.next()?.0;
+        let mut name = words.next()?.0;
+        // A name of digits too, which no controller takes, is not cut.
+        while tokens.get(name + 1).is_some_and(|next| {
+            next.kind == Kind::Name && next.span().start == tokens[name].span().end
+        }) {
+            name = words.next()?.0;
+        }
         let has_list = words.next().is_some_and(|(_, token)| token.is(b'('));
         let close = behind().find(|(_, token)| token.is(b')')).filter(|_| has_list);
         close.map_or(name, |(place, _)| place)
@@ -292,6 +307,23 @@ fn behind_head(file: &File, tokens: &[Token], is_rapid: bool) -> Option<usize> {
         Some(next) if !is_end(next) => Some(tokens[last].span().end),
         Some(end) => Some(end.span().end),
         None => Some(file.bytes.len()),
+    }
+}
+
+/// The end of a module's last type: data may be declared only behind types.
+fn behind_types(file: &File, tokens: &[Token]) -> Option<usize> {
+    let is = |token: &Token, word: &[u8]| {
+        token.kind == Kind::Name && file.bytes[token.span()].eq_ignore_ascii_case(word)
+    };
+    let record = tokens.iter().rposition(|token| is(token, b"ENDRECORD"));
+    let alias = tokens.iter().rposition(|token| is(token, b"ALIAS")).and_then(|place| {
+        let end = tokens[place..].iter().position(|token| token.is(b';'))?;
+        Some(place + end)
+    });
+    let last = record.max(alias)?;
+    match tokens.get(last + 1) {
+        Some(next) if next.kind == Kind::LineEnd => Some(next.span().end),
+        _ => Some(tokens[last].span().end),
     }
 }
 

@@ -33,7 +33,11 @@ pub(super) fn is_motion(word: &str) -> bool {
 
 /// Words behind the positions of a motion.
 fn ends_positions(word: &str) -> bool {
-    word == "WITH" || word.starts_with("C_")
+    word == "WITH" || is_blend(word)
+}
+
+fn is_blend(word: &str) -> bool {
+    matches!(word, "C_DIS" | "C_ORI" | "C_PTP" | "C_SPL" | "C_VEL")
 }
 
 impl Reading<'_> {
@@ -58,12 +62,16 @@ impl Reading<'_> {
         while let Some(part) = positions.take_part(b',') {
             given.push(part);
         }
-        let used = given.len().min((*count).max(1));
+        let points = if word.contains("CIRC") { 2 } else { 1 };
+        let used = given.len().min(points);
         let target = |part: &Cursor<'_>| match count {
             0 => Target::Computed(shown(*part)),
             _ => self.target(here, word, *part),
         };
-        let targets = given.iter().take(used).map(target).collect();
+        let mut targets: Vec<Target> = given.iter().take(used).map(target).collect();
+        if targets.is_empty() {
+            targets.push(Target::Computed(String::new()));
+        }
         // An angle behind the positions reads names as any expression does.
         given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
         steps.push(self.common.moves(Motion {
@@ -152,7 +160,7 @@ fn parted(rest: Cursor<'_>) -> (Cursor<'_>, Cursor<'_>) {
     let positions = &rest.tokens[..place_of(rest, ends_positions)];
     let with = place_of(rest, |word| word == "WITH");
     let behind = Cursor { tokens: rest.tokens.get(with + 1..).unwrap_or_default(), ..rest };
-    let with = &behind.tokens[..place_of(behind, |word| word.starts_with("C_"))];
+    let with = &behind.tokens[..place_of(behind, is_blend)];
     (Cursor { tokens: positions, ..rest }, Cursor { tokens: with, ..rest })
 }
 

@@ -32,6 +32,12 @@ pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
 }
 
+/// How a displacement by a sensor is named.
+pub(super) const SENSOR: &str = "a sensor: RSI, ST_ON";
+/// Functions that let a sensor move the arm, and those that end it.
+const SENSOR_ON: &str = "RSI_MOVECORR RSI_ON ST_ON ST_ON1 ST_PATHCORR ST_AXISCORR";
+const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
+
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
 
@@ -54,6 +60,12 @@ impl Reading<'_> {
                 if let Some(routine) = self.common.routines.get_mut(&inside) {
                     routine.steps.extend(steps);
                 }
+            } else if cursor.peek_name().is_some_and(|word| super::motion::is_motion(&word)) {
+                let scopes = self.scopes(file, None);
+                let here = Here { file, line: line[0].line, scopes: &scopes };
+                let (from, mut steps) = (self.common.motions.len(), Vec::new());
+                self.step(&here, cursor, &mut steps);
+                self.common.outside(&here, from, steps);
             }
         }
     }
@@ -106,7 +118,8 @@ impl Reading<'_> {
         match word {
             "BAS" => self.bas(here, rest, steps),
             // What a trigger calls moves nothing, and runs at some later time.
-            "INTERRUPT" | "GLOBAL" | "TRIGGER" => self.interrupt(here, rest),
+            "INTERRUPT" | "GLOBAL" => self.interrupt(here, rest, true),
+            "TRIGGER" => self.interrupt(here, rest, false),
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);
@@ -211,15 +224,19 @@ impl Reading<'_> {
     }
 
     /// `INTERRUPT DECL 3 WHEN … DO IR_STOPM()`.
-    fn interrupt(&mut self, here: &Here<'_>, rest: Cursor<'_>) {
+    fn interrupt(&mut self, here: &Here<'_>, rest: Cursor<'_>, with_others: bool) {
         let mut rest = rest;
         while let Some(token) = rest.take() {
             if token.kind == Kind::Name
                 && rest.bytes[token.span()].eq_ignore_ascii_case(b"DO")
+                && rest.tokens.get(1).is_some_and(|token| token.is(b'('))
                 && let Some(name) = rest.peek_name()
             {
                 let name = self.full_name(here.file, &name);
-                self.interrupts.push(name);
+                if with_others || self.local.contains(&name) {
+                    let at = self.common.at(here);
+                    self.interrupts.push((name, at));
+                }
             }
         }
     }
@@ -237,6 +254,13 @@ impl Reading<'_> {
         for name in names {
             let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
+            if has(SENSOR_ON, &name) {
+                self.any_sensor = true;
+                let what = SENSOR;
+                steps.push(Step::Set(Slot::Displacement, unknown(Refusal::Displaced { what })));
+            } else if has(SENSOR_OFF, &name) {
+                steps.push(Step::Set(Slot::Displacement, known(Setting::On(false))));
+            }
         }
     }
 }

@@ -267,3 +267,59 @@ fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
     let told = read(again, &cell()).ask(0, &cell()).unwrap_err().to_string();
     assert!(told.contains("corrected already by posegrid (p.dat, line 2)"), "{told}");
 }
+
+#[test]
+fn what_may_change_a_frame_without_its_list_is_refused() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
+    let cases = [
+        ("BASE_DATA[1].X=5\r\n", "BASE_DATA[1] is worked out at run time"),
+        ("FIT(BASE_DATA[1])\r\n", "BASE_DATA[1] is worked out at run time"),
+        ("INTERRUPT DECL 4 WHEN $IN[3] DO UNSEEN()\r\n", "the call of UNSEEN (p.src, line 2)"),
+        ("INTERRUPT DECL 4 WHEN $IN[3] DO $OUT[1]=TRUE\r\n", "ok"),
+        ("N=RSI_ON(#RELATIVE)\r\n", "a sensor: RSI"),
+        ("N=RSI_ON(#RELATIVE)\r\nN=RSI_OFF()\r\n", "ok"),
+    ];
+    for (begin, expected) in cases {
+        let source = format!("DEF P( )\r\n{begin}{set}END\r\n");
+        let list = format!("DEFDAT P\r\n{POINT}\r\nENDDAT\r\n");
+        let files = vec![file("p.src", source), file("p.dat", list)];
+        let mut cell = cell();
+        let place = posegrid_arm::geometry::Placement::of(&nalgebra::Isometry3::identity());
+        for (name, frame) in &mut cell.frames {
+            frame.place = (!name.starts_with("$T")).then_some(place);
+        }
+        let told = read(files, &cell).ask(0, &cell);
+        let told = told.map_or_else(|why| why.to_string(), |_| "ok".to_owned());
+        assert!(told.contains(expected), "{begin}{told}");
+    }
+}
+
+#[test]
+fn every_position_of_every_motion_is_counted() {
+    let source = "PTP C_ONE\r\nLIN C_ONE C_DIS\r\nCIRC_REL {X 1},{Y 2}\r\nLIN\r\nEND\r\nDEF Q()\r\nENDIF\r\nR()\r\nEND\r\nDEF R()\r\nPTP XP1";
+    let data = format!("{POINT}\r\nDECL E6POS C_ONE={{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}}");
+    let programs = programs(source, &data);
+    let uses: Vec<usize> = programs.positions.iter().map(|own| own.uses.len()).collect();
+    assert_eq!((uses, programs.computed.len()), (vec![2, 1], 3));
+    let told = programs.ask(1, &cell()).unwrap_err().to_string();
+    assert!(told.contains("the blocks of routine Q do not close"), "{told}");
+    let outside = read(vec![file("p.src", "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n")], &cell());
+    let told = outside.ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("stands in no routine"), "{told}");
+}
+
+#[test]
+fn a_number_that_its_sign_parts_from_its_name_stays_apart() {
+    let programs = programs("BAS(#TOOL,3)\r\nPTP {A1-0.005,A2-90,A3 90,A4 0,A5-0.001,A6 0}", "");
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Joints(from) = asked.wanted.clone() else { panic!("joints") };
+    let to = from.iter().map(|joint| joint + 0.01).collect();
+    let command = Command { base_from_tool: None, joints: Some([from, to]) };
+    let edits = edits(&programs.positions[0], &asked, &command);
+    let written = applied(&programs.files[2].bytes, &edits.all);
+    let text = String::from_utf8_lossy(&written);
+    assert!(
+        text.contains("{A1 0.00500,A2-89.99000,A3 90.01000,A4 0.01000,A5 0.00900,A6 0.01000}"),
+        "{text}"
+    );
+}

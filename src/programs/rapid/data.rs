@@ -62,7 +62,7 @@ impl Reading<'_> {
         let mut inside = None;
         for statement in statements {
             if let Some(header) = header(statement) {
-                self.routine(file, &header);
+                self.routine(file, statement.line, &header);
                 inside = Some(header.name);
             } else if let Some(declaration) = declaration(statement) {
                 self.declared(file, inside.as_deref(), statement, &declaration);
@@ -72,10 +72,10 @@ impl Reading<'_> {
         }
     }
 
-    fn routine(&mut self, file: usize, header: &Header<'_>) {
+    fn routine(&mut self, file: usize, line: u32, header: &Header<'_>) {
         let full = format!("{}/{}", self.module(file), header.name);
         if header.is_trap {
-            self.traps.push(full.clone());
+            self.traps.push((full.clone(), self.common.files[file].at(line)));
         }
         if !header.is_local {
             let name = format!("{}:{}", self.task(file), header.name);
@@ -132,17 +132,21 @@ impl Reading<'_> {
             }
             let scopes = self.scopes(file, inside.as_deref());
             let here = Here { file, line: statement.line, scopes: &scopes };
+            let own = super::steps::without_condition(statement.all);
             if let Some(declaration) = declaration(statement) {
                 if let Some(value) = declaration.value {
                     self.common.reads(&here, value);
                 }
-            } else if let Some((left, _)) = assignment(statement.all) {
+            } else if let Some((left, _)) = assignment(own) {
                 let name = Cursor { tokens: &left.tokens[..1], ..left };
                 self.common.touches(&here, name);
                 self.touch_shared(&here, name);
-            } else if self.may_change(file, statement) {
-                self.common.touches(&here, statement.all);
-                self.touch_shared(&here, statement.all);
+            } else if let Some(found) = self.found(own) {
+                self.common.touches(&here, found);
+                self.touch_shared(&here, found);
+            } else if self.may_change(file, own) {
+                self.common.touches(&here, own);
+                self.touch_shared(&here, own);
             }
         }
     }
@@ -160,8 +164,8 @@ impl Reading<'_> {
     }
 
     /// Whether a statement is a call that may change what is passed to it.
-    fn may_change(&self, file: usize, statement: &Statement<'_>) -> bool {
-        let Some(word) = statement.all.peek_name() else {
+    fn may_change(&self, file: usize, statement: Cursor<'_>) -> bool {
+        let Some(word) = statement.peek_name() else {
             return true;
         };
         if super::steps::is_word(&word) || self.is_motion(&word) || super::steps::is_harmless(&word)

@@ -115,6 +115,15 @@ impl Reading<'_> {
         self.like(word).is_some()
     }
 
+    /// The point that a search writes: `pFound` of `SearchL di1, pFound, p10, …`.
+    pub(super) fn found<'t>(&self, statement: Cursor<'t>) -> Option<Cursor<'t>> {
+        let mut rest = statement;
+        let like = self.like(&rest.take_name()?).filter(|like| like.tool == Tool::Refused)?;
+        let place = like.positions.first()?.checked_sub(1)?;
+        let mut valued = arguments(rest).into_iter().filter(|own| !own.value.is_empty());
+        valued.nth(place).map(|own| own.value)
+    }
+
     pub(super) fn motion(
         &mut self,
         here: &Here<'_>,
@@ -128,7 +137,11 @@ impl Reading<'_> {
         let all = arguments(rest);
         let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
         let places = instruction.positions.iter().filter_map(|place| valued.get(*place));
-        let targets = places.map(|own| self.target(here, word, own.value)).collect();
+        let mut targets: Vec<Target> =
+            places.map(|own| self.target(here, word, own.value)).collect();
+        if targets.is_empty() {
+            targets.push(Target::Computed(String::new()));
+        }
         let motion = Motion {
             file: here.file,
             line: here.line,
@@ -153,7 +166,8 @@ impl Reading<'_> {
             return Some(Arc::new(Refusal::Instruction { word: word.to_owned(), at: at() }));
         }
         let mut options = all.iter().flat_map(|own| &own.options);
-        let found = options.find(|(name, _)| matches!(name.as_str(), "ID" | "CORR" | "CORRTIME"));
+        let found =
+            options.find(|(name, _)| matches!(name.as_str(), "ID" | "CORR" | "CORRTIME" | "TRACK"));
         found.map(|(name, _)| {
             Arc::new(Refusal::Instruction { word: format!("{word} with \\{name}"), at: at() })
         })
@@ -298,6 +312,10 @@ impl Reading<'_> {
                 Value::List(parts) => {
                     parts.len() == 4 && parts.iter().all(|part| part.list().is_some())
                 }
+                Value::Expression => argument
+                    .value
+                    .peek_name()
+                    .is_some_and(|word| matches!(word.as_str(), "OFFS" | "RELTOOL")),
                 _ => false,
             };
             if is_position {

@@ -43,7 +43,9 @@ impl Reading<'_> {
                 self.common.routines.insert(inside.clone(), own);
             } else if is_end(statement) {
                 inside.clear();
-            } else if declaration(statement).is_none() && !inside.is_empty() {
+            } else if inside.is_empty() {
+                self.outside(file, statement);
+            } else if declaration(statement).is_none() {
                 let mut steps = Vec::new();
                 let here = Here { file, line: statement.line, scopes: &scopes };
                 self.step(&here, statement, &mut steps);
@@ -54,13 +56,21 @@ impl Reading<'_> {
         }
     }
 
+    fn outside(&mut self, file: usize, statement: &Statement<'_>) {
+        if !statement.all.peek_name().is_some_and(|word| self.is_motion(&word)) {
+            return;
+        }
+        let scopes = self.scopes(file, None);
+        let here = Here { file, line: statement.line, scopes: &scopes };
+        let (from, mut steps) = (self.common.motions.len(), Vec::new());
+        self.step(&here, statement, &mut steps);
+        self.common.outside(&here, from, steps);
+    }
+
     fn step(&mut self, here: &Here<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
         let all = statement.all;
         let Some(word) = all.peek_name() else {
-            // A call whose name is worked out: `%name%`.
-            let at = self.common.at(here);
-            steps.push(Step::Call { routine: "%…%".to_owned(), at });
-            return self.common.reads(here, all);
+            return self.late_call(here, all, steps);
         };
         if matches!(word.as_str(), "IF" | "ELSEIF") {
             return self.condition(here, statement, &word, steps);
@@ -85,6 +95,13 @@ impl Reading<'_> {
         self.call(here, all, steps);
     }
 
+    /// A call whose name is worked out: `%name%`.
+    fn late_call(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
+        let at = self.common.at(here);
+        steps.push(Step::Call { routine: "%…%".to_owned(), at });
+        self.common.reads(here, all);
+    }
+
     /// `IF … THEN` opens a block; `IF … instruction` has its instruction in itself.
     fn condition(
         &mut self,
@@ -102,14 +119,14 @@ impl Reading<'_> {
             steps.push(if word == "IF" { Step::If } else { Step::Else { is_last: false } });
             return;
         }
-        let Some(inner) = instruction(all) else {
-            return self.common.reads(here, all);
-        };
+        let inner = without_condition(all);
         let condition =
             Cursor { tokens: &all.tokens[..all.tokens.len() - inner.tokens.len()], ..all };
         self.common.reads(here, condition);
         steps.push(Step::If);
-        if let Some((_, value)) = assignment(inner) {
+        if inner.first().is_some_and(|token| token.is(b'%')) {
+            self.late_call(here, inner, steps);
+        } else if let Some((_, value)) = assignment(inner) {
             self.common.reads(here, value);
         } else if !inner.peek_name().is_some_and(|word| is_word(&word)) {
             self.call(here, inner, steps);
@@ -171,6 +188,12 @@ impl Reading<'_> {
     }
 }
 
+/// A statement, of a compact IF its instruction.
+pub(super) fn without_condition(all: Cursor<'_>) -> Cursor<'_> {
+    let is_if = all.peek_name().is_some_and(|word| word == "IF");
+    if is_if { instruction(all).unwrap_or(all) } else { all }
+}
+
 /// The instruction of a compact IF: it begins at a name that follows a complete condition, one that a sign or an operator
 /// does not precede.
 fn instruction(all: Cursor<'_>) -> Option<Cursor<'_>> {
@@ -191,7 +214,9 @@ fn instruction(all: Cursor<'_>) -> Option<Cursor<'_>> {
         matches!(word.as_str(), "AND" | "OR" | "XOR" | "DIV" | "MOD")
     };
     let place = (2..all.tokens.len()).find(|&place| {
-        all.tokens[place].kind == Kind::Name && ends_value(place - 1) && !is_operator(place)
+        let token = &all.tokens[place];
+        let is_begin = token.is(b'%') || (token.kind == Kind::Name && !is_operator(place));
+        is_begin && ends_value(place - 1)
     })?;
     Some(Cursor { tokens: &all.tokens[place..], ..all })
 }

@@ -157,14 +157,14 @@ fn each_task_of_a_backup_has_its_own_names_and_only_one_may_move() {
 fn arrays_and_what_is_passed_on_are_counted() {
     let more = "CONST robtarget a{2}:=[[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],\r\n\
                 [[4,2,3],[1,0,0,0],[0,0,0,0],[1000,9E9,9E9,9E9,9E9,9E9]]];";
-    let body = "MoveL a{1},v100,z10,tool1; MoveJ a{i},v100,z10,tool1; Weld p10,5; MoveL CRobT(),v100,z10,tool1; MoveL *,v1,z1,tool1;";
+    let body = "MoveL a{1},v100,z10,tool1; MoveJ a{i},v100,z10,tool1; Weld p10,Offs(p10,0,0,5); MoveL CRobT(),v100,z10,tool1; MoveL *,v1,z1,tool1;";
     let programs = programs(body, more);
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["A[1]", "A[2]"]);
     assert_eq!(programs.positions[1].line, programs.positions[0].line + 1);
     let computed: Vec<String> =
         programs.computed.iter().map(|own| format!("{} {}", own.word, own.text)).collect();
-    assert_eq!(computed, ["WELD p10", "MOVEL CRobT()", "MOVEL *"]);
+    assert_eq!(computed, ["WELD p10", "WELD Offs(p10,0,0,5)", "MOVEL CRobT()", "MOVEL *"]);
     assert!(programs.ask(1, &cell()).unwrap_err().to_string().contains("eax_a is at 1000"));
 }
 
@@ -232,5 +232,54 @@ fn marks_stand_behind_the_head_of_a_module_wherever_that_ends() {
         marked("MODULE M PROC main() ENDPROC\nENDMODULE\n"),
         format!("MODULE M\n{mark} PROC main() ENDPROC\nENDMODULE\n")
     );
+    assert_eq!(marked("MODULE 1_T\nENDMODULE\n"), format!("MODULE 1_T\n{mark}ENDMODULE\n"));
     assert_eq!(marked("PROC p()\n"), "! corrected by posegrid t\nPROC p()\n");
+}
+
+#[test]
+fn what_a_compact_if_or_a_search_changes_is_not_corrected() {
+    let begin = "MoveL p20,v100,fine,tool1\\WObj:=wobj1;";
+    let point = "PERS robtarget p20:=[[10,20,30],[0,0,1,0],[0,-1,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];";
+    let cases = [
+        ("IF di1=1 p20:=CRobT();", "P20 is worked out at run time"),
+        ("IF a GetPos p20;", "P20 is worked out at run time"),
+        ("IF a wobj1.uframe.trans.x:=5;", "WOBJ1 is worked out at run time"),
+        ("PDispOff; IF a %\"disp\"+b%; ENDPROC PROC disp() PDispOn q,tool1;", "a displacement"),
+        ("SearchL\\Stop,di1,p20,p10,v100,tool1;", "P20 is worked out at run time"),
+        ("ArcL p20,v1,seam1,weld1,fine,tool1\\WObj:=wobj1\\Track:=track1;", "ARCL with \\TRACK"),
+    ];
+    for (more, expected) in cases {
+        let (first, rest) = more.split_once(" ENDPROC").unwrap_or((more, ""));
+        let rest = if rest.is_empty() { String::new() } else { format!("\r\nENDPROC{rest}") };
+        let programs = programs(&format!("{first}{begin}{rest}"), point);
+        let index = programs.positions.iter().position(|own| own.name == "P20").unwrap();
+        let told = programs.ask(index, &cell()).unwrap_err().to_string();
+        assert!(told.contains(expected), "{more}\n{told}");
+    }
+}
+
+#[test]
+fn motions_of_two_arms_or_of_no_routine_are_refused() {
+    let body = format!("{DATA}PROC main()\r\nMoveL p10,v1,z1,tool1;\r\nENDPROC\r\nENDMODULE\r\n");
+    let other = body.replace("p10", "p11").replace("tool1", "tool2").replace("wobj1", "wobj2");
+    let files = [("T_ROB1/a.mod", body), ("b_T_ROB2.mod", other)];
+    let files = files.map(|(name, text)| File { name: name.to_owned(), bytes: text.into_bytes() });
+    let told = read(files.to_vec(), &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("in the tasks T_ROB1, T_ROB2"), "{told}");
+    let text = format!("{DATA}MoveL p10,v1,z1,tool1;");
+    let alone = vec![File { name: "m.mod".to_owned(), bytes: text.into_bytes() }];
+    let told = read(alone, &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("stands in no routine"), "{told}");
+}
+
+#[test]
+fn the_constant_of_a_mark_stands_behind_types() {
+    let text = "MODULE M\n LOCAL RECORD r\n num x;\n ENDRECORD ! r\n CONST num a:=1;\nENDMODULE\n";
+    let file = File { name: "m.mod".to_owned(), bytes: text.as_bytes().to_vec() };
+    let marked = String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t"))).unwrap();
+    let head = "MODULE M\n! corrected by posegrid t\n LOCAL RECORD r\n num x;\n ENDRECORD ! r\n";
+    assert!(
+        marked.starts_with(&format!("{head}LOCAL CONST string posegrid_corrected:=\"t\";\n CONST")),
+        "{marked}"
+    );
 }
