@@ -71,6 +71,12 @@ impl Names {
         self.of.get_mut(scope)?.get_mut(name)
     }
 
+    /// Whether a routine changes one of its parameters.
+    pub(crate) fn changes_parameters(&self, routine: &str) -> bool {
+        let changes = |own: &Variable| own.is_parameter && own.touched.is_some();
+        self.of.get(routine).is_some_and(|names| names.values().any(changes))
+    }
+
     /// Forbids to correct positions of variables that may become others, or are read elsewhere.
     pub(crate) fn forbid(&self, positions: &mut [Position]) {
         for (name, variable) in self.of.values().flatten() {

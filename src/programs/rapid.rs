@@ -89,7 +89,9 @@ pub(crate) fn read(
         any_conf_off: [false; 2],
     };
     reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
-    for pass in [Reading::data, Reading::touches, Reading::steps] {
+    // What functions change of their parameters is known once all bodies are read.
+    let passes = [Reading::data, Reading::touches, Reading::functions, Reading::steps];
+    for pass in passes {
         for (file, own) in &statements {
             pass(&mut reading, *file, own);
         }

@@ -38,6 +38,9 @@ pub(super) const SENSOR: &str = "a sensor: RSI, ST_ON";
 const SENSOR_ON: &str = "RSI_MOVECORR RSI_ON ST_ON ST_ON1 ST_PATHCORR ST_AXISCORR";
 const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
 
+/// Those of them that write variables that are passed to them.
+const WRITING: &str = "CASTFROM CAST_FROM CREAD SREAD";
+
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
 
@@ -273,12 +276,13 @@ fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
     names.filter(|name| !has(NO_CALLS, name) && !is_keyword(name))
 }
 
-/// Whether a line calls a routine that is none of the system's.
+/// Whether a line calls a routine that may change what is passed to it.
 pub(super) fn calls_another(line: Cursor<'_>) -> bool {
     let is_none = line.peek_name().is_none_or(|word| {
         matches!(word.as_str(), "EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL")
     });
-    !is_none && called(line).any(|name| name != "BAS" && !is_harmless(&name))
+    let changes = |name: String| name != "BAS" && (!is_harmless(&name) || has(WRITING, &name));
+    !is_none && called(line).any(changes)
 }
 
 pub(super) fn is_fixed(inline: &Known) -> bool {

@@ -274,6 +274,7 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
     let cases = [
         ("BASE_DATA[1].X=5\r\n", "BASE_DATA[1] is worked out at run time"),
         ("FIT(BASE_DATA[1])\r\n", "BASE_DATA[1] is worked out at run time"),
+        ("CREAD(H,S,M,O,\"%r\",BASE_DATA[1].X)\r\n", "BASE_DATA[1] is worked out at run time"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO UNSEEN()\r\n", "the call of UNSEEN (p.src, line 2)"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO $OUT[1]=TRUE\r\n", "ok"),
         ("N=RSI_ON(#RELATIVE)\r\n", "a sensor: RSI"),

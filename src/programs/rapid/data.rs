@@ -151,6 +151,30 @@ impl Reading<'_> {
         }
     }
 
+    /// Marks what calls of functions may change, wherever in a statement they stand.
+    pub(super) fn functions(&mut self, file: usize, statements: &[Statement<'_>]) {
+        let mut inside = None;
+        for statement in statements {
+            if let Some(header) = header(statement) {
+                inside = Some(header.name);
+                continue;
+            }
+            let all = statement.all;
+            let pairs = all.tokens.windows(2);
+            let mut calls = pairs.filter(|own| own[0].kind == Kind::Name && own[1].is(b'('));
+            let changes = calls.any(|own| {
+                let full = self.full_name(file, &crate::lex::capitals(all.text(&own[0])));
+                self.given.get(&full) == Some(&true) && self.common.names.changes_parameters(&full)
+            });
+            if changes {
+                let scopes = self.scopes(file, inside.as_deref());
+                let here = Here { file, line: statement.line, scopes: &scopes };
+                self.common.touches(&here, all);
+                self.touch_shared(&here, all);
+            }
+        }
+    }
+
     /// A PERS of several tasks is one: what one task changes is changed for all.
     fn touch_shared(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
         let own = self.task(here.file);

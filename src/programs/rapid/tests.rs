@@ -245,6 +245,10 @@ fn what_a_compact_if_or_a_search_changes_is_not_corrected() {
         ("IF a GetPos p20;", "P20 is worked out at run time"),
         ("IF a wobj1.uframe.trans.x:=5;", "WOBJ1 is worked out at run time"),
         ("PDispOff; IF a %\"disp\"+b%; ENDPROC PROC disp() PDispOn q,tool1;", "a displacement"),
+        (
+            "a:=Fit(wobj1); ENDPROC FUNC bool Fit(PERS wobjdata w) w.uframe.trans.x:=5; RETURN TRUE; ENDFUNC PROC q()",
+            "WOBJ1 is worked out at run time",
+        ),
         ("SearchL\\Stop,di1,p20,p10,v100,tool1;", "P20 is worked out at run time"),
         ("ArcL p20,v1,seam1,weld1,fine,tool1\\WObj:=wobj1\\Track:=track1;", "ARCL with \\TRACK"),
     ];
