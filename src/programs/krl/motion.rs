@@ -151,7 +151,10 @@ impl Reading<'_> {
         let is_offset = matches!(rest.value(), Value::Fields { .. });
         let variable = self.common.names.find(here.scopes, parts(&name).0)?;
         let is_pose = is_offset && variable.kind.ends_with("POS");
-        beside(self.common.declared(here, &name).filter(|_| is_pose)?)
+        if !is_pose {
+            return None;
+        }
+        beside(self.common.declared(here, &name)?)
     }
 }
 

@@ -297,11 +297,12 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
 
 #[test]
 fn every_position_of_every_motion_is_counted() {
-    let source = "PTP C_ONE\r\nLIN C_ONE C_DIS\r\nCIRC_REL {X 1},{Y 2}\r\nLIN\r\nEND\r\nDEF Q()\r\nENDIF\r\nR()\r\nEND\r\nDEF R()\r\nPTP XP1";
-    let data = format!("{POINT}\r\nDECL E6POS C_ONE={{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}}");
+    let source = "PTP C_ONE\r\nLIN C_ONE C_DIS\r\nCIRC_REL {X 1},{Y 2}\r\nLIN\r\nPTP XP2:{X 1} #TOOL\r\nEND\r\nDEF Q()\r\nENDIF\r\nR()\r\nEND\r\nDEF R()\r\nPTP XP1";
+    let value = "{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}";
+    let data = format!("{POINT}\r\nDECL E6POS C_ONE={value}\r\nDECL E6POS XP2={value}");
     let programs = programs(source, &data);
     let uses: Vec<usize> = programs.positions.iter().map(|own| own.uses.len()).collect();
-    assert_eq!((uses, programs.computed.len()), (vec![2, 1], 3));
+    assert_eq!((uses, programs.computed.len()), (vec![2, 1], 4));
     let told = programs.ask(1, &cell()).unwrap_err().to_string();
     assert!(told.contains("the blocks of routine Q do not close"), "{told}");
     let outside = read(vec![file("p.src", "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n")], &cell());
