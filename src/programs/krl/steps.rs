@@ -38,7 +38,9 @@ pub(super) const SENSOR: &str = "a sensor: RSI, ST_ON";
 const SENSOR_ON: &str = "RSI_MOVECORR RSI_ON ST_ON ST_ON1 ST_PATHCORR ST_AXISCORR";
 const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
 
-/// Those of them that write variables that are passed to them.
+/// Routines of technology packages that the INI fold of every program declares for interrupts; they set no base and no tool.
+const TECHNOLOGY: &str = "A10 A20 H70";
+/// Functions of the system that write variables which are passed to them.
 const WRITING: &str = "CASTFROM CAST_FROM CREAD SREAD";
 
 /// Words before a bracket that call nothing.
@@ -236,7 +238,8 @@ impl Reading<'_> {
                 && let Some(name) = rest.peek_name()
             {
                 let name = self.full_name(here.file, &name);
-                if with_others || self.local.contains(&name) {
+                let is_other = with_others && !has(TECHNOLOGY, &name);
+                if is_other || self.local.contains(&name) {
                     let at = self.common.at(here);
                     self.interrupts.push((name, at));
                 }

@@ -276,6 +276,7 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
         ("FIT(BASE_DATA[1])\r\n", "BASE_DATA[1] is worked out at run time"),
         ("CREAD(H,S,M,O,\"%r\",BASE_DATA[1].X)\r\n", "BASE_DATA[1] is worked out at run time"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO UNSEEN()\r\n", "the call of UNSEEN (p.src, line 2)"),
+        ("INTERRUPT DECL 6 WHEN $CYCFLAG[3]==FALSE DO A20(TECH_STOP2)\r\n", "ok"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO $OUT[1]=TRUE\r\n", "ok"),
         ("N=RSI_ON(#RELATIVE)\r\n", "a sensor: RSI"),
         ("N=RSI_ON(#RELATIVE)\r\nN=RSI_OFF()\r\n", "ok"),
