@@ -21,11 +21,11 @@ pub(super) fn is_keyword(word: &str) -> bool {
 }
 
 /// Routines and functions of the system that set no frame and move nothing.
-const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CCLOSE CCHANNEL COPEN COS CREAD CWRITE \
-    DELETE_BACKWARD_BUFFER EK FORWARD INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
-    MSGQUIT MSGSTATE ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
-    SET_KRLDLGANSWER SET_KRLMSG SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
-    STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
+const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
+    DELETE_BACKWARD_BUFFER EK ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
+    MSGQUIT MSGSTATE P00 ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
+    SET_KRLDLG SET_KRLDLGANSWER SET_KRLMSG SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
+    STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SYNC SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
     USE_CM_PRO_VALUES VARSTATE";
 
 pub(super) fn is_harmless(name: &str) -> bool {
@@ -34,6 +34,10 @@ pub(super) fn is_harmless(name: &str) -> bool {
 
 /// How a displacement by a sensor is named.
 pub(super) const SENSOR: &str = "a sensor: RSI, ST_ON";
+/// How a displacement by a correction of BAS is named.
+const CORRECTION: &str = "BASE_CORR_ON, TOOL_CORR_ON";
+/// What switches corrections of BAS.
+const CORRECTIONS: &str = "BASE_CORR_ON M_BAS_COR_ON TOOL_CORR_ON TOOL_CORR_W_ON";
 /// Functions that let a sensor move the arm, and those that end it.
 const SENSOR_ON: &str = "RSI_MOVECORR RSI_ON ST_ON ST_ON1 ST_PATHCORR ST_AXISCORR";
 const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
@@ -171,6 +175,12 @@ impl Reading<'_> {
                 let to = if is_part { at_run_time(name) } else { self.inline(here, value) };
                 self.any_fixed_tool |= is_fixed(&to);
                 steps.push(Step::Set(Slot::Waiting, to));
+            }
+            // BAS puts a correction before or behind the frames that it sets.
+            _ if has(CORRECTIONS, name) && value.value() != Value::Name("FALSE".to_owned()) => {
+                self.any_sensor = true;
+                let what = CORRECTION;
+                steps.push(Step::Set(Slot::Displacement, unknown(Refusal::Displaced { what })));
             }
             "$H_POS" => {}
             _ => self.common.reads(here, value),

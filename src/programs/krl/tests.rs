@@ -279,6 +279,8 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
         ("INTERRUPT DECL 6 WHEN $CYCFLAG[3]==FALSE DO A20(TECH_STOP2)\r\n", "ok"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO $OUT[1]=TRUE\r\n", "ok"),
         ("N=RSI_ON(#RELATIVE)\r\n", "a sensor: RSI"),
+        ("BASE_CORR_ON=TRUE\r\n", "(BASE_CORR_ON"),
+        ("BASE_CORR_ON=FALSE\r\nP00(#EXT_ERR,0)\r\n", "ok"),
         ("N=RSI_ON(#RELATIVE)\r\nN=RSI_OFF()\r\n", "ok"),
     ];
     for (begin, expected) in cases {
