@@ -14,7 +14,7 @@ pub struct Number {
     pub decimals: usize,
     /// Whether it is in a form other than decimal digits: with an exponent, or of another base.
     pub is_special: bool,
-    /// Whether its sign alone parts it from a name: `A1-90`.
+    /// Whether its sign or point alone parts it from a name: `A1-90`, `C.5`.
     pub is_glued: bool,
 }
 
@@ -121,8 +121,7 @@ impl<'t> Cursor<'t> {
             return None;
         }
         let mut number = number(self.text(first), first.span())?;
-        number.is_glued = start < first.span().start
-            && start.checked_sub(1).is_some_and(|before| is_of_name(self.bytes[before]));
+        number.is_glued = start.checked_sub(1).is_some_and(|before| is_of_name(self.bytes[before]));
         number.span.start = start;
         if is_negative {
             number.value = -number.value;

@@ -315,7 +315,7 @@ fn every_position_of_every_motion_is_counted() {
 
 #[test]
 fn a_number_that_its_sign_parts_from_its_name_stays_apart() {
-    let programs = programs("BAS(#TOOL,3)\r\nPTP {A1-0.005,A2-90,A3 90,A4 0,A5-0.001,A6 0}", "");
+    let programs = programs("BAS(#TOOL,3)\r\nPTP {A1-0.005,A2-90,A3 90,A4 0,A5-0.001,A6.5}", "");
     let asked = programs.ask(0, &cell()).unwrap();
     let Wanted::Joints(from) = asked.wanted.clone() else { panic!("joints") };
     let to = from.iter().map(|joint| joint + 0.01).collect();
@@ -324,7 +324,7 @@ fn a_number_that_its_sign_parts_from_its_name_stays_apart() {
     let written = applied(&programs.files[2].bytes, &edits.all);
     let text = String::from_utf8_lossy(&written);
     assert!(
-        text.contains("{A1 0.00500,A2-89.99000,A3 90.01000,A4 0.01000,A5 0.00900,A6 0.01000}"),
+        text.contains("{A1 0.00500,A2-89.99000,A3 90.01000,A4 0.01000,A5 0.00900,A6 0.51000}"),
         "{text}"
     );
 }
