@@ -1,8 +1,8 @@
 //! KRL of KUKA (KSS 5 to 8; *Operating and Programming Instructions for System Integrators*): modules of `.src` and `.dat`,
 //! with `$config.dat` and `$machine.dat` for the frames.
 //!
-//! 1. Every file's declarations and values are read ([`data`]), and every assignment of the routines.
-//! 2. Each routine becomes steps ([`steps`]): what sets `$BASE`, `$TOOL` and `$IPO_MODE`, blocks, calls, motions.
+//! 1. Every file's declarations and values are read (`data`), and every assignment of the routines.
+//! 2. Each routine becomes steps (`steps`): what sets `$BASE`, `$TOOL` and `$IPO_MODE`, blocks, calls, motions.
 //! 3. The routines are walked ([`crate::flow`]): each motion's position has the frames that hold at it.
 //!
 //! Frames: `$BASE` stands in `$WORLD`, and the arm's base in `$WORLD` is `$ROBROOT`. `BAS(#BASE, n)` sets `BASE_DATA[n]`, an

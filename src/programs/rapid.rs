@@ -1,8 +1,8 @@
 //! RAPID of ABB (*Technical reference manual: RAPID instructions, functions and data types*): modules `.mod`, `.prg`, `.sys`,
 //! `.modx`, with `MOC.cfg` for the arm's base.
 //!
-//! 1. Statements of all modules ([`statement`]): declarations and values, and every assignment ([`data`]).
-//! 2. Each routine becomes steps ([`steps`]): displacements, `ConfJ`, `ConfL`, blocks, calls, motions.
+//! 1. Statements of all modules (`statement`): declarations and values, and every assignment (`data`).
+//! 2. Each routine becomes steps (`steps`): displacements, `ConfJ`, `ConfL`, blocks, calls, motions.
 //! 3. The routines are walked ([`crate::flow`]).
 //!
 //! Frames: a position stands in its work object's object frame, that in its user frame, that in the world; without `\WObj` in
