@@ -94,5 +94,6 @@ pub use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, judgement, method, plan, report, setup,
     similarity, simulate,
 };
+pub use posegrid_programs as programs;
 
 pub mod guide;

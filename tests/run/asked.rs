@@ -185,7 +185,9 @@ fn two_tasks_at_once_have_a_request_each_and_the_later_one_is_current() {
     assert!(words.contains(&first.1), "{words}");
     // The other is to be done again, by whoever lists it, and is current then.
     let (pipeline, id) = &both[of(&first.1)];
-    assert_eq!(&task(pipeline), id);
+    // What the lake's runs took is what the next may take: only that differs.
+    let named = |task: &str| serde_json::from_str::<Value>(task).map(|own| own["id"].clone());
+    assert_eq!(named(&task(pipeline)).expect("a task"), named(id).expect("a task"));
     assert_eq!(task(both[of(&second.1)].0), "");
     let again = done(pipeline, id);
     assert_eq!(again["ended"], "done-before");

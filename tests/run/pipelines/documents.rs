@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use posegrid::geometry::Placement;
 use posegrid::kinematics::RobotFile;
 use posegrid::pipeline::file::PipelineFile;
+use posegrid::programs::Cell;
 use toml::{Table, Value};
 
 /// A fenced text of a document.
@@ -63,6 +64,8 @@ fn read(piece: &str) -> Result<(), Box<dyn std::error::Error>> {
             let placement: Placement = named["placement"].clone().try_into()?;
             placement.isometry()?;
         }
+    } else if piece.starts_with("# cell.toml") {
+        toml::from_str::<Cell>(piece)?;
     } else if piece.contains("[[joint]]") {
         toml::from_str::<RobotFile>(piece)?.arm()?;
     } else if piece.starts_with("joint_map") {

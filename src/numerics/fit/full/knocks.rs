@@ -6,7 +6,7 @@
 //!    added: Legendre's polynomials over the session, of which the n-th has a variance like 1/n².
 //! 2. A knock before a station is six more columns: the base's, at that station and all behind it. Each has a score test `sᵀ V⁻¹ s`,
 //!    `s = Bᵀ N⁻¹ e` and `V = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B` with the model's rows Φ, their covariance C and residuals e.
-//! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock where the log evidence rises by [`GAIN`]:
+//! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock where the log evidence rises by 20 nats:
 //!    a slow drift gains nothing by a step.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6};
