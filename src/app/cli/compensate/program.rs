@@ -2,8 +2,8 @@
 //! base and tool of its motions.
 //!
 //! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found.
-//! 2. Each position becomes a target of the identified arm, and that its command ([`solve`]).
-//! 3. The commands go back into the files; the report names every position that motions use ([`report`]).
+//! 2. Each position becomes a target of the identified arm, and that its command (`solve`).
+//! 3. The commands go back into the files; the report names every position that motions use (`report`).
 
 mod report;
 mod solve;
