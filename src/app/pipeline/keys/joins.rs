@@ -110,7 +110,7 @@ mod tests {
             "output": {"logs": false},
         });
         let expected = json!({
-            "robot": {"joints": ["a1"]},
+            "robot": {"joints": ["a1"], "up": [0, 0, 1]},
             "input": {"max_lost_share": 0.01},
             "controller": {"topic": "/joints", "fields": {"angles": "q"}},
             "commanded": {"topic": "/command"},
