@@ -106,7 +106,10 @@ pub enum ProgramError {
     Place { path: PathBuf, problem: String },
     #[error("two files are called {0}; give the folder that they stand in")]
     TwoFiles(String),
-    #[error("no file of a program is among those given: .src, .dat, .mod, .prg, .sys or .modx")]
+    #[error(
+        "no file of a program is among those given: .src, .dat, .mod, .prg, .sys or .modx; programs of FANUC and of Universal Robots are not \
+         read"
+    )]
     NoProgram,
     #[error("not stated: {}; a program moves a real robot, so state what it is run with, or allow it with {}",
         .0.iter().map(|term| term.name()).collect::<Vec<_>>().join(", "),
@@ -133,7 +136,7 @@ impl CompensateArgs {
     pub(super) fn given(&self) -> DataListOrProgram {
         let is_program = |path: &Path| {
             let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-            ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+            ending.is_some_and(|own| ENDINGS.iter().chain(&UNREAD).any(|known| own == *known))
         };
         let folder_of_program = |path: &Path| {
             path.is_dir()
