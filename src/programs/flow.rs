@@ -67,6 +67,7 @@ pub enum Setting {
 
 pub type Known = Result<Arc<Setting>, Arc<Refusal>>;
 
+#[expect(clippy::unnecessary_wraps, reason = "the other half of `unknown`")]
 pub fn known(setting: Setting) -> Known {
     Ok(Arc::new(setting))
 }
@@ -218,7 +219,6 @@ pub trait Motions {
 
 #[derive(Debug, Clone, Default)]
 pub struct Routine {
-    pub name: String,
     pub steps: Vec<Step>,
 }
 

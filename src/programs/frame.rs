@@ -7,7 +7,7 @@ use crate::geometry::{Placement, PlacementError};
 use nalgebra::Isometry3;
 use serde::Deserialize;
 
-use crate::refusal::{Place, Refusal};
+use crate::refusal::Refusal;
 
 /// A frame that a program names, or writes out.
 #[derive(Debug, Clone, PartialEq)]
@@ -117,8 +117,4 @@ impl Cell {
 /// A frame without a value in the files.
 pub fn not_given(name: &str, give: &str) -> Result<Isometry3<f64>, Refusal> {
     Err(Refusal::NotGiven { name: name.to_owned(), give: give.to_owned() })
-}
-
-pub fn no_frame(name: &str, at: Place) -> Result<Isometry3<f64>, Refusal> {
-    Err(Refusal::NoFrame { name: name.to_owned(), at })
 }

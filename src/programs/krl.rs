@@ -36,7 +36,7 @@ pub const KRL: Dialect = Dialect {
     in_names: b"_$",
 };
 
-/// What is read of the files so far.
+/// The content of the KRL files that have been read.
 pub(crate) struct Reading<'f> {
     common: Common<'f>,
     /// Full names of all routines.

@@ -13,22 +13,22 @@
 //! a frame, a tool or a way through the program is not known, the position is refused.
 //!
 //! # Another dialect
-//! `FANUC TP` and `URScript` need a [`lex::Dialect`], a reader that fills `program::Motion`s and [`flow::Step`]s, and their
-//! [`program::Shape`]s; flow, frames, asking and writing stay as they are. `/POS` of FANUC is a list of declared values
+//! `FANUC TP` and `URScript` need a `lex::Dialect`, a reader that fills `program::Motion`s and `flow::Step`s, and their
+//! `program::Shape`s; flow, frames, asking and writing stay as they are. `/POS` of FANUC is a list of declared values
 //! (`P[n]`, with UF and UT as the motion's own settings of base and tool), `UFRAME_NUM` and `UTOOL_NUM` set the slots of
 //! base and tool. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
 
-pub mod ask;
-pub mod flow;
-pub mod frame;
-pub mod krl;
-pub mod lex;
+mod ask;
+mod flow;
+mod frame;
+mod krl;
+mod lex;
 mod names;
-pub mod program;
-pub mod rapid;
+mod program;
+mod rapid;
 mod reading;
-pub mod refusal;
-pub mod value;
+mod refusal;
+mod value;
 pub mod write;
 
 // Names of the crates below, as if they were modules here.

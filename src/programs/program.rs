@@ -1,4 +1,4 @@
-//! What is read of programs: their positions, and what each motion that uses one is in.
+//! Programs as they are read: positions, and the base, tool and arm configuration at each motion that uses one.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -24,10 +24,9 @@ impl File {
         self.name.rsplit(['/', '\\']).next().unwrap_or(&self.name)
     }
 
-    /// Its name without folders and ending, in capitals.
-    pub fn stem(&self) -> String {
-        let name = self.base_name();
-        name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_ascii_uppercase()
+    /// Whether it is a list of KUKA's system, whose variables all programs of the controller share: `$config.dat`.
+    pub fn is_of_system(&self) -> bool {
+        self.base_name().starts_with('$')
     }
 
     /// The ending of its name in small letters, without the point; empty where it has none.

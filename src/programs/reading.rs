@@ -22,7 +22,7 @@ pub(crate) struct Here<'h> {
     pub(crate) scopes: &'h [Scope],
 }
 
-/// What is read of the files so far.
+/// The content of the files that have been read, whatever their dialect.
 pub(crate) struct Common<'f> {
     pub(crate) files: &'f [File],
     pub(crate) names: Names,
@@ -124,11 +124,9 @@ impl<'f> Common<'f> {
 
     fn add(&mut self, here: &Here<'_>, name: &str, written: &Written, kind: &str) -> usize {
         let (shape, external) = (self.shape)(self, here.scopes, &written.value, kind);
-        // All programs of the controller share what stands in a list of its system.
         let file = &self.files[written.file];
-        let is_shared = file.base_name().starts_with('$');
         let shared = || Refusal::Shared { file: file.base_name().to_owned() };
-        let obstacle = is_shared.then(shared);
+        let obstacle = file.is_of_system().then(shared);
         self.positions.push(Position {
             file: written.file,
             line: written.line,
@@ -156,9 +154,25 @@ impl<'f> Common<'f> {
         self.positions.len() - 1
     }
 
-    /// Adds a motion, and its computed targets to those.
-    pub(crate) fn moves(&mut self, motion: Motion) -> Step {
+    /// The target that was found in an expression; a computed one where there is none, and what the expression reads is marked.
+    pub(crate) fn target(
+        &mut self,
+        here: &Here<'_>,
+        expression: Cursor<'_>,
+        found: Option<Target>,
+    ) -> Target {
+        found.unwrap_or_else(|| {
+            self.reads(here, expression);
+            Target::Computed(shown(expression))
+        })
+    }
+
+    /// Adds a motion, and its computed targets to those; one without a target is computed.
+    pub(crate) fn moves(&mut self, mut motion: Motion) -> Step {
         let (file, line) = (motion.file, motion.line);
+        if motion.targets.is_empty() {
+            motion.targets.push(Target::Computed(String::new()));
+        }
         for target in &motion.targets {
             if let Target::Computed(text) = target {
                 let (word, text) = (motion.word.clone(), text.clone());

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::program::Shape;
-use crate::write::{Command, applied, edits, mark, marks, undone};
+use crate::write::{Command, Edit, applied, edits, mark, marks};
 
 /// Pieces of programs of both dialects, sound and broken.
 const PIECES: [&str; 58] = [
@@ -149,4 +149,21 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
     let asked = (0..programs.positions.len()).filter(|index| programs.ask(*index, &cell()).is_ok());
     assert_eq!(asked.count(), 20_000);
     assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
+}
+
+/// The inverse of edits: places in the written bytes with the old text, which need not be UTF-8.
+pub(crate) fn undone(written: &[u8], before: &[u8], edits: &[Edit]) -> Vec<u8> {
+    let mut sorted: Vec<&Edit> = edits.iter().collect();
+    sorted.sort_by_key(|edit| edit.span.start);
+    let mut out = Vec::with_capacity(before.len());
+    let (mut at, mut copied) = (0, 0);
+    for edit in sorted {
+        let kept = edit.span.start - copied;
+        out.extend(&written[at..at + kept]);
+        out.extend(&before[edit.span.clone()]);
+        at += kept + edit.text.len();
+        copied = edit.span.end;
+    }
+    out.extend(&written[at..]);
+    out
 }

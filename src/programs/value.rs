@@ -31,7 +31,7 @@ pub enum Value {
         fields: Vec<(String, Value)>,
     },
     Text,
-    /// What is worked out when the program runs.
+    /// A value that the program computes when it runs.
     Expression,
 }
 
@@ -325,7 +325,7 @@ impl Value {
         self.field(name)?.number()
     }
 
-    /// As many numbers as are asked for, from a list of just these.
+    /// The numbers of a list of exactly N numbers; `None` of any other value.
     pub fn numbers<const N: usize>(&self) -> Option<[&Number; N]> {
         let numbers: Option<Vec<&Number>> = self.list()?.iter().map(Self::number).collect();
         numbers?.try_into().ok()

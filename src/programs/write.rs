@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use crate::geometry::rpy;
+use crate::geometry::typed::number as decimal;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
@@ -148,13 +149,6 @@ impl Edits {
             }
         }
     }
-}
-
-/// A number as decimal digits, without a negative zero.
-fn decimal(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
-    if is_zero { text.replace('-', "") } else { text }
 }
 
 /// A, B, C of a rotation, degrees: of all that make it, those nearest to others.
@@ -368,21 +362,4 @@ pub fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
     }
     written.extend(&bytes[copied..]);
     written
-}
-
-/// The inverse of edits: places in the written bytes with the old text, which need not be UTF-8.
-pub fn undone(written: &[u8], before: &[u8], edits: &[Edit]) -> Vec<u8> {
-    let mut sorted: Vec<&Edit> = edits.iter().collect();
-    sorted.sort_by_key(|edit| edit.span.start);
-    let mut out = Vec::with_capacity(before.len());
-    let (mut at, mut copied) = (0, 0);
-    for edit in sorted {
-        let kept = edit.span.start - copied;
-        out.extend(&written[at..at + kept]);
-        out.extend(&before[edit.span.clone()]);
-        at += kept + edit.text.len();
-        copied = edit.span.end;
-    }
-    out.extend(&written[at..]);
-    out
 }

@@ -103,13 +103,6 @@ pub struct CompensateArgs {
     pub program: program::ProgramArgs,
 }
 
-/// What TARGETS is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum DataListOrProgram {
-    Targets,
-    Program,
-}
-
 #[derive(Debug)]
 pub struct Compensated {
     named: Named,
@@ -121,7 +114,7 @@ pub struct Compensated {
 }
 
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
-    if args.given() == DataListOrProgram::Program {
+    if args.is_of_program() {
         return program::main(args, bars);
     }
     // The whole result is made first: an error leaves no half of it on a pipe.

@@ -1,7 +1,7 @@
 //! Every key of pipeline and robot files: section, type, unit, allowed words, default, and a sentence.
 //!
 //! The two files under `keys/` are the one source: `posegrid schema pipeline` and `posegrid schema robot` show them, and a file is held
-//! against them before it is read, so that all faults are told at once ([`door`]). What is read is decided by the structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds
+//! against them before it is read, so that all faults are reported at once ([`door`]). What is read is decided by the structs of [`super::file`] and [`crate::kinematics::RobotFile`]; a test holds
 //! keys, words and defaults of both against each other.
 
 pub mod door;

@@ -6,9 +6,9 @@
 
 pub mod plans;
 
-use serde::{Deserialize, Serialize};
-
 use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
 
 use super::configuration::{SessionFiles, WorkPiece};
 use super::fleet::{Fleet, FleetPiece};

@@ -58,7 +58,7 @@ fn mm(value: f64) -> String {
 }
 
 /// A number with a given count of decimals, without a negative zero.
-fn number(value: f64, decimals: usize) -> String {
+pub fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
     if is_zero { text.replace('-', "") } else { text }

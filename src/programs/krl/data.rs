@@ -9,11 +9,6 @@ use crate::value::{Cursor, Value};
 /// Words before a type.
 const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 
-/// Lists of the system, whose variables hold everywhere.
-pub(super) fn is_system(stem: &str) -> bool {
-    stem.starts_with('$')
-}
-
 /// The lines of a file, each without its end.
 pub(super) fn lines(tokens: &[Token]) -> impl Iterator<Item = &[Token]> {
     let lines = tokens.split(|token| token.kind == Kind::LineEnd);
@@ -169,7 +164,7 @@ impl Reading<'_> {
     ) {
         let at = self.common.files[file].at(line[0].line);
         let mut scopes = self.scopes(file, inside);
-        if statement.is_global || is_system(&self.common.files[file].stem()) {
+        if statement.is_global || self.common.files[file].is_of_system() {
             scopes = vec![String::new()];
         }
         for name in &statement.names {

@@ -1,6 +1,6 @@
 //! Expressions of frames: `BASE_DATA[1]`, `{X …}`, `$NULLFRAME`, FDAT.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use super::Reading;
 use crate::flow::{Known, Setting, known, unknown};
@@ -19,12 +19,8 @@ pub(super) fn isometry(value: &Value) -> Option<Isometry3<f64>> {
 
 /// `Rz(A) Ry(B) Rx(C)`, degrees.
 pub fn abc(degrees: [f64; 3]) -> UnitQuaternion<f64> {
-    let about = |axis: nalgebra::Unit<Vector3<f64>>, degrees: f64| {
-        UnitQuaternion::from_axis_angle(&axis, degrees.to_radians())
-    };
-    about(Vector3::z_axis(), degrees[0])
-        * about(Vector3::y_axis(), degrees[1])
-        * about(Vector3::x_axis(), degrees[2])
+    let [a, b, c] = degrees.map(f64::to_radians);
+    UnitQuaternion::from_euler_angles(c, b, a)
 }
 
 impl Reading<'_> {

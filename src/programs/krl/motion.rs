@@ -68,10 +68,7 @@ impl Reading<'_> {
             0 => Target::Computed(shown(*part)),
             _ => self.target(here, word, *part),
         };
-        let mut targets: Vec<Target> = given.iter().take(used).map(target).collect();
-        if targets.is_empty() {
-            targets.push(Target::Computed(String::new()));
-        }
+        let targets = given.iter().take(used).map(target).collect();
         // An angle behind the positions reads names as any expression does.
         given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
         steps.push(self.common.moves(Motion {
@@ -136,10 +133,7 @@ impl Reading<'_> {
             Value::Name(name) => self.common.declared(here, &name),
             _ => self.beside(here, part).or_else(|| self.common.elements(here, part)),
         };
-        found.unwrap_or_else(|| {
-            self.common.reads(here, part);
-            Target::Computed(shown(part))
-        })
+        self.common.target(here, part, found)
     }
 
     /// `XP1:{Z 100}`: a point beside a declared position.

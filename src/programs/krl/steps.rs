@@ -61,8 +61,7 @@ impl Reading<'_> {
             if let Some((name, ..)) = routine(cursor) {
                 scopes = self.scopes(file, Some(&name));
                 inside.clone_from(&scopes[0]);
-                let own = Routine { name: inside.clone(), steps: Vec::new() };
-                self.common.routines.insert(inside.clone(), own);
+                self.common.routines.insert(inside.clone(), Routine::default());
             } else if !inside.is_empty() {
                 let mut steps = Vec::new();
                 self.step(&Here { file, line: line[0].line, scopes: &scopes }, cursor, &mut steps);

@@ -1,4 +1,5 @@
-use crate::write::{Command, applied, edits, marks, undone};
+use crate::tests::undone;
+use crate::write::{Command, applied, edits, marks};
 use crate::{Asked, Branch, Cell, File, Programs, Wanted, read};
 
 const CONFIG: &str = "DEFDAT $CONFIG\nBASE_DATA[1]={X 1000.0,Y 0.0,Z 500.0,A 90.0,B 0.0,C 0.0}\n\

@@ -137,11 +137,7 @@ impl Reading<'_> {
         let all = arguments(rest);
         let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
         let places = instruction.positions.iter().filter_map(|place| valued.get(*place));
-        let mut targets: Vec<Target> =
-            places.map(|own| self.target(here, word, own.value)).collect();
-        if targets.is_empty() {
-            targets.push(Target::Computed(String::new()));
-        }
+        let targets = places.map(|own| self.target(here, word, own.value)).collect();
         let motion = Motion {
             file: here.file,
             line: here.line,
@@ -276,10 +272,7 @@ impl Reading<'_> {
             Value::Name(name) => self.common.declared(here, &name),
             _ => self.beside(here, value).or_else(|| self.common.elements(here, value)),
         };
-        found.unwrap_or_else(|| {
-            self.common.reads(here, value);
-            Target::Computed(shown(value))
-        })
+        self.common.target(here, value, found)
     }
 
     /// `Offs(p10, 0, 0, 50)`, `RelTool(p10, 0, 0, 50)`.

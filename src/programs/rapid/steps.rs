@@ -39,8 +39,7 @@ impl Reading<'_> {
             if let Some(header) = header(statement) {
                 scopes = self.scopes(file, Some(&header.name));
                 inside.clone_from(&scopes[0]);
-                let own = Routine { name: inside.clone(), steps: Vec::new() };
-                self.common.routines.insert(inside.clone(), own);
+                self.common.routines.insert(inside.clone(), Routine::default());
             } else if is_end(statement) {
                 inside.clear();
             } else if inside.is_empty() {

@@ -1,4 +1,5 @@
-use crate::write::{Command, applied, edits, marks, undone};
+use crate::tests::undone;
+use crate::write::{Command, applied, edits, marks};
 use crate::{Branch, Cell, File, Programs, Wanted, read};
 
 fn cell() -> Cell {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{CompensateArgs, CompensateCommandError, DataListOrProgram};
+use super::{CompensateArgs, CompensateCommandError};
 use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
 use crate::compensation::Target;
 use crate::io::lake::Lake;
@@ -80,7 +80,7 @@ impl CompensateArgs {
     ) -> Result<CorrectingTable, CompensateCommandError> {
         let wanted = match self.by {
             Some(by) => vec![by],
-            None if self.given() == DataListOrProgram::Program => {
+            None if self.is_of_program() => {
                 vec![CorrectingTable::Calibrations]
             }
             None if is_for_the_arm(&targets::read(&self.targets)?) => {

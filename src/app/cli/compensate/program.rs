@@ -18,10 +18,10 @@ use chrono::DateTime;
 use clap::{Args, ValueEnum};
 use thiserror::Error;
 
+use super::CompensateArgs;
 use super::error::CompensateCommandError;
 use super::source::Source;
 use super::used_with::option;
-use super::{CompensateArgs, DataListOrProgram};
 use crate::at::At;
 use crate::cli::messages::{self, Printable};
 use crate::cli::progress::Bars;
@@ -30,7 +30,7 @@ use crate::io::calibrations_table::PublishedArm;
 use crate::io::input::{self, Bound};
 use crate::io::whole_file::{self, write_whole};
 use crate::programs::write::{Edit, applied, edits, marks};
-use crate::programs::{Cell, File, Programs};
+use crate::programs::{Asked, Cell, File, Position, Programs};
 use report::{Outcome, Report};
 use solve::Solver;
 
@@ -125,29 +125,27 @@ impl ProgramError {
     }
 }
 
-/// Endings of files that are programs, or say something of their frames.
-const ENDINGS: [&str; 8] = ["src", "sub", "mod", "prg", "sys", "modx", "sysx", "cfg"];
-
 /// Endings of programs that are not read: FANUC's and those of Universal Robots.
 const UNREAD: [&str; 5] = ["ls", "tp", "script", "urscript", "urp"];
 
 impl CompensateArgs {
     /// Whether what is given is a program and not a file of targets.
-    pub(super) fn given(&self) -> DataListOrProgram {
+    pub(super) fn is_of_program(&self) -> bool {
+        // A data list alone is a file of targets.
         let is_program = |path: &Path| {
-            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-            ending.is_some_and(|own| ENDINGS.iter().chain(&UNREAD).any(|known| own == *known))
+            let file = File { name: path.to_string_lossy().into_owned(), bytes: Vec::new() };
+            match file.ending().as_str() {
+                "dat" => false,
+                "cfg" => true,
+                ending => UNREAD.contains(&ending) || crate::programs::is_program(&file),
+            }
         };
         let folder_of_program = |path: &Path| {
             path.is_dir()
                 && !crate::cli::folder_given::files_in(path, DEPTH, &is_program).is_empty()
         };
         let own = &self.targets;
-        if !self.program.more.is_empty() || is_program(own) || folder_of_program(own) {
-            DataListOrProgram::Program
-        } else {
-            DataListOrProgram::Targets
-        }
+        !self.program.more.is_empty() || is_program(own) || folder_of_program(own)
     }
 }
 
@@ -201,20 +199,21 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let cell = args.cell()?;
     let (files, unread) = args.files()?;
     let programs = crate::programs::read(files, &cell);
-    let (mut report, all) = corrected(args, arm, taught_on.as_ref(), &programs, &cell);
-    report.unread = unread;
+    let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
+    let asked = asked(args, taught_on.as_ref(), &programs, &cell);
+    let (outcomes, all) = corrected(&programs, &asked, &solver);
+    let report = Report::of(&programs, outcomes, solver.turns(), unread);
     write(&programs, &all, &out, arm)?;
     Ok((report, source))
 }
 
-/// What becomes of each position, and the edits of each file.
-fn corrected(
+/// What each position asks of the arm, of positions that were taught what they show of it; or why it is refused.
+fn asked(
     args: &CompensateArgs,
-    arm: &PublishedArm,
     taught_on: Option<&PublishedArm>,
     programs: &Programs,
     cell: &Cell,
-) -> (Report, Vec<Vec<Edit>>) {
+) -> Vec<Result<Asked, String>> {
     let asked = (0..programs.positions.len()).map(|index| programs.ask(index, cell));
     let mut asked: Vec<_> = asked.map(|asked| asked.map_err(|why| why.to_string())).collect();
     if let Some(own) = taught_on {
@@ -224,27 +223,29 @@ fn corrected(
             *asked = attained;
         }
     }
-    let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
-    let open: Vec<_> = asked.iter().filter_map(|asked| asked.as_ref().ok()).collect();
+    asked
+}
+
+/// What becomes of each position, and the edits of each file.
+fn corrected(
+    programs: &Programs,
+    asked: &[Result<Asked, String>],
+    solver: &Solver<'_>,
+) -> (Vec<Outcome>, Vec<Vec<Edit>>) {
+    let open: Vec<_> = asked.iter().flatten().collect();
     let mut solved = solver.solve(&open).into_iter();
     let mut all = vec![Vec::new(); programs.files.len()];
-    let mut report = Report::new(programs, solver.turns());
-    for (position, asked) in programs.positions.iter().zip(&asked) {
-        let outcome = match asked {
-            Err(why) => Outcome::Refused { reason: why.clone() },
-            Ok(asked) => match solved.next() {
-                Some(Ok(done)) => {
-                    let edits = edits(position, asked, &done.command);
-                    all[position.file].extend(edits.all);
-                    Outcome::Corrected { correction_mm: done.correction_mm, crossed: edits.crossed }
-                }
-                Some(Err(reason)) => Outcome::Refused { reason },
-                None => Outcome::Refused { reason: "it has no command".to_owned() },
-            },
-        };
-        report.add(programs, position, outcome);
-    }
-    (report, all)
+    let mut outcome = |(position, asked): (&Position, &Result<Asked, String>)| {
+        let asked = asked.as_ref().map_err(Clone::clone)?;
+        let done = solved.next().unwrap_or_else(|| Err("it has no command".to_owned()))?;
+        let edits = edits(position, asked, &done.command);
+        all[position.file].extend(edits.all);
+        Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed: edits.crossed })
+    };
+    let refused = |reason| Outcome::Refused { reason };
+    let outcomes = programs.positions.iter().zip(asked);
+    let outcomes = outcomes.map(|own| outcome(own).unwrap_or_else(refused)).collect();
+    (outcomes, all)
 }
 
 /// Writes the files that change, each at its name in the folder.

@@ -82,7 +82,7 @@ pub enum ConfigurationError {
 pub enum ConfigurationErrorKind {
     /// The pipeline file cannot be read.
     Read(io::Error),
-    /// What it states is wrong or does not go together, in words.
+    /// A value that the file states is wrong, or contradicts another; the words say which.
     Fault(String),
     /// The robot file cannot be read.
     Robot {

@@ -9,13 +9,15 @@
 //! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock where the log evidence rises by 20 nats:
 //!    a slow drift gains nothing by a step.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6};
 
 use super::regression::{Posterior, Sums};
-use super::rows::{Around, covariances};
+use super::rows::{Around, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
-use super::whitening::noise_factor;
+use super::whitening::kept;
 use crate::fit::observation::{Noise, Observation, Source, TrackerUncertainty, observations};
 use crate::fit::problem::{Freedom, Owner, Problem};
 use crate::fit::{FitSettings, identify};
@@ -104,67 +106,31 @@ struct Small<'a> {
     base: Vec<usize>,
     /// Whether each of them turns it.
     turns: Vec<bool>,
-    /// Rows of the columns of the model, then of the drift's: a row of the regression in each column.
+    /// Rows of the columns of the model, then of the drift's: a row of the regression in each column, three for each observation.
     rows: DMatrix<f64>,
     values: DVector<f64>,
-    /// The first row of each station, and its first observation.
-    stations: Vec<(usize, usize)>,
+    /// The observations of each station.
+    stations: Vec<Range<usize>>,
     sums: Sums,
 }
 
-/// The whitened rows of all stations.
-struct Whitened {
-    rows: DMatrix<f64>,
-    values: DVector<f64>,
-    stations: Vec<(usize, usize)>,
-}
-
-impl Whitened {
-    fn of(
-        problem: &Problem<'_>,
-        settled: &Settled,
-        base: &[usize],
-        up: Option<Vector3<f64>>,
-    ) -> Self {
-        let around = Around::new(problem, &settled.state, up);
-        let columns = settled.state.layout.size();
-        let count = problem.observations().len() as f64;
-        let (mut all, mut values, mut firsts) = (Vec::new(), Vec::new(), Vec::new());
-        let mut observation = 0;
-        for (session, stations) in around.batches() {
-            let rows = around.rows(&stations);
-            let noise = covariances(&settled.state, &rows, &stations);
-            for (row, noise) in rows.iter().zip(&noise) {
-                firsts.push((values.len(), observation));
-                let model = row.whole(around.seen(session), columns);
-                let mut value = &row.value - &model * &settled.prior_mean;
-                let mut whole = with_drift(model, base, 2.0 * observation as f64 / count - 1.0);
-                let factor = noise_factor(noise);
-                factor.solve_lower_triangular_mut(&mut whole);
-                factor.solve_lower_triangular_mut(&mut value);
-                all.extend_from_slice(whole.transpose().as_slice());
-                values.extend_from_slice(value.as_slice());
-                observation += row.value.len() / 3;
-            }
-        }
-        Self {
-            rows: DMatrix::from_vec(columns + 6 * ORDERS, values.len(), all),
-            values: DVector::from_vec(values),
-            stations: firsts,
+/// Whitened rows, each in a column, with those of the drift's columns, at the time of its station, from −1 to 1 over the session.
+fn with_drift(model: DMatrix<f64>, base: &[usize], stations: &[Range<usize>]) -> DMatrix<f64> {
+    let columns = model.nrows();
+    let count = stations.last().map_or(0, |last| last.end) as f64;
+    let moved = model.select_rows(base);
+    let mut rows = model.resize_vertically(columns + 6 * ORDERS, 0.0);
+    for own in stations {
+        let time = 2.0 * own.start as f64 / count - 1.0;
+        let (first, size) = (3 * own.start, 3 * own.len());
+        let moved = moved.columns(first, size);
+        for order in 1..=ORDERS {
+            let share = legendre(order, time) / order as f64;
+            let at = (columns + 6 * (order - 1), first);
+            rows.view_mut(at, (6, size)).copy_from(&(moved * share));
         }
     }
-}
-
-/// Rows of the model with those of the drift's columns at a time, from −1 to 1 over the session.
-fn with_drift(model: DMatrix<f64>, base: &[usize], time: f64) -> DMatrix<f64> {
-    let columns = model.ncols();
-    let moved = model.select_columns(base);
-    let mut whole = model.resize_horizontally(columns + 6 * ORDERS, 0.0);
-    for order in 1..=ORDERS {
-        let share = legendre(order, time) / order as f64;
-        whole.columns_mut(columns + 6 * (order - 1), 6).copy_from(&(&moved * share));
-    }
-    whole
+    rows
 }
 
 /// The sizes of the model's parts, found with or without a knock.
@@ -180,6 +146,10 @@ impl<'a> Small<'a> {
         arm: &Arm,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
+        let stations = stations(observations);
+        if stations.len() < 2 * BESIDE {
+            return None;
+        }
         let fit = FitSettings::default();
         let placed = identify(arm, observations, 1, Freedom::BaseAndTarget, &fit).ok()?;
         let (frames, prior) = (&placed.frames, fit.prior());
@@ -201,7 +171,9 @@ impl<'a> Small<'a> {
         let base: Vec<usize> = (0..problem.unknowns().len()).filter(is_base).collect();
         let turns: Vec<bool> =
             base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
-        let Whitened { rows, values, stations } = Whitened::of(&problem, &settled, &base, up);
+        let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
+        let values = kept.values;
+        let rows = with_drift(kept.transposed, &base, &stations);
         let sums = Sums {
             information: gram_of_columns(&rows.as_view()),
             moment: &rows * &values,
@@ -269,7 +241,7 @@ impl<'a> Small<'a> {
 
     /// The first row of a station; the end behind the last.
     fn first_row(&self, station: usize) -> usize {
-        self.stations.get(station).map_or(self.values.len(), |own| own.0)
+        self.stations.get(station).map_or(self.values.len(), |own| 3 * own.start)
     }
 
     /// The sums with the columns of a knock before a station.
@@ -342,7 +314,7 @@ impl<'a> Small<'a> {
         let per_unit = Matrix6::from_columns(&per_unit);
         let covariance =
             per_unit * Matrix6::from_fn(|a, b| covariance[(a, b)]) * per_unit.transpose();
-        let number = self.observations[self.stations[station].1].station;
+        let number = self.observations[self.stations[station].start].station;
         Some((number, Motion { moved: moved(&change), middle, covariance, part: 1 }))
     }
 }

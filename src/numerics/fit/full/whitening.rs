@@ -170,7 +170,7 @@ fn distances(around: &Around<'_>) -> Vec<(usize, DVector<f64>, f64)> {
 }
 
 /// All whitened rows, those of stations, then those of known distances.
-fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
+pub(super) fn kept(around: &Around<'_>, prior_mean: &DVector<f64>) -> FewRows {
     let size = around.state.layout.size();
     let distances = distances(around);
     let count = around.row_count() + distances.len();

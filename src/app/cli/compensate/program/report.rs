@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::programs::{Position, Programs};
+use crate::programs::Programs;
 
 /// What became of a position.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -39,51 +39,58 @@ pub struct Report {
     crossed: usize,
     orientations_corrected: bool,
     /// Files of programs that are not read.
-    pub(super) unread: Vec<String>,
+    unread: Vec<String>,
     lines: Vec<Entry>,
 }
 
 impl Report {
-    pub(super) fn new(programs: &Programs, orientations_corrected: bool) -> Self {
-        let lines = programs.computed.iter().map(|own| Entry {
-            file: programs.files[own.file].name.clone(),
+    /// The report of what became of each position.
+    pub(super) fn of(
+        programs: &Programs,
+        outcomes: Vec<Outcome>,
+        orientations_corrected: bool,
+        unread: Vec<String>,
+    ) -> Self {
+        let name = |file: usize| programs.files[file].name.clone();
+        let computed = programs.computed.iter().map(|own| Entry {
+            file: name(own.file),
             line: own.line,
             position: format!("{} {}", own.word, own.text),
             beside: false,
             outcome: Outcome::Computed,
         });
-        let lines: Vec<Entry> = lines.collect();
-        Self {
-            positions: lines.len(),
-            corrected: 0,
-            refused: 0,
-            computed: lines.len(),
-            largest_correction_mm: 0.0,
-            crossed: 0,
-            orientations_corrected,
-            unread: Vec::new(),
-            lines,
-        }
-    }
-
-    pub(super) fn add(&mut self, programs: &Programs, position: &Position, outcome: Outcome) {
-        self.positions += 1;
-        match &outcome {
-            Outcome::Corrected { correction_mm, crossed } => {
-                self.corrected += 1;
-                self.crossed += crossed;
-                self.largest_correction_mm = self.largest_correction_mm.max(*correction_mm);
-            }
-            Outcome::Refused { .. } => self.refused += 1,
-            Outcome::Computed => self.computed += 1,
-        }
-        self.lines.push(Entry {
-            file: programs.files[position.file].name.clone(),
+        let positions = programs.positions.iter().zip(outcomes);
+        let positions = positions.map(|(position, outcome)| Entry {
+            file: name(position.file),
             line: position.line,
             position: position.name.clone(),
             beside: position.uses.iter().any(|own| own.is_beside),
             outcome,
         });
+        let lines: Vec<Entry> = computed.chain(positions).collect();
+        let mut report = Self {
+            positions: lines.len(),
+            corrected: 0,
+            refused: 0,
+            computed: 0,
+            largest_correction_mm: 0.0,
+            crossed: 0,
+            orientations_corrected,
+            unread,
+            lines: Vec::new(),
+        };
+        for own in &lines {
+            match &own.outcome {
+                Outcome::Corrected { correction_mm, crossed } => {
+                    report.corrected += 1;
+                    report.crossed += crossed;
+                    report.largest_correction_mm = report.largest_correction_mm.max(*correction_mm);
+                }
+                Outcome::Refused { .. } => report.refused += 1,
+                Outcome::Computed => report.computed += 1,
+            }
+        }
+        Self { lines, ..report }
     }
 
     /// 0 where every position is corrected, 1 where none is, 3 otherwise.

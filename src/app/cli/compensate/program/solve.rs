@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
 use crate::geometry::{Position, Tool, Transform};
 use crate::io::targets::krl::{Postures, Status};
-use crate::kinematics::{Anywhere, Configuration, InverseSettings, inverse};
+use crate::kinematics::{Anywhere, Arm, Configuration, Inverse, InverseSettings};
 use crate::programs::write::Command;
 use crate::programs::{Asked, Branch, Wanted};
 
@@ -28,7 +28,8 @@ const CHUNK: usize = 256;
 
 pub(super) struct Solver<'a> {
     arm: &'a IdentifiedArm,
-    nominal: Vec<f64>,
+    /// Of the nominal arm with the calibrated tool.
+    inverse: Inverse<'a>,
     postures: Option<Postures>,
     allow: &'a [Exception],
     largest_mm: Option<f64>,
@@ -81,6 +82,11 @@ fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<
     Ok(found)
 }
 
+/// Offsets of the nominal arm's parameters.
+fn nominal(arm: &Arm) -> Vec<f64> {
+    vec![0.0; arm.chain().parameters().len()]
+}
+
 pub(super) struct Done {
     pub(super) command: Command,
     pub(super) correction_mm: f64,
@@ -94,9 +100,11 @@ impl<'a> Solver<'a> {
         allow: &'a [Exception],
         largest_mm: Option<f64>,
     ) -> Self {
+        let tool = *arm.flange_from_tool.isometry();
+        let settings = InverseSettings::default();
         Self {
             arm,
-            nominal: vec![0.0; arm.arm.chain().parameters().len()],
+            inverse: Inverse::new(&arm.arm, &nominal(&arm.arm), tool, settings),
             postures: Postures::of_arm(&arm.arm),
             allow,
             largest_mm,
@@ -110,9 +118,8 @@ impl<'a> Solver<'a> {
 
     /// What becomes of each position.
     pub(super) fn solve(&self, asked: &[&Asked]) -> Vec<Solved> {
-        let settings = InverseSettings::default();
-        let tool = *self.own_tool().isometry();
-        let anywhere = Anywhere::new(&self.arm.arm, &self.nominal, tool, settings);
+        let (arm, tool) = (&self.arm.arm, *self.own_tool().isometry());
+        let anywhere = Anywhere::new(arm, &nominal(arm), tool, InverseSettings::default());
         let targets = asked.par_chunks(CHUNK).flat_map_iter(|chunk| {
             let mut ways = Ways::default();
             let targets = chunk.iter().map(|asked| self.target(asked, &anywhere, &mut ways));
@@ -221,7 +228,7 @@ impl<'a> Solver<'a> {
         Ok(Target { configuration: Some(first.to_string()), ..target })
     }
 
-    /// Of all joint angles that reach a pose the only ones that agree with the quarter turns stated.
+    /// The joint angles that reach a pose and agree with the quarter turns stated; an error where there are none, or several.
     fn only_joints(
         &self,
         pose: &Isometry3<f64>,
@@ -252,11 +259,7 @@ impl<'a> Solver<'a> {
 
     /// Joint angles that reach a pose from those of one nearby; none where that is further away.
     fn near(&self, pose: &Isometry3<f64>, ways: &Ways) -> Vec<Vec<f64>> {
-        let settings = InverseSettings::default();
-        let tool = self.own_tool().isometry();
-        let from = |seed: &Vec<f64>| {
-            inverse(&self.arm.arm, &self.nominal, pose, tool, seed, &settings).ok()
-        };
+        let from = |seed: &Vec<f64>| self.inverse.joints(pose, seed).ok();
         ways.near(pose).iter().filter_map(from).collect()
     }
 
@@ -300,7 +303,7 @@ impl<'a> Solver<'a> {
     }
 
     fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
-        Configuration::of(&self.arm.arm, &self.nominal, joints)
+        self.inverse.factors(joints).map(|factors| factors.configuration())
     }
 
     fn configuration_of(&self, branch: &Branch) -> Result<Configuration, String> {
