@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod backlash;
 mod cameras;
 mod covariances;
 mod coverage;

@@ -33,6 +33,7 @@ pub mod saved;
 mod scales;
 pub mod settings;
 pub mod shapes;
+pub mod sides;
 pub mod spectrum;
 pub mod stored;
 pub mod student;
@@ -62,6 +63,7 @@ use noise::{NoisyReading, Repeatability, StationNoise};
 use regression::Posterior;
 pub use repairs::{Day, Repair};
 pub use settings::FullSettings;
+use sides::Sides;
 use student::Tails;
 use tabulated::Tabulated;
 
@@ -98,6 +100,8 @@ pub struct FullModel {
     scale_sd: f64,
     scale_evidence: Option<ScaleEvidence>,
     approach: Option<ApproachOffsets>,
+    /// Backlash that was taken out of the training's joints; `approach` has its variance.
+    sides: Option<Sides>,
     tails: Tails,
     mean: DVector<f64>,
     posterior: Posterior,
@@ -182,7 +186,8 @@ impl FullModel {
         let settled = train::train(&problem, start.clone(), settings, up)?;
         let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
-        let parts = curves.into_iter().chain(settled.weigh_parts()).collect();
+        let backlash = settled.state.sides.as_ref().map(Sides::evidence);
+        let parts = curves.into_iter().chain(settled.weigh_parts()).chain(backlash).collect();
         let empty =
             Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
         let left_out = match purpose {
@@ -205,7 +210,11 @@ impl FullModel {
         up: Option<Vector3<f64>>,
     ) -> Self {
         let mean = settled.posterior.mean() + &settled.prior_mean;
-        let approach = ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
+        let mut approach =
+            ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
+        if let Some(sides) = &settled.state.sides {
+            approach = Some(ApproachOffsets::with(approach, &sides.variances));
+        }
         let rows_at = settled.state.offsets.clone();
         let train::Settled { mut state, posterior, .. } = settled;
         let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
@@ -222,6 +231,7 @@ impl FullModel {
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
             approach,
+            sides: state.sides,
             tails: state.tails,
             layout: state.layout,
             offsets: state.offsets,
@@ -373,6 +383,11 @@ impl FullModel {
         self.layout
             .columns(block)
             .map(|columns| self.mean.rows(columns.start, columns.len()).into_owned())
+    }
+
+    /// Backlash that was taken out of the joints of the training.
+    pub const fn sides(&self) -> Option<&Sides> {
+        self.sides.as_ref()
     }
 
     pub const fn layout(&self) -> &Layout {

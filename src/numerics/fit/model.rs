@@ -258,7 +258,7 @@ pub struct PartEvidence {
     pub kept: bool,
 }
 
-const PARTS: [&str; 8] = [
+const PARTS: [&str; 9] = [
     "joint_curves",
     "gravity",
     "command_weight",
@@ -267,6 +267,7 @@ const PARTS: [&str; 8] = [
     "gear_lines",
     "ageing",
     "session_changes",
+    "backlash",
 ];
 
 fn part<'de, D: Deserializer<'de>>(text: D) -> Result<PartName, D::Error> {

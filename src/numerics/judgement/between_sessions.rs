@@ -4,18 +4,19 @@
 //! approach from opposite sides, and the base drifts as it did in that session. In another session a target is approached
 //! from elsewhere. The full error model states the effect of both on each station (its command–feedback weight, its drift),
 //! so that:
-//! 1. the effects of the station's own settling errors and of its own drift are removed;
-//! 2. settling errors are added that each joint had at some station of its own, joint by joint, and a drift of the size
-//!    that the model finds, at a random time.
+//! 1. the effects of the station's own settling errors, sides of approach and drift are removed;
+//! 2. settling errors are added that each joint had at some station of its own, joint by joint, any side of its backlash, and a
+//!    drift of the size that the model finds, at a random time.
 //!
 //! No random numbers are drawn: places and sizes are those of a sequence that fills the unit cube evenly (Richtmyer 1951),
 //! so that the same stations give the same bytes.
 
-use nalgebra::Vector3;
+use nalgebra::{RowDVector, Vector3};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::JoinedSession;
 use crate::fit::commanded::SettlingError;
+use crate::fit::full::sides::{Sides, sides_of};
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
@@ -38,9 +39,10 @@ pub(super) fn add_between_session_variation(
         place,
         error_frame,
         settling_errors: sent(session),
+        beside: model.sides().map_or_else(Vec::new, |own| beside(session, error_frame, own)),
         day_mm: model.any_time_variance().sqrt(),
     };
-    if other.day_mm <= 0.0 && other.settling_errors.is_empty() {
+    if other.day_mm <= 0.0 && other.settling_errors.is_empty() && other.beside.is_empty() {
         return;
     }
     for (number, station) in stations.iter_mut().enumerate() {
@@ -59,11 +61,25 @@ fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
         .collect()
 }
 
+/// What the joints stood beside of what they reported by their sides of approach, by station number.
+fn beside(
+    session: &JoinedSession,
+    error_frame: &ErrorFrame<'_>,
+    sides: &Sides,
+) -> Vec<(usize, Vec<f64>)> {
+    let stations = &session.joined.stations;
+    let axes: Vec<_> = stations.iter().map(|own| error_frame.arm().axes(&own.joints)).collect();
+    let of_stations = sides_of(axes.iter().map(|own| (0, &own[..])));
+    let on = |side: RowDVector<f64>| sides.on(side.as_slice());
+    stations.iter().map(|own| own.number).zip(of_stations.map(on)).collect()
+}
+
 struct OtherDays<'o> {
     model: &'o FullModel,
     place: usize,
     error_frame: &'o ErrorFrame<'o>,
     settling_errors: Vec<(usize, &'o [f64])>,
+    beside: Vec<(usize, Vec<f64>)>,
     /// Standard deviation per axis of the base's position in another session.
     day_mm: f64,
 }
@@ -73,26 +89,36 @@ impl OtherDays<'_> {
         let reported = self.error_frame.arm().axes(&station.joints);
         let own = self.settling_errors.iter().find(|(number, _)| *number == station.number);
         let own = own.map(|(_, settling_error)| *settling_error);
-        let measured = self.stands(&reported, own, Some(station.number));
+        let beside = self.beside.iter().find(|(number, _)| *number == station.number);
+        let side: Vec<f64> =
+            beside.map_or_else(|| vec![0.0; reported.len()], |(_, own)| own.clone());
+        let measured = self.stands(&sum(&reported, &side), own, Some(station.number));
         (0..DAYS)
             .map(|day| {
                 let mut even = Even::at(place * DAYS + day);
                 let drift = Vector3::from_fn(|_, _| self.day_mm * even.normal());
-                let there = own.map_or_else(
-                    || self.stands(&reported, None, None),
-                    |own| {
-                        let other: Vec<f64> =
-                            (0..own.len()).map(|joint| self.some(joint, even.next())).collect();
-                        // The command is the same: the reported angles differ.
-                        let commanded = reported.iter().zip(own).map(|(axis, short)| axis + short);
-                        let reported: Vec<f64> =
-                            commanded.zip(&other).map(|(axis, short)| axis - short).collect();
-                        self.stands(&reported, Some(&other), None)
-                    },
-                );
+                let other: Option<Vec<f64>> = own
+                    .map(|own| (0..own.len()).map(|joint| self.some(joint, even.next())).collect());
+                // The command is the same: the reported angles differ.
+                let moved = own.zip(other.as_ref()).map(|(own, other)| {
+                    let commanded = sum(&reported, own);
+                    commanded.iter().zip(other).map(|(axis, short)| axis - short).collect()
+                });
+                let reported: Vec<f64> = moved.unwrap_or_else(|| reported.clone());
+                let side = self.some_side(&mut even).unwrap_or_else(|| side.clone());
+                let there = self.stands(&sum(&reported, &side), other.as_deref(), None);
                 there - measured + drift
             })
             .collect()
+    }
+
+    /// Any side of each joint, by even numbers; `None` where no backlash is known.
+    fn some_side(&self, even: &mut Even) -> Option<Vec<f64>> {
+        let sides = self.model.sides()?;
+        let joints = self.beside.first()?.1.len();
+        let any: Vec<f64> =
+            (0..joints).map(|_| if even.next() < 0.5 { -1.0 } else { 1.0 }).collect();
+        Some(sides.on(&any))
     }
 
     /// The settling error of a joint at the station whose place among all is `share`.
@@ -131,6 +157,10 @@ impl OtherDays<'_> {
     }
 }
 
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
 /// One point of a sequence that fills the unit cube evenly, coordinate by coordinate: multiples of the roots of primes,
 /// which no fraction approximates well (Richtmyer 1951).
 struct Even {
@@ -138,9 +168,11 @@ struct Even {
     coordinate: usize,
 }
 
-/// For three axes of drift and thirteen joints; an arm with more joints would use the first coordinates again.
-const PRIMES: [f64; 16] =
-    [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0];
+/// For three axes of drift, and settling errors and sides of eight joints; an arm with more would use the first coordinates again.
+const PRIMES: [f64; 19] = [
+    2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0, 41.0, 43.0, 47.0, 53.0,
+    59.0, 61.0, 67.0,
+];
 
 impl Even {
     const fn at(number: usize) -> Self {

@@ -56,6 +56,17 @@ impl ApproachOffsets {
         };
         Some(Self { commanded: against(1.0), reported: against(0.0) })
     }
+
+    /// These distributions, or none, where each axis variable has another variance as well.
+    pub fn with(own: Option<Self>, variance: &[f64]) -> Self {
+        let none =
+            || Against { mean: vec![0.0; variance.len()], variance: vec![0.0; variance.len()] };
+        let mut both = own.unwrap_or_else(|| Self { commanded: none(), reported: none() });
+        for against in [&mut both.commanded, &mut both.reported] {
+            against.variance.iter_mut().zip(variance).for_each(|(own, more)| *own += more);
+        }
+        both
+    }
 }
 
 fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {

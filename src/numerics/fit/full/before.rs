@@ -53,6 +53,7 @@ impl FullModel {
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
             approach: None,
+            sides: None,
             tails: Tails::Normal,
             layout: state.layout,
             rows_at: state.offsets.clone(),

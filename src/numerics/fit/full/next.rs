@@ -147,6 +147,7 @@ impl FullModel {
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
             approach: self.approach.clone(),
+            sides: None,
             tails: self.tails,
             mean,
             posterior,
@@ -405,6 +406,7 @@ impl FullModel {
             repeatability: self.repeatability.clone(),
             weights: of_readings(&observations, &state.weights),
             left_out: of_observations(&left_out),
+            sides: None,
             parts: self.parts.clone(),
         })
     }
@@ -419,6 +421,7 @@ impl FullModel {
             offsets: self.offsets.clone(),
             span: self.span,
             middles: self.middles.clone(),
+            sides: None,
         }
     }
 

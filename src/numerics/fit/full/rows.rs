@@ -4,6 +4,7 @@
 //! correlated ([`super::noise`]): their rows stand one below the other, and are whitened
 //! ([`super::whitening`]), weighted and left out together.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
@@ -16,6 +17,7 @@ use super::layout::{Block, Layout};
 use super::noise::{NoisyReading, Repeatability, StationNoise};
 use super::partition::{Partition, Seen};
 use super::shapes::JointShapes;
+use super::sides::Sides;
 use super::student::Tails;
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
@@ -41,6 +43,7 @@ pub struct State {
     pub span: f64,
     /// The middle of each session's stations, in the base frame, mm.
     pub middles: Vec<Point3<f64>>,
+    pub sides: Option<Sides>,
 }
 
 pub struct Row {
@@ -151,6 +154,8 @@ pub(super) struct Around<'p> {
     frames: Vec<Frames>,
     chains: PerChannel<HeldChain>,
     stations: Vec<Range<usize>>,
+    /// True minus reported axis variables of each station by the side of its approach; empty where no backlash is known.
+    beside: Vec<Vec<f64>>,
     pub partition: Partition,
     seen: Vec<Seen>,
 }
@@ -166,6 +171,10 @@ impl<'p> Around<'p> {
             frames: problem.frames(&state.offsets),
             chains: problem.held(&state.offsets),
             stations: stations(problem.observations()),
+            beside: state
+                .sides
+                .as_ref()
+                .map_or_else(Vec::new, |own| own.at(problem.observations())),
             seen: (0..sessions).map(seen).collect(),
             partition,
             problem,
@@ -207,15 +216,16 @@ impl<'p> Around<'p> {
         let places = stations.par_iter().with_min_len(CHUNK);
         let row = |&place: &usize| {
             let own = self.stations[place].clone();
-            self.station(&self.problem.observations()[own])
+            self.station(&self.problem.observations()[own], self.beside.get(place))
         };
         places.map(row).collect()
     }
 }
 
 impl Around<'_> {
-    fn station(&self, readings: &[Observation]) -> Row {
-        let mut rows: Vec<ReadingRow> = readings.iter().map(|own| self.reading(own)).collect();
+    fn station(&self, readings: &[Observation], beside: Option<&Vec<f64>>) -> Row {
+        let mut rows: Vec<ReadingRow> =
+            readings.iter().map(|own| self.reading(own, beside)).collect();
         let noisy = readings.iter().zip(&rows);
         let noisy = noisy.map(|(observation, row)| NoisyReading {
             observation,
@@ -234,9 +244,13 @@ impl Around<'_> {
         Row { plain, shapes: shapes.unwrap_or_default(), value, noise }
     }
 
-    fn reading(&self, observation: &Observation) -> ReadingRow {
+    fn reading(&self, observation: &Observation, beside: Option<&Vec<f64>>) -> ReadingRow {
         let (problem, state) = (self.problem, self.state);
-        let view = self.chains.of(observation.channel()).view(&observation.axes);
+        let mut axes = Cow::from(&observation.axes);
+        if let Some(beside) = beside {
+            axes.to_mut().iter_mut().zip(beside).for_each(|(axis, own)| *axis += own);
+        }
+        let view = self.chains.of(observation.channel()).view(&axes);
         let base = self.frames[observation.session].tracker_from_base(observation.source);
         let root = base.isometry().rotation;
         let base_axes = *root.to_rotation_matrix().matrix();
@@ -247,7 +261,7 @@ impl Around<'_> {
             end: view.end.translation.vector.into(),
             up: self.up.map(|up| root * up),
             base: base_axes,
-            angles: &observation.axes,
+            angles: &axes,
             settling_error: observation.settling_error.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
@@ -258,7 +272,7 @@ impl Around<'_> {
         let shown = observation.measured.shown(gauge.as_ref(), &end);
         let seen = &self.seen[observation.session];
         let mut plain = self.plain(&pose, seen, &shown);
-        let angles = seen.of_joints.iter().zip(&observation.axes).enumerate();
+        let angles = seen.of_joints.iter().zip(axes.iter()).enumerate();
         let shapes = angles.map(|(joint, (own, &angle))| {
             let unit = state.layout.curve_unit(joint);
             own.numbers(angle, unit)

@@ -224,6 +224,7 @@ impl FullModel {
             scale_sd: saved.scale_sd,
             scale_evidence: None,
             approach: saved.approach.clone(),
+            sides: None,
             posterior,
             span: saved.span_stations,
             repeatability: saved.repeatability.clone(),

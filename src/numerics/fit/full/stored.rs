@@ -15,6 +15,7 @@ use super::regression::few_rows::FewRows;
 use super::regression::{Evidence, Posterior};
 use super::rows::{Around, State, prior_mean, stations};
 use super::settings::FullSettings;
+use super::sides::Sides;
 use super::student::Tails;
 use super::whitening::evidence;
 use super::{FullModel, Ready};
@@ -42,6 +43,7 @@ pub struct StoredFull {
     scale_sd: f64,
     scale_evidence: Option<ScaleEvidence>,
     approach: Option<ApproachOffsets>,
+    sides: Option<Sides>,
     tails: Tails,
     mean: DVector<f64>,
     scale: DVector<f64>,
@@ -70,6 +72,7 @@ impl FullModel {
             scale_sd: self.scale_sd,
             scale_evidence: self.scale_evidence.clone(),
             approach: self.approach.clone(),
+            sides: self.sides.clone(),
             tails: self.tails,
             mean: self.mean.clone(),
             scale: self.posterior.scale.clone(),
@@ -133,6 +136,7 @@ impl StoredFull {
             scale_sd: self.scale_sd,
             scale_evidence: self.scale_evidence,
             approach: self.approach,
+            sides: self.sides,
             tails: self.tails,
             mean: self.mean,
             posterior,
@@ -187,6 +191,7 @@ impl StoredFull {
                 .collect(),
             span: self.span,
             middles: self.middles.clone(),
+            sides: self.sides.clone(),
             ..State::expected(problem, at, settings, self.up.is_some())
         };
         let around = Around::new(problem, &state, self.up);

@@ -61,7 +61,7 @@ pub(super) fn add(
     Summing::of(around.seen(session), rows, &whitened).add_to(sums);
 }
 
-fn whitened(
+pub(super) fn whitened(
     around: &Around<'_>,
     session: usize,
     stations: &[usize],
@@ -88,7 +88,7 @@ impl Whitened {
     }
 
     /// Writes its rows of all columns of the model, transposed: a row of the regression in each column of `into`, which is zero.
-    fn spread(&self, row: &Row, seen: &Seen, into: &mut DMatrixViewMut<'_, f64>) {
+    pub(super) fn spread(&self, row: &Row, seen: &Seen, into: &mut DMatrixViewMut<'_, f64>) {
         for (own, mut column) in into.column_iter_mut().enumerate() {
             let entries = self.plain.column(own);
             for (&place, entry) in seen.plain.iter().zip(&entries) {

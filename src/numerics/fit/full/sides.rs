@@ -1,0 +1,177 @@
+//! Backlash that no settling error shows: a joint stops beside where it reports, on the side that it came from.
+//!
+//! Where the settling error tells the side, the approach-direction offset is a part of the model. Here the side s is the direction in
+//! which the joint came from the station before. Columns `B = J_j s_j` beside those of the model have the score `z = Bᵀ N⁻¹ e` and the
+//! information `K = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B`, with the model's rows Φ, their covariance C and residuals e: the offsets c of the
+//! joints are `N(P z, P)`, `P = (K + I/τ²)⁻¹`, and τ is found by `MacKay`'s fixed point. Where the evidence rises, the rounds that follow
+//! take them out of the reported joints. From which side a target is approached is not known: a prediction stands in the middle, with
+//! the variance `E c²`.
+
+use nalgebra::{DMatrix, DVector, RowDVector};
+use serde::{Deserialize, Serialize};
+
+use super::regression::Posterior;
+use super::rows::{Around, stations};
+use super::whitening::whitened;
+use crate::fit::commanded::SettlingError;
+use crate::fit::model::PartEvidence;
+use crate::fit::observation::Observation;
+use crate::fit::problem::Problem;
+use crate::units::SLIDE_MM_PER_RAD;
+
+/// A joint that moves less than this keeps its side, rad; mm where it slides.
+const LEAST_MOVE: f64 = 1e-4;
+/// Least gain in log evidence of the sides, nats.
+const GAIN: f64 = 5.0;
+/// Agreement with the settling errors from which on those tell the side.
+const AGREE: f64 = 0.5;
+/// Expected offset, rad.
+const EXPECTED_RAD: f64 = 30e-6;
+const STEPS: usize = 100;
+
+/// The offset of each joint on the side of its approach.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sides {
+    /// True minus reported axis variables where the joints came in the positive direction, rad; mm where they slide.
+    offsets: Vec<f64>,
+    /// Variance of true minus reported axis variables over both sides, rad²; mm² where they slide.
+    pub(super) variances: Vec<f64>,
+    gain: f64,
+}
+
+impl Sides {
+    /// The offsets that the stations of a model show; `None` where the evidence is not for any.
+    pub(super) fn of(
+        around: &Around<'_>,
+        prior_mean: &DVector<f64>,
+        posterior: &Posterior,
+    ) -> Option<Self> {
+        let observations = around.problem.observations();
+        if agreement(observations) > AGREE {
+            return None;
+        }
+        let units = units(around.problem);
+        let sides: Vec<_> =
+            sides(observations).map(|own| own.component_mul(&units.transpose())).collect();
+        let (information, score) = score(&sides, around, prior_mean, posterior);
+        let (offsets, covariance, gain) = estimated(&information, &score)?;
+        let squares = offsets.map(|own| own * own) + covariance.diagonal();
+        (gain > GAIN).then(|| Self {
+            offsets: offsets.component_mul(&units).as_slice().to_vec(),
+            variances: squares.component_mul(&units.map(|own| own * own)).as_slice().to_vec(),
+            gain,
+        })
+    }
+
+    /// True minus reported axis variables of each station.
+    pub(super) fn at(&self, observations: &[Observation]) -> Vec<Vec<f64>> {
+        sides(observations).map(|side| self.on(side.as_slice())).collect()
+    }
+
+    /// True minus reported axis variables on these sides, each 1, −1, or 0 in the middle.
+    pub fn on(&self, sides: &[f64]) -> Vec<f64> {
+        sides.iter().zip(&self.offsets).map(|(side, offset)| side * offset).collect()
+    }
+
+    pub(super) const fn evidence(&self) -> PartEvidence {
+        PartEvidence { name: "backlash", gain: self.gain, kept: true }
+    }
+}
+
+/// The share of joints at stations where the settling error has the sign of the side, or always the other sign, less the share of the
+/// others.
+fn agreement(observations: &[Observation]) -> f64 {
+    let firsts = stations(observations).into_iter().map(|own| &observations[own.start]);
+    let (mut agree, mut all) = (0.0, 0.0);
+    for (own, sides) in firsts.zip(sides(observations)) {
+        let settling_errors = own.settling_error.as_ref().and_then(SettlingError::sent);
+        for (side, settling_error) in sides.iter().zip(settling_errors.unwrap_or_default()) {
+            agree += side * settling_error.signum();
+            all += side.abs();
+        }
+    }
+    if all > 0.0 { f64::abs(agree) / all } else { 0.0 }
+}
+
+/// Units of each axis variable that count as one radian.
+fn units(problem: &Problem<'_>) -> DVector<f64> {
+    let joints = problem.observations().first().map_or(0, |own| own.axes.len());
+    let slides = problem.slides();
+    DVector::from_fn(joints, |joint, _| if slides[joint] { SLIDE_MM_PER_RAD } else { 1.0 })
+}
+
+/// `K` and `z` of the columns of the sides.
+fn score(
+    sides: &[RowDVector<f64>],
+    around: &Around<'_>,
+    prior_mean: &DVector<f64>,
+    posterior: &Posterior,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let mean = posterior.mean();
+    let joints = sides.first().map_or(0, RowDVector::len);
+    let mut along = DMatrix::zeros(mean.len(), joints);
+    let (mut information, mut score) = (DMatrix::zeros(joints, joints), DVector::zeros(joints));
+    for (session, places) in around.batches() {
+        let rows = around.rows(&places);
+        let whitened = whitened(around, session, &places, &rows, prior_mean);
+        for ((row, own), place) in rows.iter().zip(&whitened).zip(places) {
+            let moved = &own.joints * DMatrix::from_diagonal(&sides[place].transpose());
+            let mut transposed = DMatrix::zeros(mean.len(), own.values.len());
+            own.spread(row, around.seen(session), &mut transposed.as_view_mut());
+            score += moved.tr_mul(&(&own.values - transposed.tr_mul(&mean)));
+            along += transposed * &moved;
+            information += moved.tr_mul(&moved);
+        }
+    }
+    let half = posterior.half(&along.transpose());
+    (information - half.tr_mul(&half), score)
+}
+
+fn sides(observations: &[Observation]) -> impl Iterator<Item = RowDVector<f64>> {
+    let firsts = stations(observations).into_iter().map(|own| &observations[own.start]);
+    sides_of(firsts.map(|own| (own.session, &own.axes[..])))
+}
+
+/// The direction in which each joint came to each station, by session and axis variables, from the station before: 1, −1, or 0 where it
+/// has not moved yet.
+pub fn sides_of<'o>(
+    stations: impl Iterator<Item = (usize, &'o [f64])>,
+) -> impl Iterator<Item = RowDVector<f64>> {
+    let mut before: Option<(usize, &[f64])> = None;
+    let mut sides = RowDVector::zeros(0);
+    stations.map(move |(session, axes)| {
+        match before.replace((session, axes)).filter(|(before, _)| *before == session) {
+            Some((_, before)) => {
+                for (side, (now, before)) in sides.iter_mut().zip(axes.iter().zip(before)) {
+                    if (now - before).abs() > LEAST_MOVE {
+                        *side = (now - before).signum();
+                    }
+                }
+            }
+            None => sides = RowDVector::zeros(axes.len()),
+        }
+        sides.clone()
+    })
+}
+
+/// Mean and covariance of the offsets, rad and rad², and what they gain in log evidence, nats.
+fn estimated(
+    information: &DMatrix<f64>,
+    score: &DVector<f64>,
+) -> Option<(DVector<f64>, DMatrix<f64>, f64)> {
+    let joints = score.len();
+    let identity = DMatrix::<f64>::identity(joints, joints);
+    let posterior = |size: f64| {
+        let factor = (information + &identity / size).cholesky()?;
+        let mean = factor.solve(score);
+        let gain = 0.5 * (mean.dot(score) - factor.ln_determinant() - joints as f64 * size.ln());
+        Some((mean, factor.inverse(), gain))
+    };
+    let mut size = EXPECTED_RAD.powi(2);
+    for _ in 0..STEPS {
+        let (mean, covariance, _) = posterior(size)?;
+        size = (mean.norm_squared() + covariance.trace()) / joints as f64;
+    }
+    posterior(size)
+}
