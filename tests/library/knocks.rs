@@ -4,8 +4,8 @@ use crate::common;
 
 use nalgebra::Vector3;
 use posegrid::fit::full::knocks;
-use posegrid::join::Station;
 use posegrid::join::moved::Knock;
+use posegrid::join::{JoinError, Station};
 use posegrid::kinematics::Arm;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 
@@ -59,7 +59,7 @@ fn session(number: u64, knock_mm: f64) -> (Arm, Vec<Station>) {
 fn found(number: u64, knock_mm: f64) -> (Vec<Station>, Vec<Knock>) {
     let (arm, mut stations) = session(number, knock_mm);
     let found = knocks::taken_out(&mut stations, &arm, Some(Vector3::z_axis()));
-    (stations, found)
+    (stations, found.expect("no joint slipped"))
 }
 
 /// Whether the one knock is named that is a third of the way through.
@@ -105,7 +105,7 @@ fn a_knock_is_found_with_its_place_and_its_size_and_taken_out() {
     let (carried, knocks) = found(1, 1.0);
     let (arm, sound) = session(1, 0.0);
     let mut again = carried.clone();
-    assert!(knocks::taken_out(&mut again, &arm, Some(Vector3::z_axis())).is_empty());
+    assert_eq!(knocks::taken_out(&mut again, &arm, Some(Vector3::z_axis())), Ok(Vec::new()));
     let away = carried.iter().zip(&sound).filter_map(|(own, sound)| {
         let (own, sound) = (own.one_reading()?.position()?, sound.one_reading()?.position()?);
         Some((own - sound).norm())
@@ -113,6 +113,42 @@ fn a_knock_is_found_with_its_place_and_its_size_and_taken_out() {
     let away: Vec<f64> = away.collect();
     let rms = (away.iter().map(|own| own * own).sum::<f64>() / away.len() as f64).sqrt();
     assert!(away.len() > 50 && rms < 0.15, "{} stations, {rms} mm; {:?}", away.len(), knocks[0]);
+}
+
+/// Whether a slip of a joint before the station in the middle is named.
+fn is_named(number: u64, joint: usize, slip_rad: f64) -> bool {
+    let (arm, mut stations) = session(number, 0.0);
+    let middle = stations.len() / 2;
+    for own in &mut stations[middle..] {
+        own.joints[joint] -= slip_rad;
+    }
+    match knocks::taken_out(&mut stations, &arm, Some(Vector3::z_axis())) {
+        Err(JoinError::Slipped { joint: named, station, .. }) => {
+            named == arm.joints()[joint].name && station.abs_diff(middle) <= 2
+        }
+        other => {
+            println!("{number}, joint {joint}, {slip_rad} rad: {other:?}");
+            false
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_slips_is_named_with_its_station() {
+    for (number, joint) in [(1, 0), (1, 2), (2, 1), (2, 4), (5, 3)] {
+        assert!(is_named(number, joint, 2e-3), "{number}, {joint}");
+    }
+}
+
+#[test]
+#[ignore = "60 sessions of each size"]
+fn nine_in_ten_slips_are_named() {
+    for slip_rad in [0.5e-3, 2e-3, 17e-3] {
+        let of_joints = |number: u64| usize::try_from(number % 5).expect("small");
+        let named = (0..60).filter(|own| is_named(*own, of_joints(*own), slip_rad)).count();
+        println!("{slip_rad} rad: {named} of 60");
+        assert!(named >= 54, "{slip_rad} rad: {named} of 60");
+    }
 }
 
 #[test]

@@ -65,4 +65,17 @@ pub enum JoinError {
         second_pairs: usize,
         second_mm: f64,
     },
+    #[error(
+        "joint {joint:?} slipped before station {station}{at}{or}: behind it the readings agree with an arm whose joint stands {by} (two \
+         standard errors) further than it reports. No calibration holds before and behind: master the joint, and measure again"
+    )]
+    Slipped {
+        joint: String,
+        by: String,
+        station: usize,
+        /// The time, in words.
+        at: String,
+        /// What the readings cannot distinguish from it, in words.
+        or: &'static str,
+    },
 }

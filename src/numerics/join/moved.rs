@@ -72,8 +72,7 @@ impl Knock {
 
     pub fn words(&self) -> String {
         let [before, behind] = self.stations;
-        let at = WallTime::of_clock_ns(self.at.ns())
-            .map_or_else(String::new, |at| format!(", {at} UTC of the controller's clock"));
+        let at = clock_words(self.at);
         format!(
             "the instrument or the base was knocked before station {}{at}: by {:.3} mm and {:.3} mrad in the middle of the readings; the \
              {behind} measured stations behind it are carried to where it stood at the {before} before it",
@@ -82,6 +81,12 @@ impl Knock {
             1e3 * self.motion.moved.rotation.angle(),
         )
     }
+}
+
+/// Where a clock has an epoch: ", (time) UTC of the controller's clock".
+pub fn clock_words(at: Stamp<Controller>) -> String {
+    WallTime::of_clock_ns(at.ns())
+        .map_or_else(String::new, |at| format!(", {at} UTC of the controller's clock"))
 }
 
 /// A stretch of readings that a motion of the base brings back.

@@ -120,7 +120,7 @@ impl OwnLogs<'_> {
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
         let set_up =
             set_up(configuration, files, &joined, || explained_anew(configuration, &read))?;
-        without_knocks(configuration, &mut joined);
+        without_knocks(configuration, files, &mut joined)?;
         let counts = with_references(read.counts, &read.input, &joined);
         Ok(JoinedSession {
             sampling_plan: read.metadata.get("session.plan").cloned(),
@@ -195,7 +195,7 @@ fn of_table(
     };
     let mut joined = tabled(rows, &configuration.arm, &configuration.file.join);
     let set_up = set_up(configuration, files, &joined, || None)?;
-    without_knocks(configuration, &mut joined);
+    without_knocks(configuration, files, &mut joined)?;
     Ok(JoinedSession {
         counts: row_counts((read.read, read.covariances), &joined),
         set_up,
@@ -264,11 +264,20 @@ fn commanded_in(
 }
 
 /// Takes knocks of the instrument or the base out of a session that no references follow.
-fn without_knocks(configuration: &Configuration, joined: &mut Joined) {
+fn without_knocks(
+    configuration: &Configuration,
+    files: &SessionFiles,
+    joined: &mut Joined,
+) -> Result<(), RunError> {
     if joined.references.is_empty() {
         let up = configuration.stages.up;
-        joined.knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
+        let knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
+        joined.knocks = knocks.map_err(|source| RunError::Join {
+            session: files.name.clone(),
+            source: Box::new(source),
+        })?;
     }
+    Ok(())
 }
 
 /// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small. `anew` is

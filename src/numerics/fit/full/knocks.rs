@@ -1,17 +1,20 @@
 //! Knocks: the instrument or the base moved at one time in the middle of a session, and no reference tells it.
 //!
 //! Input: the stations of one session in order of time, and the arm. Output: the motions, and the readings behind each carried to where
-//! the instrument stood at first.
+//! the instrument stood at first; or a joint that slipped, behind which it stands beside what it reports.
 //! 1. A model of the session alone is trained, of geometry, frames and slow joint curves. A slow drift of all six motions of the base is
 //!    added: Legendre's polynomials over the session, of which the n-th has a variance like 1/n².
 //! 2. A knock before a station is six more columns: the base's, at that station and all behind it. Each has a score test `sᵀ V⁻¹ s`,
 //!    `s = Bᵀ N⁻¹ e` and `V = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B` with the model's rows Φ, their covariance C and residuals e.
-//! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock where the log evidence rises by 20 nats:
-//!    a slow drift gains nothing by a step.
+//!    A slip of a joint is one more column.
+//! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock, or the slip of the joint with more
+//!    evidence, where the log evidence rises by 20 nats: a slow drift gains nothing by a step.
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix6, Point3, RowDVector, UnitVector3, Vector3, Vector6,
+};
 
 use super::regression::{Posterior, Sums};
 use super::rows::{Around, stations};
@@ -21,11 +24,12 @@ use super::whitening::kept;
 use crate::fit::observation::{Noise, Observation, Source, TrackerUncertainty, observations};
 use crate::fit::problem::{Freedom, Owner, Problem};
 use crate::fit::{FitSettings, identify};
-use crate::join::moved::Knock;
+use crate::join::moved::{Knock, clock_words};
 use crate::join::references::Motion;
-use crate::join::{ReadingKind, SourceId, Station, undo};
-use crate::kinematics::{Arm, Motion as Axis, Parameter};
+use crate::join::{JoinError, ReadingKind, SourceId, Station, undo};
+use crate::kinematics::{Arm, Joint, Motion as Axis, Parameter};
 use crate::linalg::gram_of_columns;
+use crate::units::{Controller, Stamp};
 
 /// Fewest measured stations on each side of a knock.
 const BESIDE: usize = 20;
@@ -41,19 +45,53 @@ const ORDERS: usize = 6;
 const ROUNDS: usize = 12;
 /// Standard deviations of a knock: of its shift, mm, and of its turn, rad.
 const KNOCK: [f64; 2] = [10.0, 5e-3];
+/// Standard deviation of a slip, rad.
+const SLIP: f64 = 10e-3;
+/// Least slip, rad: joints creep by less.
+const LEAST_SLIP: f64 = 2e-4;
 
 /// Takes knocks out of the readings of a session: the readings behind each are carried to where the instrument stood before.
-pub fn taken_out(stations: &mut [Station], arm: &Arm, up: Option<UnitVector3<f64>>) -> Vec<Knock> {
+///
+/// # Errors
+///
+/// A joint slipped.
+pub fn taken_out(
+    stations: &mut [Station],
+    arm: &Arm,
+    up: Option<UnitVector3<f64>>,
+) -> Result<Vec<Knock>, JoinError> {
     let mut found = Vec::new();
     while found.len() < MOST {
         let own = observed(stations, arm);
-        let Some((station, motion)) = Small::of(&own, arm, up).and_then(|small| small.knock())
-        else {
-            break;
-        };
-        found.extend(carried(stations, station, motion));
+        match Small::of(&own, arm, up).and_then(|small| small.step()) {
+            Some((station, Step::Base(motion))) => {
+                found.extend(carried(stations, station, *motion));
+            }
+            Some((station, Step::Joint(slip))) => {
+                let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
+                return Err(slipped(arm, station, at, slip));
+            }
+            None => break,
+        }
     }
-    found
+    Ok(found)
+}
+
+fn slipped(
+    arm: &Arm,
+    station: usize,
+    at: Option<Stamp<Controller>>,
+    Slip { joint, by, sd }: Slip,
+) -> JoinError {
+    let own = &arm.joints()[joint];
+    let (unit, per_unit) = if own.slides { (" mm", 1.0) } else { ("°", 1.0_f64.to_degrees()) };
+    JoinError::Slipped {
+        joint: own.name.clone(),
+        by: format!("{:.4} ± {:.4}{unit}", by * per_unit, 2.0 * sd * per_unit),
+        station,
+        at: at.map_or_else(String::new, clock_words),
+        or: if joint == 0 { ", or all behind it was turned about that axis" } else { "" },
+    }
 }
 
 /// Carries the readings of this station and all behind it to where the instrument stood before.
@@ -97,6 +135,26 @@ fn observed(stations: &[Station], arm: &Arm) -> Vec<Observation> {
     own
 }
 
+/// What changed between two stations.
+enum Step {
+    Base(Box<Motion>),
+    Joint(Slip),
+}
+
+/// A joint that stands beside what it reports, by this much more than before: rad; mm where it slides.
+struct Slip {
+    joint: usize,
+    by: f64,
+    sd: f64,
+}
+
+/// The columns of a step.
+#[derive(Clone, Copy)]
+enum Columns {
+    Base,
+    Joint(usize),
+}
+
 /// The model of one session, and the whitened rows of its stations.
 struct Small<'a> {
     observations: &'a [Observation],
@@ -108,6 +166,10 @@ struct Small<'a> {
     turns: Vec<bool>,
     /// Rows of the columns of the model, then of the drift's: a row of the regression in each column, three for each observation.
     rows: DMatrix<f64>,
+    /// Rows of the columns of a step: of the base, then of each joint.
+    steps: DMatrix<f64>,
+    /// Units of each joint's variable that count as one radian.
+    units: Vec<f64>,
     values: DVector<f64>,
     /// The observations of each station.
     stations: Vec<Range<usize>>,
@@ -173,6 +235,10 @@ impl<'a> Small<'a> {
             base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
         let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
         let values = kept.values;
+        let joints = kept.columns.joints.iter().map(|own| own.motions.transpose());
+        let moved = kept.transposed.select_rows(&base).row_iter().map(RowDVector::from).collect();
+        let steps = DMatrix::from_rows(&[moved, joints.collect::<Vec<_>>()].concat());
+        let units = arm.joints().iter().map(Joint::per_radian).collect();
         let rows = with_drift(kept.transposed, &base, &stations);
         let sums = Sums {
             information: gram_of_columns(&rows.as_view()),
@@ -180,13 +246,24 @@ impl<'a> Small<'a> {
             square: values.norm_squared(),
             ln_noise: 0.0,
         };
-        let small =
-            Self { observations, problem, settled, base, turns, rows, values, stations, sums };
+        let small = Self {
+            observations,
+            problem,
+            settled,
+            base,
+            turns,
+            rows,
+            steps,
+            units,
+            values,
+            stations,
+            sums,
+        };
         (small.base.len() == 6).then_some(small)
     }
 
-    /// The first station behind the knock of the session, and the motion; `None` where it has none.
-    fn knock(&self) -> Option<(usize, Motion)> {
+    /// The number of the first station behind the step of the session, and the step; `None` where it has none.
+    fn step(&self) -> Option<(usize, Step)> {
         let without = self.sized(None)?;
         let (station, statistic) = self.most_likely(&without)?;
         if statistic < TRIED {
@@ -194,17 +271,21 @@ impl<'a> Small<'a> {
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        let sized = near.filter_map(|station| Some((station, self.sized(Some(station))?)));
-        let (station, with) = sized
+        let joints = (0..self.units.len()).map(Columns::Joint);
+        let columns: Vec<Columns> = [Columns::Base].into_iter().chain(joints).collect();
+        let tried = near.flat_map(|station| columns.iter().map(move |own| (station, *own)));
+        let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
+        let ((station, columns), with) = sized
             .max_by(|a, b| a.1.posterior.log_evidence.total_cmp(&b.1.posterior.log_evidence))?;
         let gain = with.posterior.log_evidence - without.posterior.log_evidence;
-        (gain > GAIN).then(|| self.knock_at(station, &with))?
+        let step = (gain > GAIN).then(|| self.step_at(columns, &with))??;
+        Some((self.observations[self.stations[station].start].station, step))
     }
 
-    /// The model with sizes of curves, drift and noise found by their likelihood; with a knock before a station, where one is given.
-    fn sized(&self, knock: Option<usize>) -> Option<Sized> {
+    /// The model with sizes of curves, drift and noise found by their likelihood; with a step before a station, where one is given.
+    fn sized(&self, step: Option<(usize, Columns)>) -> Option<Sized> {
         let columns = self.settled.state.layout.size();
-        let sums = knock.map_or_else(|| self.sums.clone(), |station| self.sums_with(station));
+        let sums = step.map_or_else(|| self.sums.clone(), |step| self.sums_with(step));
         let mut components = self.settled.state.components.clone();
         let (mut drift, mut noise) = ([1e-4, 1e-10], 1.0);
         let mut sized = None;
@@ -215,7 +296,11 @@ impl<'a> Small<'a> {
                     return own[place];
                 };
                 let turns = usize::from(self.turns[added % 6]);
-                if added < 6 * ORDERS { drift[turns] } else { KNOCK[turns].powi(2) }
+                match step {
+                    _ if added < 6 * ORDERS => drift[turns],
+                    Some((_, Columns::Joint(joint))) => (SLIP * self.units[joint]).powi(2),
+                    _ => KNOCK[turns].powi(2),
+                }
             });
             let posterior = divided(&sums, noise, self.values.len()).posterior(&variances)?;
             let (squares, determined) = (posterior.whitened.map(|u| u * u), posterior.determined());
@@ -244,55 +329,68 @@ impl<'a> Small<'a> {
         self.stations.get(station).map_or(self.values.len(), |own| 3 * own.start)
     }
 
-    /// The sums with the columns of a knock before a station.
-    fn sums_with(&self, station: usize) -> Sums {
+    /// The sums with the columns of a step before a station.
+    fn sums_with(&self, (station, columns): (usize, Columns)) -> Sums {
         let first = self.first_row(station);
         let behind = self.values.len() - first;
-        let rows = self.rows.columns(first, behind);
-        let knock = rows.select_rows(&self.base);
-        let (size, all) = (self.rows.nrows(), self.rows.nrows() + 6);
-        let along = rows * knock.transpose();
+        let own = match columns {
+            Columns::Base => self.steps.view((0, first), (6, behind)),
+            Columns::Joint(joint) => self.steps.view((6 + joint, first), (1, behind)),
+        };
+        let along = self.rows.columns(first, behind) * own.transpose();
+        let (size, added) = (self.rows.nrows(), own.nrows());
+        let all = size + added;
         let mut information = self.sums.information.clone().resize(all, all, 0.0);
-        information.view_mut((0, size), (size, 6)).copy_from(&along);
-        information.view_mut((size, 0), (6, size)).copy_from(&along.transpose());
-        information.view_mut((size, size), (6, 6)).copy_from(&along.select_rows(&self.base));
+        information.view_mut((0, size), (size, added)).copy_from(&along);
+        information.view_mut((size, 0), (added, size)).copy_from(&along.transpose());
+        information.view_mut((size, size), (added, added)).copy_from(&(own * own.transpose()));
         let mut moment = self.sums.moment.clone().resize_vertically(all, 0.0);
-        moment.rows_mut(size, 6).copy_from(&(knock * self.values.rows(first, behind)));
+        moment.rows_mut(size, added).copy_from(&(own * self.values.rows(first, behind)));
         Sums { information, moment, ..self.sums }
     }
 
-    /// The station before which a knock has the largest statistic, and that.
+    /// The station before which a step has the largest statistic, and that.
     fn most_likely(&self, without: &Sized) -> Option<(usize, f64)> {
         let left = &self.values - self.rows.tr_mul(&without.posterior.mean());
-        let mut along = DMatrix::zeros(self.rows.nrows(), 6);
-        let mut score = DVector::zeros(6);
+        let steps = self.steps.nrows();
+        let mut along = DMatrix::zeros(self.rows.nrows(), steps);
+        let mut alone = DMatrix::zeros(steps, steps);
+        let mut score = DVector::zeros(steps);
         let mut best: Option<(usize, f64)> = None;
         let stride = (self.stations.len() / 256).max(1);
         for station in (BESIDE..self.stations.len()).rev() {
             let first = self.first_row(station);
             let count = self.first_row(station + 1) - first;
-            let rows = self.rows.columns(first, count);
-            let base = rows.select_rows(&self.base);
-            along += rows * base.transpose();
-            score += base * left.rows(first, count);
+            let own = self.steps.columns(first, count);
+            along += self.rows.columns(first, count) * own.transpose();
+            alone += own * own.transpose();
+            score += own * left.rows(first, count);
             if station + BESIDE > self.stations.len() || station % stride != 0 {
                 continue;
             }
             let half = without.posterior.half(&along.transpose());
-            let known = along.select_rows(&self.base) - half.tr_mul(&half) / without.noise;
-            let statistic =
-                known.cholesky().map(|own| own.solve(&score).dot(&score) / without.noise);
-            if let Some(statistic) =
-                statistic.filter(|own| best.is_none_or(|(_, most)| *own > most))
-            {
+            let known = &alone - half.tr_mul(&half) / without.noise;
+            let statistic = largest(&known, &score) / without.noise;
+            if best.is_none_or(|(_, most)| statistic > most) {
                 best = Some((station, statistic));
             }
         }
         best
     }
 
-    /// The knock before a station, of which the model has the columns.
-    fn knock_at(&self, station: usize, with: &Sized) -> Option<(usize, Motion)> {
+    /// The step that the last columns of a model are.
+    fn step_at(&self, columns: Columns, with: &Sized) -> Option<Step> {
+        let Columns::Joint(joint) = columns else {
+            return self.knock_at(with).map(|own| Step::Base(Box::new(own)));
+        };
+        let place = self.rows.nrows();
+        let by = with.posterior.mean()[place];
+        let sd = with.posterior.covariance_of(&[place])[(0, 0)].sqrt();
+        let is_slip = by.abs() > LEAST_SLIP * self.units[joint];
+        is_slip.then_some(Step::Joint(Slip { joint, by, sd }))
+    }
+
+    fn knock_at(&self, with: &Sized) -> Option<Motion> {
         let places: Vec<usize> = (self.rows.nrows()..self.rows.nrows() + 6).collect();
         let change = with.posterior.mean().select_rows(&places);
         let covariance = with.posterior.covariance_of(&places);
@@ -314,9 +412,17 @@ impl<'a> Small<'a> {
         let per_unit = Matrix6::from_columns(&per_unit);
         let covariance =
             per_unit * Matrix6::from_fn(|a, b| covariance[(a, b)]) * per_unit.transpose();
-        let number = self.observations[self.stations[station].start].station;
-        Some((number, Motion { moved: moved(&change), middle, covariance, part: 1 }))
+        Some(Motion { moved: moved(&change), middle, covariance, part: 1 })
     }
+}
+
+/// The largest score statistic of the columns of the base together, and of each joint.
+fn largest(known: &DMatrix<f64>, score: &DVector<f64>) -> f64 {
+    let of_base = score.rows(0, 6);
+    let base = known.view((0, 0), (6, 6)).clone_owned().cholesky();
+    let base = base.map_or(0.0, |own| own.solve(&of_base).dot(&of_base));
+    let joints = (6..score.len()).map(|own| score[own].powi(2) / known[(own, own)]);
+    joints.filter(|own| own.is_finite()).fold(base, f64::max)
 }
 
 const fn is_turn(parameter: Parameter) -> bool {
