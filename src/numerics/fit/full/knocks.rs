@@ -37,6 +37,9 @@ const BESIDE: usize = 20;
 const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
+/// A slip explains what a motion of the base does, but for this much of the statistic: what five motions more gain by chance in one of a
+/// thousand.
+const BESIDE_BASE: f64 = 20.5;
 const MOST: usize = 4;
 const HARMONICS: usize = 6;
 /// Polynomials of the slow drift.
@@ -265,14 +268,16 @@ impl<'a> Small<'a> {
     /// The number of the first station behind the step of the session, and the step; `None` where it has none.
     fn step(&self) -> Option<(usize, Step)> {
         let without = self.sized(None)?;
-        let (station, statistic) = self.most_likely(&without)?;
-        if statistic < TRIED {
+        let (station, statistics) = self.most_likely(&without)?;
+        if statistics.max() < TRIED {
             return None;
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        let joints = (0..self.units.len()).map(Columns::Joint);
-        let columns: Vec<Columns> = [Columns::Base].into_iter().chain(joints).collect();
+        let joints =
+            (0..self.units.len()).filter(|own| statistics[1 + own] + BESIDE_BASE >= statistics[0]);
+        let columns: Vec<Columns> =
+            [Columns::Base].into_iter().chain(joints.map(Columns::Joint)).collect();
         let tried = near.flat_map(|station| columns.iter().map(move |own| (station, *own)));
         let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
         let ((station, columns), with) = sized
@@ -349,14 +354,14 @@ impl<'a> Small<'a> {
         Sums { information, moment, ..self.sums }
     }
 
-    /// The station before which a step has the largest statistic, and that.
-    fn most_likely(&self, without: &Sized) -> Option<(usize, f64)> {
+    /// The station before which a step has the largest statistic, and those of the base and of each joint there.
+    fn most_likely(&self, without: &Sized) -> Option<(usize, DVector<f64>)> {
         let left = &self.values - self.rows.tr_mul(&without.posterior.mean());
         let steps = self.steps.nrows();
         let mut along = DMatrix::zeros(self.rows.nrows(), steps);
         let mut alone = DMatrix::zeros(steps, steps);
         let mut score = DVector::zeros(steps);
-        let mut best: Option<(usize, f64)> = None;
+        let mut best: Option<(usize, DVector<f64>)> = None;
         let stride = (self.stations.len() / 256).max(1);
         for station in (BESIDE..self.stations.len()).rev() {
             let first = self.first_row(station);
@@ -370,9 +375,9 @@ impl<'a> Small<'a> {
             }
             let half = without.posterior.half(&along.transpose());
             let known = &alone - half.tr_mul(&half) / without.noise;
-            let statistic = largest(&known, &score) / without.noise;
-            if best.is_none_or(|(_, most)| statistic > most) {
-                best = Some((station, statistic));
+            let statistics = statistics(&known, &score) / without.noise;
+            if best.as_ref().is_none_or(|(_, most)| statistics.max() > most.max()) {
+                best = Some((station, statistics));
             }
         }
         best
@@ -416,13 +421,14 @@ impl<'a> Small<'a> {
     }
 }
 
-/// The largest score statistic of the columns of the base together, and of each joint.
-fn largest(known: &DMatrix<f64>, score: &DVector<f64>) -> f64 {
+/// The score statistics of the columns of the base together, and of each joint.
+fn statistics(known: &DMatrix<f64>, score: &DVector<f64>) -> DVector<f64> {
     let of_base = score.rows(0, 6);
     let base = known.view((0, 0), (6, 6)).clone_owned().cholesky();
     let base = base.map_or(0.0, |own| own.solve(&of_base).dot(&of_base));
-    let joints = (6..score.len()).map(|own| score[own].powi(2) / known[(own, own)]);
-    joints.filter(|own| own.is_finite()).fold(base, f64::max)
+    let joint = |own: usize| score[own].powi(2) / known[(own, own)];
+    let joints = (6..score.len()).map(joint).map(|own| if own.is_finite() { own } else { 0.0 });
+    DVector::from_iterator(score.len() - 5, [base].into_iter().chain(joints))
 }
 
 const fn is_turn(parameter: Parameter) -> bool {
