@@ -7,7 +7,8 @@
 //! ```
 //! 1. [`read`] gives every position that a motion uses, with the frames that hold at the motion.
 //! 2. [`Programs::ask`] makes a pose in the arm's base of a position, or says why it is not corrected.
-//! 3. [`write::edits`] puts corrected poses back: every byte but the numbers of positions stays, and but marks.
+//! 3. [`write::edits`] puts corrected poses back: every byte but the numbers of positions stays, and but marks. [`record`] says what
+//!    was there, and gives the original back.
 //!
 //! A position is one of three: asked for, refused by name, or computed while the program runs. Nothing is guessed: where
 //! a frame, a tool or a way through the program is not known, the position is refused.
@@ -27,6 +28,7 @@ mod names;
 mod program;
 mod rapid;
 mod reading;
+pub mod record;
 mod refusal;
 mod value;
 pub mod write;

@@ -114,6 +114,8 @@ proptest! {
             edits.extend(marks(file, "table t", "t"));
             let written = applied(&file.bytes, &edits);
             prop_assert_eq!(undone(&written, &file.bytes, &edits), file.bytes.clone());
+            let changed = record::Changed::of(file, &written, &edits);
+            prop_assert_eq!(changed.original(&written), Ok(file.bytes.clone()));
             let is_marked = mark(&File { bytes: written, ..file.clone() }).is_some();
             prop_assert!(is_marked || edits.is_empty() || mark(file).is_some());
         }

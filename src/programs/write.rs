@@ -348,18 +348,27 @@ fn plain(words: &str) -> String {
 
 /// A file with edits, which do not overlap.
 pub fn applied(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
-    let mut sorted: Vec<&Edit> = edits.iter().collect();
-    sorted.sort_by_key(|edit| edit.span.start);
     let mut written = Vec::with_capacity(bytes.len() + 16 * edits.len());
     let mut copied = 0;
-    for edit in sorted.into_iter().filter(|edit| edit.span.end <= bytes.len()) {
-        if edit.span.start < copied {
-            continue;
-        }
+    for edit in in_order(bytes, edits) {
         written.extend(&bytes[copied..edit.span.start]);
         written.extend(edit.text.bytes());
         copied = edit.span.end;
     }
     written.extend(&bytes[copied..]);
     written
+}
+
+/// The edits of a file in its order, without those that overlap one before them.
+pub(crate) fn in_order<'e>(bytes: &[u8], edits: &'e [Edit]) -> impl Iterator<Item = &'e Edit> {
+    let mut sorted: Vec<&Edit> = edits.iter().collect();
+    sorted.sort_by_key(|edit| edit.span.start);
+    let (mut from, length) = (0, bytes.len());
+    sorted.into_iter().filter(move |edit| {
+        let is_free = edit.span.start >= from && edit.span.end <= length;
+        if is_free {
+            from = edit.span.end;
+        }
+        is_free
+    })
 }

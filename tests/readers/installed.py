@@ -119,7 +119,7 @@ def by_deb(folder):
     done(debootstrap, "--variant=minbase", release, root)
     shutil.copy(package, root / "posegrid.deb")
     done("chroot", root, "dpkg", "--install", "/posegrid.deb")
-    done("chroot", root, "sh", "-c", "posegrid --version && test -f /usr/share/doc/posegrid/examples/quickstart.toml")
+    done("chroot", root, "sh", "-c", "posegrid --version && cd /usr/share/doc/posegrid && ls examples/quickstart.toml LICENSE-MIT LICENSE-APACHE")
     cell(root / "cell")
     # Another root, so the working folder is named inside it.
     inside = ("chroot", root, "sh", "-c", 'cd /cell && exec posegrid "$@"', "sh")

@@ -5,6 +5,7 @@ mod commands;
 mod damaged;
 mod forms;
 mod fuzz;
+mod programs;
 mod quickstart;
 mod recorded;
 mod used_with;

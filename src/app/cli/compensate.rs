@@ -16,6 +16,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::ArgPredicate;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
@@ -51,7 +52,7 @@ TARGETS is one of
                   or TOOL_NO than 0 is refused until --base and --tool name what these are
 
   .src, .mod, …   a whole robot program of KUKA or ABB: its files, or the folder of a backup, with --points and --cell; every byte but
-                  the numbers of positions stays
+                  the numbers of positions stays; --undo gives the originals of a corrected folder back
 
 The result has the commands, each correction, its covariance and the reason for each refusal
 (`posegrid schema corrected_targets`). Where TABLE is in its lake, table corrections there gains a row for the file
@@ -64,14 +65,21 @@ Example: the drilling program of a left wing, as positions, as joint angles and 
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left_wing.dat --out corrected/left_wing.dat \\
     --tool \"drill 6\" --base \"jig 2\" --payload-kg 92.5 --temperature-c 21
   posegrid compensate kr210 left-wing.csv --lake lake --out corrected.csv
+Example: a whole program, and its original back
+  posegrid compensate kr210 part.src part.dat '$config.dat' '$machine.dat' --lake lake --cell cell.toml --points off-line \\
+    --out corrected
+  posegrid compensate --undo corrected --out original
 
 Exit codes: 0 every target corrected, by a table that meets its tolerance; 3 some target refused, or the table does not
 meet its tolerance and that was allowed; 1 no target corrected, or nothing could be written; 2 the table or the targets cannot
 be read, the table does not meet its tolerance, or it is not valid for what the targets will be run with.")]
 pub struct CompensateArgs {
     /// The table: a Parquet file of table `compensation` or `calibrations`; with --lake, the name of a robot.
+    // With --undo nothing reads it.
+    #[arg(default_value_if("undo", ArgPredicate::IsPresent, "-"))]
     pub table: PathBuf,
     /// The targets: a .csv, .parquet, .json or .dat (KUKA) file; or a robot program: its files, or the folder of a backup.
+    #[arg(default_value_if("undo", ArgPredicate::IsPresent, "-"))]
     pub targets: PathBuf,
     /// Where to write the result: of a program a new folder; of targets a new file of one of these forms; without it, CSV on standard output, or JSON of JSON.
     #[arg(long, value_name = "FILE")]
@@ -114,6 +122,9 @@ pub struct Compensated {
 }
 
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
+    if let (Some(folder), Some(out)) = (&args.program.undo, &args.out) {
+        return program::undo::main(folder, out);
+    }
     if args.is_of_program() {
         return program::main(args, bars);
     }

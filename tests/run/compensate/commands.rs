@@ -14,7 +14,7 @@ use posegrid::io::table::{self, Table};
 use super::cell::{Cell, SAMPLE, Sample, field};
 
 /// How a command ended.
-struct Ended {
+pub(super) struct Ended {
     code: Option<i32>,
     /// Its result, or its file of that.
     results: String,
@@ -22,7 +22,7 @@ struct Ended {
 }
 
 impl Ended {
-    fn expect(&self, code: i32, told: &[&str]) {
+    pub(super) fn expect(&self, code: i32, told: &[&str]) {
         assert_eq!(self.code, Some(code), "{}", self.messages);
         for part in told {
             assert!(self.messages.contains(part), "{part}: {}", self.messages);
@@ -30,7 +30,7 @@ impl Ended {
     }
 }
 
-fn compensate(args: &[&str]) -> Ended {
+pub(super) fn compensate(args: &[&str]) -> Ended {
     let mut command = Command::cargo_bin("posegrid").expect("the program");
     let output = command.arg("compensate").args(args).output();
     let output = output.expect("started");
@@ -52,13 +52,13 @@ fn run(pipeline: &Path) -> tempfile::TempDir {
 }
 
 /// The lake of the quickstart.
-fn lake() -> &'static Path {
+pub(super) fn lake() -> &'static Path {
     static LAKE: OnceLock<tempfile::TempDir> = OnceLock::new();
     LAKE.get_or_init(|| run(Path::new("pipelines/quickstart.toml"))).path()
 }
 
 /// The file of a table of the only run in a lake.
-fn file_of(lake: &Path, table: &str) -> PathBuf {
+pub(super) fn file_of(lake: &Path, table: &str) -> PathBuf {
     let session = lake.join(table).join("kr210-demo/quickstart");
     let mut files = fs::read_dir(session).expect("there");
     files.next().expect("one").expect("listed").path()
@@ -102,7 +102,7 @@ fn place_file(folder: &Path, name: &str, [x, y, z]: [f64; 3]) -> String {
     text_of(&path)
 }
 
-fn text_of(path: &Path) -> String {
+pub(super) fn text_of(path: &Path) -> String {
     path.to_str().expect("text").to_owned()
 }
 

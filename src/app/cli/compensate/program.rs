@@ -4,9 +4,12 @@
 //! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found.
 //! 2. Each position becomes a target of the identified arm, and that its command (`solve`).
 //! 3. The commands go back into the files; the report names every position that motions use (`report`).
+//!
+//! What was replaced is recorded beside the files, and `--undo` gives the originals back from that (`undo`).
 
 mod report;
 mod solve;
+pub(super) mod undo;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -29,6 +32,7 @@ use crate::compensation::{Exception, Term};
 use crate::io::calibrations_table::PublishedArm;
 use crate::io::input::{self, Bound};
 use crate::io::whole_file::{self, write_whole};
+use crate::programs::record::{Changed, RECORD, Record, UndoError, digest};
 use crate::programs::write::{Edit, applied, edits, marks};
 use crate::programs::{Asked, Cell, File, Position, Programs};
 use report::{Outcome, Report};
@@ -56,7 +60,29 @@ pub struct ProgramArgs {
     /// The form of the report on standard output
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
+    /// Give the original programs back, byte for byte, from the folder that corrected ones were written into: with --out alone
+    #[arg(long, value_name = "FOLDER", requires = "out", conflicts_with_all = CORRECTS)]
+    pub undo: Option<PathBuf>,
 }
+
+/// The arguments that are for correcting.
+const CORRECTS: [&str; 15] = [
+    "table",
+    "targets",
+    "more",
+    "allow",
+    "lake",
+    "session",
+    "by",
+    "no_record",
+    "no_covariance",
+    "UsedWithArgs",
+    "cell",
+    "points",
+    "taught_on",
+    "largest",
+    "format",
+];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Points {
@@ -100,6 +126,15 @@ pub enum ProgramError {
     NoOut,
     #[error("cannot read {0}")]
     Read(At<std::io::Error>),
+    #[error(
+        "there is no {RECORD} in {}; give the folder that corrected programs were written into as it was written: the record is in it",
+        .0.display()
+    )]
+    NoRecord(PathBuf),
+    #[error("{}: it is no record of a correction: {source}; take the originals from a backup", path.display())]
+    Record { path: PathBuf, source: serde_json::Error },
+    #[error(transparent)]
+    Undo(#[from] UndoError),
     #[error("{}: {source}", path.display())]
     Cell { path: PathBuf, source: toml::de::Error },
     #[error("{}: {problem}", path.display())]
@@ -248,33 +283,47 @@ fn corrected(
     (outcomes, all)
 }
 
-/// Writes the files that change, each at its name in the folder.
+/// Writes the files that change, each at its name in the folder, and the record of what changed.
 fn write(
     programs: &Programs,
     all: &[Vec<Edit>],
     out: &Path,
     arm: &PublishedArm,
 ) -> Result<(), ProgramError> {
+    let PublishedArm { key, arm, .. } = arm;
+    let date = today();
+    let [run, robot, session] = [&key.run, &key.robot, &key.session].map(Clone::clone);
+    let mut written = Vec::new();
+    let mut files = Vec::new();
     for (file, own) in programs.files.iter().zip(all).filter(|(_, own)| !own.is_empty()) {
-        let path = out.join(&file.name);
-        let wrong = |source| ProgramError::Write { path: path.clone(), source };
-        let digest = blake3::hash(&file.bytes).to_hex();
         let words = format!(
-            "table calibrations, run {} of robot {}, session {}, {}; original blake3 {digest}",
-            arm.key.run,
-            arm.key.robot,
-            arm.key.session,
-            today()
+            "table calibrations, run {run} of robot {robot}, session {session}, {date}; original blake3 {}",
+            digest(&file.bytes)
         );
         let mut edits = own.clone();
-        edits.extend(marks(file, &words, &arm.arm.table_id));
+        edits.extend(marks(file, &words, &arm.table_id));
         let bytes = applied(&file.bytes, &edits);
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(wrong)?;
-        }
-        write_whole(&path, |sink| std::io::Write::write_all(sink, &bytes)).map_err(wrong)?;
+        files.push(Changed::of(file, &bytes, &edits));
+        written.push((out.join(&file.name), bytes));
     }
-    Ok(())
+    if files.is_empty() {
+        return Ok(());
+    }
+    let record = Record { calibration: arm.table_id.clone(), robot, session, run, date, files };
+    let path = out.join(RECORD);
+    let bytes = serde_json::to_vec(&record)
+        .map_err(|source| ProgramError::Write { path: path.clone(), source: source.into() })?;
+    write_new(&path, &bytes)?;
+    written.iter().try_for_each(|(path, bytes)| write_new(path, bytes))
+}
+
+/// Writes a file that is not there yet, and the folders that it is in.
+fn write_new(path: &Path, bytes: &[u8]) -> Result<(), ProgramError> {
+    let wrong = |source| ProgramError::Write { path: path.to_owned(), source };
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(wrong)?;
+    }
+    write_whole(path, |sink| std::io::Write::write_all(sink, bytes)).map_err(wrong)
 }
 
 /// The day of the correction, UTC.
