@@ -132,7 +132,7 @@ pub enum LogError {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; read \
-     here are {suitable}, in CDR (with a schema in ros2msg or ros2idl), protobuf or JSON{}",
+     here are {suitable}, in CDR (with a schema in ros2msg or ros2idl), ROS 1 (ros1msg), protobuf or JSON{}",
     by_fields(fields)
 )]
 pub struct Unsuitable {

@@ -1,7 +1,7 @@
 //! Messages: the schema text that a log carries → a reader of the wanted fields → the few values a stream wants of each
 //! message. A message is never made into a tree of values.
 //!
-//! 1. [`MessageSchema::read`]: schema text → schema ([`ros2msg`], [`ros2idl`], [`Descriptors`]; JSON needs none).
+//! 1. [`MessageSchema::read`]: schema text → schema ([`rosmsg`], [`ros2idl`], [`Descriptors`]; JSON needs none).
 //! 2. [`MessageSchema::reader`]: schema + paths such as `pose.position.x` → reader.
 //! 3. [`FieldReader::read`]: payload → one [`Value`] per path in a [`Row`], whose buffers are used again
 //!    ([`CdrReader`], [`ProtobufReader`], [`JsonReader`]).
@@ -14,20 +14,22 @@ mod json;
 mod path;
 mod protobuf;
 pub mod ros2idl;
-pub mod ros2msg;
+pub mod rosmsg;
 mod row;
 mod schema;
 mod template;
 mod value;
 
 pub use cdr_reader::CdrReader;
-pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};
+pub use definition::{
+    Definition, Extensibility, Field, FieldType, MessageType, Primitive, Serialization, Shape,
+};
 pub use json::{JsonReader, JsonSchema};
 pub use path::FieldPath;
 pub use protobuf::{Descriptors, ProtobufReader};
 pub use row::Row;
 pub use schema::{FieldReader, MessageSchema};
-pub use value::{Gathered, Numbers, Text, Texts, Value};
+pub use value::{Gathered, Numbers, Text, TextForm, Texts, Value};
 
 use thiserror::Error;
 

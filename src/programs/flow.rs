@@ -25,9 +25,11 @@ pub enum Slot {
     ConfL,
     /// The position that last stated an arm configuration.
     Branch,
+    /// The position that the last motion ended at.
+    Place,
 }
 
-pub const SLOTS: usize = 8;
+pub const SLOTS: usize = 9;
 
 impl Slot {
     const ALL: [Self; SLOTS] = [
@@ -39,6 +41,7 @@ impl Slot {
         Self::ConfJ,
         Self::ConfL,
         Self::Branch,
+        Self::Place,
     ];
 
     pub const fn name(self) -> &'static str {
@@ -51,6 +54,7 @@ impl Slot {
             Self::ConfJ => "ConfJ",
             Self::ConfL => "ConfL",
             Self::Branch => "the arm configuration",
+            Self::Place => "the position of the arm",
         }
     }
 }
@@ -63,6 +67,15 @@ pub enum Setting {
     Inline(Box<[Known; 3]>),
     /// Its index among the positions.
     Position(usize),
+}
+
+impl Setting {
+    pub const fn position(&self) -> Option<usize> {
+        match self {
+            Self::Position(place) => Some(*place),
+            _ => None,
+        }
+    }
 }
 
 pub type Known = Result<Arc<Setting>, Arc<Refusal>>;
@@ -211,6 +224,8 @@ pub trait Motions {
     /// The arm configuration that the motion states for those behind it; `None` where none. Without a state: where it
     /// may state one.
     fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known>;
+    /// The position that the motion ends at.
+    fn end(&self, motion: usize) -> Known;
     /// The motion happens in this state.
     fn happens(&mut self, motion: usize, state: &State);
     /// A routine is called in this state.
@@ -267,7 +282,9 @@ impl Summaries {
         for (routine, at) in routines {
             add(&mut all, &self.call(routine, at));
         }
-        all[Slot::Branch as usize] = Effect::None;
+        for slot in [Slot::Branch, Slot::Place] {
+            all[slot as usize] = Effect::None;
+        }
         AtAnyTime(all)
     }
 
@@ -291,6 +308,7 @@ impl Summaries {
                 if let Some(branch) = motions.branch(*motion, None) {
                     all[Slot::Branch as usize].add(&Effect::One(branch));
                 }
+                all[Slot::Place as usize].add(&Effect::One(motions.end(*motion)));
             }
             Step::Call { routine, at } => add(all, &self.call(routine, at)),
             _ => {}
@@ -448,6 +466,7 @@ impl<M: Motions> Walk<'_, M> {
         if let Some(branch) = self.motions.branch(motion, Some(&self.state)) {
             self.state.set(Slot::Branch, branch);
         }
+        self.state.set(Slot::Place, self.motions.end(motion));
     }
 
     fn open_loop(&mut self, effects: Option<&Effects>) {
@@ -525,7 +544,9 @@ impl<M: Motions> Walk<'_, M> {
                 }
             }
             (Some(Block::With { mut before }), Step::EndWith) => {
-                before.set(Slot::Branch, self.state.get(Slot::Branch).clone());
+                for slot in [Slot::Branch, Slot::Place] {
+                    before.set(slot, self.state.get(slot).clone());
+                }
                 self.state = before;
             }
             _ => return false,

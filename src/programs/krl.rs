@@ -21,8 +21,8 @@ use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::Chain;
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
-use crate::program::{Computed, File, Position};
-use crate::reading::Common;
+use crate::program::File;
+use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
 
 pub(crate) use frames::abc;
@@ -51,8 +51,8 @@ pub(crate) struct Reading<'f> {
     interrupts: Vec<(String, Place)>,
 }
 
-/// Positions, computed targets and the arm's base of the KRL files among `files`.
-pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
+/// Positions, motions and the arm's base of the KRL files among `files`.
+pub(crate) fn read(files: &[File]) -> (Used, Chain) {
     let krl = |file: &File| matches!(file.ending().as_str(), "src" | "sub" | "dat");
     let own = files.iter().enumerate().filter(|(_, file)| krl(file));
     let mut own: Vec<(usize, Vec<Token>)> =
@@ -60,7 +60,7 @@ pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
     // What routines assign is known once lists have declared it.
     own.sort_by_key(|(file, _)| files[*file].ending() != "dat");
     let give = "the .dat file that declares it";
-    let common = Common::new(files, Vec::new(), Vec::new(), motion::shape, give);
+    let common = Common::new(files, Used::default(), motion::shape, give);
     let mut reading = Reading {
         common,
         local: BTreeSet::new(),
@@ -80,7 +80,7 @@ pub(crate) fn read(files: &[File]) -> (Vec<Position>, Vec<Computed>, Chain) {
     }
     let root = reading.root();
     reading.walk();
-    (reading.common.positions, reading.common.computed, root)
+    (reading.common.found, root)
 }
 
 impl Reading<'_> {
@@ -99,7 +99,7 @@ impl Reading<'_> {
 
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
-        for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch] {
+        for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;
         }
         changed[Slot::Mode as usize] = self.any_fixed_tool;

@@ -38,7 +38,8 @@ use posegrid_arm::geometry;
 
 pub use ask::{Asked, Branch, Wanted};
 pub use frame::{Cell, CellFrame, ExternalAxes, Found};
-pub use program::{Computed, File, Position, Programs};
+pub use program::{Computed, File, Path, Position, Programs, Way};
+use reading::Used;
 pub use refusal::{Place, Refusal};
 
 /// Whether a file belongs to a program or says something of its frames.
@@ -48,14 +49,15 @@ pub fn is_program(file: &File) -> bool {
 
 /// Everything that motions of these files use.
 pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
-    let (positions, computed, krl_root) = krl::read(&files);
-    let (positions, computed, rapid_root) = rapid::read(&files, cell, positions, computed);
+    let (found, krl_root) = krl::read(&files);
+    let (found, rapid_root) = rapid::read(&files, cell, found);
     let root = |file: &File| {
         if rapid::is_known(file) { rapid_root.clone() } else { krl_root.clone() }
     };
     let roots = files.iter().map(root).collect();
     let marks = files.iter().map(write::mark).collect();
-    Programs { files, positions, computed, marks, roots }
+    let Used { positions, computed, paths } = found;
+    Programs { files, positions, computed, paths, marks, roots }
 }
 
 #[cfg(test)]

@@ -113,6 +113,33 @@ pub struct Computed {
     pub text: String,
 }
 
+/// How a motion leads to its last position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Each joint in its share of the way.
+    Joints,
+    Straight,
+    /// The circle through the first of its positions.
+    Circle,
+    /// A spline, a part of a circle, a search: it may end beside its position.
+    Other,
+}
+
+/// A motion with where it begins and ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Path {
+    pub file: usize,
+    pub line: u32,
+    pub word: String,
+    pub way: Way,
+    /// Whether the arm leaves for the next position before it has reached the end.
+    pub is_blended: bool,
+    /// The position of the arm before it; `None` where that is not known.
+    pub from: Option<usize>,
+    /// Its own positions, the end last; `None` where one is computed, or the motion leads beside it.
+    pub through: Option<Vec<usize>>,
+}
+
 /// Files with everything that was read of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Programs {
@@ -120,6 +147,8 @@ pub struct Programs {
     /// Positions that a motion uses.
     pub positions: Vec<Position>,
     pub computed: Vec<Computed>,
+    /// The motions, in the order in which routines were followed.
+    pub paths: Vec<Path>,
     /// The line of each file's mark; `None` for one that is not corrected.
     pub marks: Vec<Option<u32>>,
     /// The frame of the arm's base in the world, one for each file.
@@ -147,6 +176,8 @@ pub(crate) struct Motion {
     /// Settings of this motion alone.
     pub(crate) own: Vec<(Slot, Known)>,
     pub(crate) reads: Reads,
+    pub(crate) way: Way,
+    pub(crate) is_blended: bool,
     /// What forbids to correct its positions.
     pub(crate) obstacle: Option<Arc<Refusal>>,
 }
@@ -168,6 +199,17 @@ impl Motion {
             Target::Literal { positions, .. } if positions.len() == 1 => positions.first().copied(),
             _ => None,
         }
+    }
+
+    /// The positions that it moves through; `None` where one is no literal.
+    fn through(&self) -> Option<Vec<usize>> {
+        let only = |target: &Target| match target {
+            Target::Literal { positions, is_beside: false } if positions.len() == 1 => {
+                positions.first().copied()
+            }
+            _ => None,
+        };
+        self.targets.iter().map(only).collect()
     }
 
     /// The arm configuration that it states where it reads its position's.
@@ -214,6 +256,7 @@ impl Motion {
 pub(crate) struct Recorder<'r> {
     pub(crate) motions: &'r [Motion],
     pub(crate) positions: &'r mut [Position],
+    pub(crate) paths: &'r mut Vec<Path>,
     /// What holds at the calls of a routine so far.
     pub(crate) entries: HashMap<String, State>,
 }
@@ -231,6 +274,15 @@ impl crate::flow::Motions for Recorder<'_> {
         }
     }
 
+    fn end(&self, motion: usize) -> Known {
+        let motion = &self.motions[motion];
+        let through = motion.through().filter(|_| motion.way != Way::Other);
+        match through.as_deref() {
+            Some([.., end]) => known(Setting::Position(*end)),
+            _ => unknown(Refusal::Other(format!("line {} ends beside a position", motion.line))),
+        }
+    }
+
     fn calls(&mut self, routine: &str, state: &State) {
         match self.entries.get_mut(routine) {
             Some(entry) => entry.join(state),
@@ -242,6 +294,16 @@ impl crate::flow::Motions for Recorder<'_> {
 
     fn happens(&mut self, index: usize, state: &State) {
         let motion = &self.motions[index];
+        let from = state.get(Slot::Place).as_ref().ok();
+        self.paths.push(Path {
+            file: motion.file,
+            line: motion.line,
+            word: motion.word.clone(),
+            way: motion.way,
+            is_blended: motion.is_blended,
+            from: from.and_then(|place| place.position()),
+            through: motion.through(),
+        });
         let mut state = state.clone();
         for (slot, to) in &motion.own {
             state.set(*slot, to.clone());

@@ -23,8 +23,8 @@ use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
-use crate::program::{Computed, File, Position};
-use crate::reading::Common;
+use crate::program::File;
+use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
 use statement::Statement;
 
@@ -62,14 +62,8 @@ pub(crate) struct Reading<'f> {
     any_conf_off: [bool; 2],
 }
 
-/// Positions, computed targets and the arm's base of the RAPID modules among `files`,
-/// behind those that are there already.
-pub(crate) fn read(
-    files: &[File],
-    cell: &Cell,
-    positions: Vec<Position>,
-    computed: Vec<Computed>,
-) -> (Vec<Position>, Vec<Computed>, Chain) {
+/// Positions, motions and the arm's base of the RAPID modules among `files`, behind those that are found already.
+pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let own = files.iter().enumerate().filter(|(_, file)| is_module(file));
     let tokens = |file: &File| statement::without_line_ends(&tokens(&file.bytes, &RAPID));
     let own: Vec<(usize, Vec<Token>)> = own.map(|(place, file)| (place, tokens(file))).collect();
@@ -79,7 +73,7 @@ pub(crate) fn read(
         .collect();
     let give = "the module that declares it";
     let mut reading = Reading {
-        common: Common::new(files, positions, computed, motion::shape, give),
+        common: Common::new(files, found, motion::shape, give),
         cell,
         tasks: BTreeSet::new(),
         given: HashMap::new(),
@@ -97,7 +91,7 @@ pub(crate) fn read(
         }
     }
     reading.walk();
-    (reading.common.positions, reading.common.computed, base_frame::read(files))
+    (reading.common.found, base_frame::read(files))
 }
 
 impl Reading<'_> {
@@ -145,7 +139,7 @@ impl Reading<'_> {
             "motions stand in the tasks {}, which may be of several arms; give the folder of one",
             tasks.join(", ")
         );
-        for position in &mut self.common.positions {
+        for position in &mut self.common.found.positions {
             if is_module(&self.common.files[position.file]) {
                 position.obstacle.get_or_insert_with(|| Refusal::Other(words.clone()));
             }
@@ -154,7 +148,7 @@ impl Reading<'_> {
 
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
-        changed[Slot::Branch as usize] = true;
+        [changed[Slot::Branch as usize], changed[Slot::Place as usize]] = [true; 2];
         changed[Slot::Displacement as usize] = self.any_displacement;
         changed[Slot::Mode as usize] = self.any_offset;
         [changed[Slot::ConfJ as usize], changed[Slot::ConfL as usize]] = self.any_conf_off;
@@ -193,7 +187,7 @@ fn entry(
         Slot::ConfJ => conf(0, "ConfJ"),
         Slot::ConfL => conf(1, "ConfL"),
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.clone() }),
-        Slot::Base | Slot::Tool | Slot::Waiting => {
+        Slot::Base | Slot::Tool | Slot::Waiting | Slot::Place => {
             unknown(Refusal::NotSet { what: slot.name(), routine: routine.clone() })
         }
     })

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::flow::{Others, Routine, State, Step, Summaries, walk};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
-use crate::program::{Computed, File, Motion, Position, Recorder, Shape, Target};
+use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Target};
 use crate::refusal::{Place, Refusal};
 use crate::value::{Cursor, Value};
 
@@ -22,6 +22,14 @@ pub(crate) struct Here<'h> {
     pub(crate) scopes: &'h [Scope],
 }
 
+/// What motions use and where they lead.
+#[derive(Default)]
+pub(crate) struct Used {
+    pub(crate) positions: Vec<Position>,
+    pub(crate) computed: Vec<Computed>,
+    pub(crate) paths: Vec<Path>,
+}
+
 /// The content of the files that have been read, whatever their dialect.
 pub(crate) struct Common<'f> {
     pub(crate) files: &'f [File],
@@ -30,8 +38,7 @@ pub(crate) struct Common<'f> {
     pub(crate) global: BTreeMap<String, Vec<String>>,
     pub(crate) routines: BTreeMap<String, Routine>,
     pub(crate) motions: Vec<Motion>,
-    pub(crate) positions: Vec<Position>,
-    pub(crate) computed: Vec<Computed>,
+    pub(crate) found: Used,
     /// The numbers of a value of a type.
     shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
     /// What to give where a position has no value.
@@ -41,8 +48,7 @@ pub(crate) struct Common<'f> {
 impl<'f> Common<'f> {
     pub(crate) fn new(
         files: &'f [File],
-        positions: Vec<Position>,
-        computed: Vec<Computed>,
+        found: Used,
         shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
         give: &'static str,
     ) -> Self {
@@ -52,8 +58,7 @@ impl<'f> Common<'f> {
             global: BTreeMap::new(),
             routines: BTreeMap::new(),
             motions: Vec::new(),
-            positions,
-            computed,
+            found,
             shape,
             give,
         }
@@ -127,7 +132,7 @@ impl<'f> Common<'f> {
         let file = &self.files[written.file];
         let shared = || Refusal::Shared { file: file.base_name().to_owned() };
         let obstacle = file.is_of_system().then(shared);
-        self.positions.push(Position {
+        self.found.positions.push(Position {
             file: written.file,
             line: written.line,
             name: name.to_owned(),
@@ -137,11 +142,11 @@ impl<'f> Common<'f> {
             uses: Vec::new(),
             span: written.span.clone(),
         });
-        self.positions.len() - 1
+        self.found.positions.len() - 1
     }
 
     fn missing(&mut self, here: &Here<'_>, name: &str, why: Refusal) -> usize {
-        self.positions.push(Position {
+        self.found.positions.push(Position {
             file: here.file,
             line: here.line,
             name: name.to_owned(),
@@ -151,7 +156,7 @@ impl<'f> Common<'f> {
             uses: Vec::new(),
             span: 0..0,
         });
-        self.positions.len() - 1
+        self.found.positions.len() - 1
     }
 
     /// The target that was found in an expression; a computed one where there is none, and what the expression reads is marked.
@@ -176,7 +181,7 @@ impl<'f> Common<'f> {
         for target in &motion.targets {
             if let Target::Computed(text) = target {
                 let (word, text) = (motion.word.clone(), text.clone());
-                self.computed.push(Computed { file, line, word, text });
+                self.found.computed.push(Computed { file, line, word, text });
             }
         }
         self.motions.push(motion);
@@ -242,8 +247,9 @@ impl<'f> Common<'f> {
         entry: impl Fn(&str) -> State,
     ) {
         let order = self.callers_first(private);
-        let positions = &mut self.positions;
-        let mut recorder = Recorder { motions: &self.motions, positions, entries: HashMap::new() };
+        let Used { positions, paths, .. } = &mut self.found;
+        let entries = HashMap::new();
+        let mut recorder = Recorder { motions: &self.motions, positions, paths, entries };
         let summaries = Summaries::new(&self.routines, &recorder, others);
         let any_time = summaries.at_any_time(interrupts);
         for (full, is_open) in order {
@@ -270,7 +276,7 @@ impl<'f> Common<'f> {
                 }
             }
         }
-        self.names.forbid(&mut self.positions);
+        self.names.forbid(&mut self.found.positions);
     }
 
     /// Names of all routines, each behind those that call it; true for those that are called from elsewhere too, or in a circle.

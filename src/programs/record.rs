@@ -53,7 +53,7 @@ pub struct Replaced {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum UndoError {
     #[error(
-        "{name:?} names no file inside the folder; was {RECORD} changed? Take the originals from a backup"
+        "{name:?} is no file of the folder, or stands twice in {RECORD}; was that changed? Take the originals from a backup"
     )]
     Name { name: String },
     #[error(

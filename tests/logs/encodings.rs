@@ -12,7 +12,7 @@ mod proto;
 pub mod sample;
 pub mod worded;
 
-use crate::build::{Cdr, Log, WholeSession, read, schema, stamp};
+use crate::build::{Cdr, Log, POSE, WholeSession, read, schema, stamp};
 use proto::Proto;
 
 /// How the messages of one stream are stored.
@@ -54,6 +54,19 @@ fn of_ros(type_name: &'static str, text: &str, message: fn(i64, f64) -> Vec<u8>)
         language: "ros2msg",
         definition: format!("{text}{TIME}{POINT}").into_bytes(),
         encoding: "cdr",
+        message,
+    }
+}
+
+/// As `mcap convert` writes the messages of a ROS 1 bag.
+fn of_ros_1(type_name: &'static str, fields: &str, message: fn(i64, f64) -> Vec<u8>) -> Form {
+    let header =
+        "================\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
+    Form {
+        type_name,
+        language: "ros1msg",
+        definition: format!("{fields}{header}{POSE}").into_bytes(),
+        encoding: "ros1",
         message,
     }
 }
@@ -220,11 +233,43 @@ fn joint_forms() -> Vec<Form> {
         of_ros(state_name, &humble, controller_state),
         of_ros(state_name, &jazzy, controller_state),
         of_ros("foxglove_msgs/msg/JointStates", foxglove, foxglove_joints),
+        of_ros_1(
+            "sensor_msgs/JointState",
+            "Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",
+            joint_state_ros_1,
+        ),
         of_protobuf("foxglove.JointStates", joint_states_protobuf),
         of_json("foxglove.JointStates", joint_states_json),
         of_json("sensor_msgs/msg/JointState", joint_state_json),
         of_json("sensor_msgs/msg/JointState", joint_state_json_in_text),
     ]
+}
+
+fn joint_state_ros_1(ns: i64, i: f64) -> Vec<u8> {
+    let numbers = |numbers: &[f64]| [&[2, 0, 0, 0][..], &packed(numbers)].concat();
+    let names = b"\x02\0\0\0\x01\0\0\0b\x01\0\0\0a";
+    let head = [&header_ros_1(ns)[..], names].concat();
+    [head, numbers(&[-i, i]), numbers(&[0.5, 0.5]), vec![0; 4]].concat()
+}
+
+/// A sequence number that counts up, the stamp, and a frame of 7 bytes that nothing pads.
+fn header_ros_1(ns: i64) -> Vec<u8> {
+    let (secs, nsecs) = seconds_and_nanoseconds(ns);
+    let words = [nsecs / 10_000_000, secs, nsecs, 7].map(|n| u32::try_from(n).expect("small"));
+    let words = words.map(u32::to_le_bytes).concat();
+    [&words[..], b"tracker"].concat()
+}
+
+fn packed(numbers: &[f64]) -> Vec<u8> {
+    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
+fn point_ros_1(ns: i64, i: f64) -> Vec<u8> {
+    [header_ros_1(ns), packed(&[3.0, i, 4.0])].concat()
+}
+
+fn pose_ros_1(ns: i64, i: f64) -> Vec<u8> {
+    [header_ros_1(ns), packed(&[3.0, i, 4.0, 0.0, 0.0, 0.0, 1.0])].concat()
 }
 
 fn point(ns: i64, i: f64) -> Vec<u8> {
@@ -271,6 +316,7 @@ fn reading_forms() -> Vec<Form> {
     vec![
         of_ros("geometry_msgs/PointStamped", &text.replace('\n', "\r\n"), point),
         of_ros("foxglove_msgs/msg/Point3InFrame", foxglove, foxglove_point),
+        of_ros_1("geometry_msgs/PointStamped", "Header header\nPoint point\n", point_ros_1),
         of_protobuf("foxglove.Point3InFrame", point_protobuf),
         of_json("foxglove.Point3InFrame", point_json),
         of_json("foxglove.Point3InFrame", point_json_in_text),
@@ -345,6 +391,7 @@ fn poses_come_with_their_orientation_in_every_encoding() {
         of_protobuf("foxglove.PoseInFrame", protobuf),
         of_json("foxglove.PoseInFrame", json),
         of_ros("geometry_msgs/msg/TransformStamped", &text, transform),
+        of_ros_1("geometry_msgs/PoseStamped", "Header header\nPose pose\n", pose_ros_1),
     ] {
         let found = recording(&joint_forms()[0], &form);
         assert_eq!(found.rejects, [], "{}", form.type_name);

@@ -178,8 +178,13 @@ fn log_file_in_zstd() {
 }
 
 /// Encodings of messages with the languages of their schemas.
-const FORMS: [(&str, &str); 4] =
-    [("cdr", "ros2msg"), ("cdr", "ros2idl"), ("protobuf", "protobuf"), ("json", "jsonschema")];
+const FORMS: [(&str, &str); 5] = [
+    ("cdr", "ros2msg"),
+    ("cdr", "ros2idl"),
+    ("protobuf", "protobuf"),
+    ("json", "jsonschema"),
+    ("ros1", "ros1msg"),
+];
 
 /// Which form, length of the type's name, length of the schema; then name, schema and message.
 fn packed_form(form: u8, name: &str, schema: &[u8], message: &[u8]) -> Vec<u8> {

@@ -4,8 +4,8 @@
 
 FOLDER holds messages.mcap and decoded.jsonl, as the test `a_sample_of_every_type…` writes them: a line for each message
 and field path, with the bits of each number found there, each text, null for what is absent. Here the messages are
-decoded by `mcap` with `mcap-ros2-support` (ros2msg), `mcap-ros2idl-support` (ros2idl), `cyclonedds` (CDR 2, plain and
-delimited), `mcap-protobuf-support` and `json`, none of them posegrid's own code.
+decoded by `mcap` with `mcap-ros1-support` (ros1msg), `mcap-ros2-support` (ros2msg), `mcap-ros2idl-support` (ros2idl),
+`cyclonedds` (CDR 2, plain and delimited), `mcap-protobuf-support` and `json`, none of them posegrid's own code.
 """
 
 import argparse
@@ -21,6 +21,7 @@ from cyclonedds.idl import IdlStruct, annotations, types
 from google.protobuf.message import Message
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as Protobuf
+from mcap_ros1.decoder import DecoderFactory as Ros1Msg
 from mcap_ros2.decoder import DecoderFactory as Ros2Msg
 from mcap_ros2idl_support import Ros2DecodeFactory as Ros2Idl
 
@@ -150,7 +151,7 @@ def main():
 
     messages = {}
     with open(folder / "messages.mcap", "rb") as log:
-        reader = make_reader(log, decoder_factories=[Idl(), Ros2Msg(), Protobuf(), Json()])
+        reader = make_reader(log, decoder_factories=[Idl(), Ros2Msg(), Ros1Msg(), Protobuf(), Json()])
         for _, channel, _, message in reader.iter_decoded_messages():
             messages.setdefault(channel.topic, []).append(message)
 

@@ -122,8 +122,8 @@ pub struct Compensated {
 }
 
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
-    if let (Some(folder), Some(out)) = (&args.program.undo, &args.out) {
-        return program::undo::main(folder, out);
+    if let Some(folder) = &args.program.undo {
+        return program::undo::main(folder, args.out.as_deref());
     }
     if args.is_of_program() {
         return program::main(args, bars);

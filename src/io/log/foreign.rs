@@ -4,7 +4,7 @@
 pub(super) fn what_it_is(start: &[u8]) -> &'static str {
     match start {
         [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => {
-            " (a ROS 1 bag: `mcap convert in.bag out.mcap`)"
+            " (a ROS 1 bag: `mcap convert in.bag out.mcap` writes a log whose ros1 messages are read)"
         }
         [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
             " (a SQLite file, as rosbag2 writes with storage sqlite3: `ros2 bag convert` with storage_id mcap, or `mcap \

@@ -1,10 +1,13 @@
-//! ROS 2 CDR: a message's bytes, read by a reader.
+//! ROS 2 CDR, and ROS 1's serialization: a message's bytes, read by a reader.
 //!
-//! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second states version, byte order and
-//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most)
+//! Layout of CDR (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second states version, byte order
+//! and whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most)
 //! from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's includes its
 //! terminating zero. In version 2 an array of anything but numbers begins with its length in bytes; in the delimited
 //! encoding each appendable message does so too.
+//!
+//! Layout of ROS 1 (wiki, "msg"): the fields, little-endian and unaligned; a string's count includes no terminating
+//! zero; a message without fields has no bytes.
 //!
 //! Characters of wide strings have four bytes in Fast DDS, two in Cyclone DDS, and no message states which: such a
 //! message is read both ways, and used when only one fits, or both give the same values. A message with the same layout
@@ -14,18 +17,20 @@ mod layout;
 
 use super::cdr_reader::{Repeat, Step};
 use super::cell::{Cell, Span, number, place};
-use super::value::without_end_mark;
-use super::{CdrReader, MessageFault, Primitive, Row};
+use super::value::TextForm;
+use super::{CdrReader, MessageFault, Primitive, Row, Serialization};
 
 pub(super) use layout::Layout;
 
 const WIDE: [u8; 2] = [4, 2];
 
-/// The reading position, counted from the end of the encapsulation.
+/// The reading position, with what the encoding states for the whole message.
 struct Cursor<'m> {
     bytes: &'m [u8],
     at: usize,
     big_endian: bool,
+    texts: TextForm,
+    /// Bytes to which the largest numbers are aligned.
     widest: usize,
     version_2: bool,
     wide: u8,
@@ -57,24 +62,7 @@ impl CdrReader {
     }
 
     fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Result<(), MessageFault> {
-        let (header, _) = message.split_first_chunk::<4>().ok_or(MessageFault::Short)?;
-        let encapsulation = u16::from_be_bytes([header[0], header[1]]);
-        // Even numbers are big-endian. Numbers from 0x10 on are those of an earlier edition of the standard.
-        let (steps, version_2) = match encapsulation {
-            0 | 1 => (&self.plain, false),
-            6 | 7 | 0x10 | 0x11 => (&self.plain, true),
-            8 | 9 | 0x14 | 0x15 => (&self.delimited, true),
-            other => return Err(MessageFault::Encapsulation(other)),
-        };
-        let mut cursor = Cursor {
-            bytes: message,
-            at: HEADER,
-            big_endian: encapsulation % 2 == 0,
-            widest: if version_2 { 4 } else { 8 },
-            version_2,
-            wide,
-            layout: row.take_layout(),
-        };
+        let (steps, mut cursor) = self.begin(message, wide, row.take_layout())?;
         cursor.run(steps, row)?;
         cursor.finish()?;
         if !self.wide && !row.has_lists() {
@@ -83,9 +71,51 @@ impl CdrReader {
         row.put_layout(cursor.layout);
         Ok(())
     }
+
+    /// The steps over a message in its encoding, and the position of its first field.
+    fn begin<'m>(
+        &self,
+        message: &'m [u8],
+        wide: u8,
+        layout: Layout,
+    ) -> Result<(&[Step], Cursor<'m>), MessageFault> {
+        let mut packed = Cursor {
+            bytes: message,
+            at: 0,
+            big_endian: false,
+            texts: TextForm::Packed,
+            widest: 1,
+            version_2: false,
+            wide,
+            layout,
+        };
+        if self.serialization == Serialization::Ros1 {
+            return Ok((&self.plain, packed));
+        }
+        let (header, _) = message.split_first_chunk::<HEADER>().ok_or(MessageFault::Short)?;
+        let encapsulation = u16::from_be_bytes([header[0], header[1]]);
+        // Even numbers are big-endian. Numbers from 0x10 on are those of an earlier edition of the standard.
+        let (steps, version_2) = match encapsulation {
+            0 | 1 => (&self.plain, false),
+            6 | 7 | 0x10 | 0x11 => (&self.plain, true),
+            8 | 9 | 0x14 | 0x15 => (&self.delimited, true),
+            other => return Err(MessageFault::Encapsulation(other)),
+        };
+        let big_endian = encapsulation % 2 == 0;
+        packed.layout.count(0);
+        let cursor = Cursor {
+            at: HEADER,
+            big_endian,
+            texts: if big_endian { TextForm::BigEndian } else { TextForm::LittleEndian },
+            widest: if version_2 { 4 } else { 8 },
+            version_2,
+            ..packed
+        };
+        Ok((steps, cursor))
+    }
 }
 
-/// Bytes of the encapsulation; alignment is counted from its end, which makes no difference for up to 4 bytes.
+/// Bytes of CDR's encapsulation, from the end of which alignment is counted.
 const HEADER: usize = 4;
 
 impl Cursor<'_> {
@@ -199,7 +229,7 @@ impl Cursor<'_> {
             return Ok((self.at, self.at));
         }
         let size = of.size();
-        let start = self.aligned(size.min(self.widest));
+        let start = self.aligned(size);
         let end = usize::try_from(count)
             .ok()
             .and_then(|count| count.checked_mul(size))
@@ -211,8 +241,10 @@ impl Cursor<'_> {
     }
 
     #[inline]
-    const fn aligned(&self, size: usize) -> usize {
-        ((self.at - HEADER + size - 1) & !(size - 1)) + HEADER
+    fn aligned(&self, size: usize) -> usize {
+        let size = size.min(self.widest);
+        // Counted from as many bytes before the message, which is the same for up to twice as many.
+        ((self.at + HEADER + size - 1) & !(size - 1)) - HEADER
     }
 
     fn count(&mut self) -> Result<u32, MessageFault> {
@@ -235,7 +267,7 @@ impl Cursor<'_> {
         let length = self.count()?;
         let (start, end) = self.elements(Primitive::U8, u64::from(length))?;
         self.layout.text(end);
-        let length = without_end_mark(&self.bytes[start..end]).len();
+        let length = self.texts.characters(&self.bytes[start..end]).len();
         Ok(Span::new(start, start + length, false))
     }
 
@@ -254,14 +286,15 @@ impl Cursor<'_> {
             start: place(start),
             end: place(self.at.max(start)),
             count,
-            big_endian: self.big_endian,
+            form: self.texts,
         })
     }
 
-    /// Some writers pad a message to a multiple of four, or with zeros.
+    /// Some writers of CDR pad a message to a multiple of four, or with zeros.
     fn finish(&mut self) -> Result<(), MessageFault> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
-        if rest.len() < 4 || rest.iter().all(|&byte| byte == 0) {
+        let is_padding = rest.len() < 4 || rest.iter().all(|&byte| byte == 0);
+        if rest.is_empty() || is_padding && self.texts != TextForm::Packed {
             if rest.len() >= 4 {
                 self.layout.depends_on_more();
             }
@@ -274,7 +307,7 @@ impl Cursor<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ros2msg::parse;
+    use super::super::rosmsg::parse;
     use super::super::{FieldPath, Value};
     use super::*;
 
@@ -287,7 +320,11 @@ mod tests {
     }
 
     fn reader(text: &str, wanted: &[&str]) -> CdrReader {
-        let definition = parse("a/B", text).expect("sound text");
+        reader_of(Serialization::Cdr, text, wanted)
+    }
+
+    fn reader_of(serialization: Serialization, text: &str, wanted: &[&str]) -> CdrReader {
+        let definition = parse("a/B", text, serialization).expect("sound text");
         CdrReader::resolve(&definition, &paths(wanted)).expect("fields exist")
     }
 
@@ -420,6 +457,95 @@ mod tests {
                 Err(MessageFault::Encapsulation(parameter_list.into()))
             );
         }
+    }
+
+    const ROS_1: &str = "Header header\nduration left\nbyte b\nchar c\nbool d\nNone[] nothing\nNone[7] never\n\
+        string[] name\nfloat64[] position\nPair[] pairs\n===\nMSG: a/None\nuint8 NOT=1\n===\nMSG: a/Pair\nint16 x\nstring s";
+
+    /// Sequence number 3, stamp 7 s 9 ns, frame "b", duration −2 s 5 ns, bytes 255, 254 and 1, names "j" and "k\0",
+    /// positions 1.5 and −2, pairs of −1 and "p", 2 and "".
+    fn ros_1_message() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for n in [3_u32, 7, 9, 1] {
+            bytes.extend(n.to_le_bytes());
+        }
+        bytes.extend(b"b\xFE\xFF\xFF\xFF\x05\0\0\0"); // 16: the frame without end mark; 17: duration
+        bytes.extend([255, 254, 1]); // 25: byte, char, bool
+        bytes.extend([9, 0, 0, 0]); // 28: nine elements without fields
+        bytes.extend(b"\x02\0\0\0\x01\0\0\0j\x02\0\0\0k\0"); // 32: names
+        bytes.extend([2, 0, 0, 0]); // 47
+        bytes.extend([1.5_f64, -2.0].into_iter().flat_map(f64::to_le_bytes)); // 51
+        bytes.extend(b"\x02\0\0\0\xFF\xFF\x01\0\0\0p\x02\0\0\0\0\0"); // 67: pairs
+        bytes
+    }
+
+    #[test]
+    fn ros_1_has_neither_alignment_nor_end_marks() {
+        let wanted = [
+            "header.seq",
+            "header.stamp.sec|secs",
+            "header.stamp.nsecs",
+            "left.secs",
+            "b",
+            "c",
+            "d",
+            "position[1]",
+            "pairs[0].x",
+            "pairs[].s",
+            "name",
+            "header.frame_id",
+        ];
+        let reader = reader_of(Serialization::Ros1, ROS_1, &wanted);
+        let message = ros_1_message();
+        let mut row = Row::default();
+        reader.read(&message, &mut row).expect("sound message");
+        let integers = [0, 1, 2, 3, 4, 5, 6, 8].map(|slot| row.value(&message, slot).integer());
+        assert_eq!(integers, [3, 7, 9, -2, -1, 254, 1, -1].map(Some));
+        assert_eq!(row.value(&message, 7), Value::Number(-2.0));
+        let texts = |slot| {
+            let texts = row.value(&message, slot).texts().expect("an array");
+            texts.iter().map(|text| text.expect("a text").to_text()).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (texts(9), texts(10)),
+            (vec!["p".to_owned(), String::new()], vec!["j".to_owned(), "k\0".to_owned()])
+        );
+        assert!(matches!(row.value(&message, 11), Value::Text(text) if text.is("b")));
+    }
+
+    #[test]
+    fn a_ros_1_message_ends_where_its_fields_end() {
+        let reader = reader_of(Serialization::Ros1, ROS_1, &["position"]);
+        let message = ros_1_message();
+        for length in 0..message.len() {
+            assert_eq!(fault(&reader, &message[..length]), Err(MessageFault::Short), "{length}");
+        }
+        assert_eq!(fault(&reader, &[&message[..], &[0]].concat()), Err(MessageFault::LeftOver));
+        for count in [12, 32, 36, 47, 67] {
+            let mut message = message.clone();
+            message[count..count + 4].fill(0xFF);
+            assert_eq!(fault(&reader, &message), Err(MessageFault::Short), "{count}");
+        }
+        let empty = reader_of(Serialization::Ros1, "", &[]);
+        assert_eq!(fault(&empty, &[]), Ok(()));
+    }
+
+    #[test]
+    fn a_row_of_ros_1_is_reused_whatever_the_sequence_number() {
+        let wanted = ["header.seq", "header.stamp.secs", "name", "position[1]"];
+        let reader = reader_of(Serialization::Ros1, ROS_1, &wanted);
+        let mut row = Row::default();
+        reader.read(&ros_1_message(), &mut row).expect("sound message");
+        let filled = row.filled();
+        let mut next = ros_1_message();
+        next[0] = 4; // the sequence number
+        next[51 + 15] = 0x40; // the second position, now 2
+        reader.read(&next, &mut row).expect("sound message");
+        assert_eq!(row.filled(), filled, "it was not walked again");
+        assert_eq!((row.integer(0), row.number(3)), (Some(4), Some(2.0)));
+        next[40] = b'i'; // another name
+        reader.read(&next, &mut row).expect("sound message");
+        assert_ne!(row.filled(), filled);
     }
 
     #[test]
@@ -574,7 +700,7 @@ mod tests {
 
     #[test]
     fn plans_refuse_what_cannot_be_read() {
-        let definition = |text| parse("a/B", text).expect("sound text");
+        let definition = |text| parse("a/B", text, Serialization::Cdr).expect("sound text");
         let refusal = |text, path| {
             CdrReader::resolve(&definition(text), &paths(&[path])).expect_err("refused").to_string()
         };

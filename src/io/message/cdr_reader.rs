@@ -1,4 +1,4 @@
-//! Definition + wanted paths → a flat list of steps over a CDR message: nested messages are expanded in place, arrays
+//! Definition + wanted paths → a flat list of steps over a message of CDR or ROS 1: nested messages are expanded in place, arrays
 //! of them are one repeated step. Fields after the last wanted one are still walked: a message that does not end where
 //! its schema ends is damaged.
 
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::path::{Segment, Want, by_element};
 use super::{
     Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Primitive, SchemaError,
-    Shape,
+    Serialization, Shape,
 };
 
 /// More fields than any real message has; it stops a hostile schema from expanding without end.
@@ -17,6 +17,7 @@ const MOST_LEVELS: usize = 32;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CdrReader {
+    pub(super) serialization: Serialization,
     pub(super) plain: Vec<Step>,
     /// For encodings in which each message and nested message begins with its length.
     pub(super) delimited: Vec<Step>,
@@ -112,6 +113,7 @@ impl CdrReader {
         let (plain, wide) = unfold(false)?;
         let (delimited, _) = unfold(true)?;
         Ok(Self {
+            serialization: definition.serialization,
             plain,
             delimited: vec![Step::Delimited(delimited)],
             wide,
@@ -174,7 +176,14 @@ impl Unfolding<'_> {
             }
             (FieldType::Message(inner), shape) => {
                 let repeat = self.repeat(inner, fixed_count(shape), field, wants)?;
-                steps.push(Step::Repeat(Box::new(repeat)));
+                match repeat.count {
+                    // Elements without fields have no bytes in ROS 1.
+                    Some(_) if repeat.steps.is_empty() => {}
+                    None if repeat.steps.is_empty() => {
+                        steps.push(Step::Skip { of: Primitive::U32, count: 1 });
+                    }
+                    _ => steps.push(Step::Repeat(Box::new(repeat))),
+                }
             }
             (FieldType::WideText, shape) => {
                 if let Some(want) = wants.first() {

@@ -1,6 +1,6 @@
 //! The cell of one wanted path: a number, or the place of the value in the message.
 
-use super::value::Text;
+use super::value::{Text, TextForm};
 use super::{MessageFault, Primitive};
 
 /// Most elements of an array that are gathered one by one: far more than an arm has joints.
@@ -24,7 +24,7 @@ pub(super) enum Cell {
         start: u32,
         end: u32,
         count: u32,
-        big_endian: bool,
+        form: TextForm,
     },
     List,
 }

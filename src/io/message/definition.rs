@@ -4,12 +4,22 @@ use std::fmt;
 pub struct Definition {
     /// The first one is the channel's own; fields refer to the others by index.
     pub types: Vec<MessageType>,
+    pub serialization: Serialization,
+}
+
+/// How messages of the definition are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Serialization {
+    /// ROS 2: the encapsulation states the rest.
+    Cdr,
+    /// ROS 1: little-endian fields one after another, without encapsulation, alignment or ends of strings.
+    Ros1,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MessageType {
     pub name: String,
-    /// At least one: an empty message carries a placeholder byte.
+    /// In CDR at least one: an empty message carries a placeholder byte.
     pub fields: Vec<Field>,
     pub extensibility: Extensibility,
 }
@@ -53,9 +63,9 @@ pub enum Shape {
 pub enum Primitive {
     /// 0 or 1 in one byte.
     Bool,
-    /// Also `char` in the older sense.
+    /// Also ROS 1's `byte`.
     I8,
-    /// Also `byte` and `char`.
+    /// Also `char`, and ROS 2's `byte`.
     U8,
     I16,
     U16,

@@ -9,8 +9,10 @@ mod tokens;
 
 use std::collections::BTreeMap;
 
-use super::ros2msg::{BUILT_IN, short_name};
-use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
+use super::rosmsg::{BUILT_IN, short_name};
+use super::{
+    Definition, Field, FieldType, MessageType, Primitive, SchemaError, Serialization, Shape,
+};
 use parser::{Parsed, RawType, Struct};
 
 const MOST_ALIASES: usize = 16;
@@ -32,7 +34,8 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     let structs = parsed.structs.iter().enumerate();
     let structs: BTreeMap<_, _> = structs.map(|(i, found)| (found.full_name(), i)).collect();
     let types = parsed.structs.iter().map(|found| resolve(found, &structs, &parsed));
-    Ok(Definition { types: types.collect::<Result<_, _>>()? })
+    let types = types.collect::<Result<_, _>>()?;
+    Ok(Definition { types, serialization: Serialization::Cdr })
 }
 
 fn resolve(

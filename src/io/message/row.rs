@@ -1,5 +1,5 @@
-//! The wanted values of one message, in buffers that are reused: numbers are copied, strings and CDR's arrays are
-//! borrowed from the message ([`Row::value`]).
+//! The wanted values of one message, in buffers that are reused: numbers are copied, strings and the arrays of CDR and ROS 1
+//! are borrowed from the message ([`Row::value`]).
 
 use std::sync::Arc;
 
@@ -195,8 +195,8 @@ impl Row {
     #[inline]
     pub fn texts_are(&self, message: &[u8], slot: usize, key: &[u8]) -> bool {
         match self.cells.get(slot) {
-            Some(&Cell::Texts { start, end, big_endian, .. }) => {
-                key.split_first() == Some((&u8::from(big_endian), bytes(message, start, end)))
+            Some(&Cell::Texts { start, end, form, .. }) => {
+                key.split_first() == Some((&(form as u8), bytes(message, start, end)))
             }
             _ => false,
         }
@@ -215,10 +215,10 @@ impl Row {
                 of,
                 big_endian,
             }),
-            Cell::Texts { start, end, count, big_endian } => Value::Texts(Texts::Stored {
+            Cell::Texts { start, end, count, form } => Value::Texts(Texts::Stored {
                 bytes: bytes(message, start, end),
                 count: count as usize,
-                big_endian,
+                form,
             }),
             Cell::List => Value::List(Gathered { message, list: &self.lists[slot] }),
         }

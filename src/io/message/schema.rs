@@ -3,10 +3,14 @@
 use super::cdr_reader::leaves;
 use super::json::{JsonReader, JsonSchema};
 use super::protobuf::{Descriptors, ProtobufReader};
-use super::{CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
+use super::{
+    CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, Serialization, ros2idl,
+    rosmsg,
+};
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum MessageSchema {
+    /// Also of ROS 1, which stores the same fields more simply.
     Cdr(Definition),
     Protobuf(Descriptors),
     Json(JsonSchema),
@@ -29,7 +33,8 @@ impl MessageSchema {
     ) -> Option<Result<Self, SchemaError>> {
         let text = || String::from_utf8_lossy(definition);
         Some(match (encoding, language) {
-            ("cdr", "ros2msg") => ros2msg::parse(name, &text()).map(Self::Cdr),
+            ("cdr", "ros2msg") => rosmsg::parse(name, &text(), Serialization::Cdr).map(Self::Cdr),
+            ("ros1", "ros1msg") => rosmsg::parse(name, &text(), Serialization::Ros1).map(Self::Cdr),
             ("cdr", "ros2idl") => ros2idl::parse(name, &text()).map(Self::Cdr),
             ("protobuf", "protobuf") => Descriptors::read(name, definition).map(Self::Protobuf),
             ("json", _) => Ok(Self::Json(JsonSchema::read(definition))),

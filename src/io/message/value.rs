@@ -130,13 +130,30 @@ impl Numbers<'_> {
     }
 }
 
+/// How strings are stored one after another: for each a length of four bytes and the characters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TextForm {
+    /// CDR: the length is aligned to four bytes and counts a terminating zero.
+    LittleEndian,
+    BigEndian,
+    /// ROS 1: little-endian, without padding or terminating zero.
+    Packed,
+}
+
+impl TextForm {
+    /// The bytes without CDR's terminating zero, which some writers leave out of empty strings.
+    pub(super) fn characters(self, text: &[u8]) -> &[u8] {
+        text.strip_suffix(&[0]).filter(|_| self != Self::Packed).unwrap_or(text)
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Texts<'m> {
-    /// Stored in the message: for each a length, the characters, a terminating zero, padding.
+    /// Stored in the message.
     Stored {
         bytes: &'m [u8],
         count: usize,
-        big_endian: bool,
+        form: TextForm,
     },
     Gathered(Gathered<'m>),
 }
@@ -156,10 +173,10 @@ impl<'m> Texts<'m> {
     /// The strings; the reader has walked them, so all are there. An element that is no string is `None`.
     pub fn iter(&self) -> impl Iterator<Item = Option<Text<'m>>> + use<'m> {
         let (stored, gathered) = match *self {
-            Self::Stored { bytes, count, big_endian } => {
-                (stored_texts(bytes, count, big_endian), None)
+            Self::Stored { bytes, count, form } => (stored_texts(bytes, count, form), None),
+            Self::Gathered(gathered) => {
+                (stored_texts(&[], 0, TextForm::LittleEndian), Some(gathered))
             }
-            Self::Gathered(gathered) => (stored_texts(&[], 0, false), Some(gathered)),
         };
         let gathered = gathered.into_iter().flat_map(|Gathered { message, list }| {
             list.texts().map(move |span| span.map(|span| span.of(message)))
@@ -171,12 +188,12 @@ impl<'m> Texts<'m> {
     pub fn remember(&self, key: &mut Vec<u8>) {
         key.clear();
         match *self {
-            Self::Stored { bytes, big_endian, .. } => {
-                key.push(u8::from(big_endian));
+            Self::Stored { bytes, form, .. } => {
+                key.push(form as u8);
                 key.extend_from_slice(bytes);
             }
             Self::Gathered(_) => {
-                key.push(2);
+                key.push(GATHERED);
                 for text in self.iter() {
                     let bytes = text.map_or(&[][..], |text| text.bytes);
                     key.extend(bytes.len().to_le_bytes());
@@ -190,11 +207,9 @@ impl<'m> Texts<'m> {
     /// Never true for other strings; it may be false for the same ones stored in another way.
     pub fn are(&self, key: &[u8]) -> bool {
         match *self {
-            Self::Stored { bytes, big_endian, .. } => {
-                key.split_first() == Some((&u8::from(big_endian), bytes))
-            }
+            Self::Stored { bytes, form, .. } => key.split_first() == Some((&(form as u8), bytes)),
             Self::Gathered(Gathered { message, list }) => {
-                let mut rest = key.strip_prefix(&[2]);
+                let mut rest = key.strip_prefix(&[GATHERED]);
                 for span in list.texts() {
                     rest = rest.and_then(|rest| after(rest, span.map(|span| span.of(message))));
                 }
@@ -203,6 +218,9 @@ impl<'m> Texts<'m> {
         }
     }
 }
+
+/// The first byte of the key of gathered strings; that of stored ones is their form.
+const GATHERED: u8 = u8::MAX;
 
 /// The part of a key after one string.
 fn after<'k>(key: &'k [u8], text: Option<Text<'_>>) -> Option<&'k [u8]> {
@@ -214,22 +232,18 @@ fn after<'k>(key: &'k [u8], text: Option<Text<'_>>) -> Option<&'k [u8]> {
     rest.strip_prefix(bytes).filter(|_| same)
 }
 
-fn stored_texts(bytes: &[u8], count: usize, big_endian: bool) -> impl Iterator<Item = Text<'_>> {
+fn stored_texts(bytes: &[u8], count: usize, form: TextForm) -> impl Iterator<Item = Text<'_>> {
     let mut at = 0_usize;
     (0..count).map_while(move |_| {
-        at = at.next_multiple_of(4);
+        at = at.next_multiple_of(if form == TextForm::Packed { 1 } else { 4 });
         let length = bytes.get(at..at + 4)?;
+        let big_endian = form == TextForm::BigEndian;
         let Cell::Integer(length) = number(length, Primitive::U32, big_endian) else {
             return None;
         };
         let length = usize::try_from(length).ok()?;
         let text = bytes.get(at + 4..(at + 4).checked_add(length)?)?;
         at += 4 + length;
-        Some(Text { bytes: without_end_mark(text), escaped: false })
+        Some(Text { bytes: form.characters(text), escaped: false })
     })
-}
-
-/// CDR counts a terminating zero in a string's length; some writers leave it out of empty ones.
-pub(super) fn without_end_mark(text: &[u8]) -> &[u8] {
-    text.strip_suffix(&[0]).unwrap_or(text)
 }

@@ -121,6 +121,37 @@ impl IdentifiedArm {
         targets.par_chunks(TOGETHER).flat_map_iter(some).collect()
     }
 
+    /// The tool in the base frame, mm, where the arm stands at each of `many` joint commands; its orientation is the commanded one where
+    /// the readings show none.
+    ///
+    /// `allow` names a reason for which none is refused.
+    pub fn attained(
+        &self,
+        many: &[&[f64]],
+        allow: &[Exception],
+    ) -> Vec<Result<Isometry3<f64>, Reason>> {
+        let error_frame = self.error_frame();
+        let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
+        let periods = self.periods();
+        let one = |asked: &&[f64]| {
+            let angles = asked.iter().zip(&periods).enumerate();
+            let measured = |(joint, (angle, period)): (usize, (&f64, &Option<f64>))| {
+                angle - self.turns_beyond(joint, *angle, *period)
+            };
+            let joints: Vec<f64> = angles.map(measured).collect();
+            if !allow.contains(&Exception::JointRange) {
+                self.within_measured(&joints)?;
+            }
+            let Isometry3 { translation, rotation } = error_frame.nominal_tool(&joints);
+            let error = errors.error(&joints).map_err(Reason::Target)?;
+            let turn = self.model.shown.as_ref().map(|shown| errors.turn(&joints, shown));
+            let turn = turn.transpose().map_err(Reason::Target)?;
+            let rotation = turn.unwrap_or_default() * rotation;
+            Ok(Isometry3::from_parts(Translation3::from(translation.vector + error), rotation))
+        };
+        many.par_iter().map(one).collect()
+    }
+
     /// By how much a joint's value is beyond those measured, rad or mm; negative inside.
     fn beyond_measured(&self, joint: usize, angle: f64) -> f64 {
         let [low, high] = self.measured[joint];

@@ -3,7 +3,7 @@
 use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, unknown};
 use crate::names::{Scope, parts};
-use crate::program::{Motion, Reads, Shape, Stated, Target, Turn};
+use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
 use crate::reading::{Common, Here, Shaped, beside, shown};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
@@ -29,6 +29,16 @@ const MOTIONS: [(&str, usize, Reads); 14] = [
 pub(super) fn is_motion(word: &str) -> bool {
     matches!(word, "SPLINE" | "PTP_SPLINE" | "ENDSPLINE")
         || MOTIONS.iter().any(|(own, ..)| *own == word)
+}
+
+/// A circle with an angle ends beyond its last position or before it, and is another.
+fn way(word: &str) -> Way {
+    match word {
+        "PTP" | "SPTP" => Way::Joints,
+        "LIN" | "SLIN" => Way::Straight,
+        "CIRC" | "SCIRC" => Way::Circle,
+        _ => Way::Other,
+    }
 }
 
 /// Words behind the positions of a motion.
@@ -78,6 +88,8 @@ impl Reading<'_> {
             targets,
             own,
             reads: *reads,
+            way: if given.len() > used { Way::Other } else { way(word) },
+            is_blended: place_of(rest, is_blend) < rest.tokens.len(),
             obstacle: None,
         }));
     }

@@ -1,6 +1,6 @@
 use crate::tests::undone;
 use crate::write::{Command, applied, edits, marks};
-use crate::{Asked, Branch, Cell, File, Programs, Wanted, read};
+use crate::{Asked, Branch, Cell, File, Programs, Wanted, Way, read};
 
 const CONFIG: &str = "DEFDAT $CONFIG\nBASE_DATA[1]={X 1000.0,Y 0.0,Z 500.0,A 90.0,B 0.0,C 0.0}\n\
 BASE_DATA[2]={X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nTOOL_DATA[3]={X 0.0,Y 0.0,Z 200.0,A 0.0,B 0.0,C 0.0}\n\
@@ -328,4 +328,39 @@ fn a_number_that_its_sign_parts_from_its_name_stays_apart() {
         text.contains("{A1 0.00500,A2-89.99000,A3 90.01000,A4 0.01000,A5 0.00900,A6 0.51000}"),
         "{text}"
     );
+}
+
+/// Each motion: how it leads, the lines where it begins and ends, and whether its corner is blended.
+fn courses(programs: &Programs) -> Vec<(Way, Option<u32>, Option<u32>, bool)> {
+    let line = |position: usize| programs.positions[position].line;
+    let of = |path: &crate::Path| {
+        let end = path.through.as_ref().and_then(|through| through.last());
+        (path.way, path.from.map(line), end.map(|end| line(*end)), path.is_blended)
+    };
+    programs.paths.iter().map(of).collect()
+}
+
+#[test]
+fn a_motion_begins_where_the_one_before_it_ended() {
+    let point = "{X 10.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 0.0}";
+    let source = format!(
+        "PTP {{A1 0,A2 -90,A3 90,A4 0,A5 10,A6 0}}\r\nLIN {point} C_DIS\r\nCIRC {point}, {point}\r\n\
+         CIRC {point}, {point}, CA 90.0\r\nLIN XP9:{{Z 50}}\r\nLIN {point}\r\n\
+         IF $IN[1] THEN\r\nLIN {point}\r\nENDIF\r\nLIN {point}\r\nOTHER()\r\nSLIN {point}"
+    );
+    let expected = [
+        (Way::Joints, None, Some(3), false),
+        (Way::Straight, Some(3), Some(4), true),
+        (Way::Circle, Some(4), Some(5), false),
+        (Way::Other, Some(5), Some(6), false),
+        (Way::Straight, None, None, false),
+        (Way::Straight, None, Some(8), false),
+        (Way::Straight, Some(8), Some(10), false),
+        // Two ways lead here.
+        (Way::Straight, None, Some(12), false),
+        // The routine is in no given file.
+        (Way::Straight, None, Some(14), false),
+    ];
+    let data = "DECL E6POS XP9={X 10.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35}";
+    assert_eq!(courses(&programs(&source, data)), expected);
 }

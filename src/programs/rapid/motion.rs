@@ -8,7 +8,7 @@ use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, known, unknown};
 use crate::frame::Chain;
 use crate::names::{Scope, parts};
-use crate::program::{Computed, Motion, Reads, Shape, Stated, Target, Turn};
+use crate::program::{Computed, Motion, Reads, Shape, Stated, Target, Turn, Way};
 use crate::reading::{Common, Here, Shaped, beside, shown};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
@@ -37,6 +37,25 @@ const fn instruction(
     reads: Reads,
 ) -> Instruction {
     Instruction { words, positions, tool, reads }
+}
+
+impl Instruction {
+    fn way(&self) -> Way {
+        match (self.positions.len(), self.reads) {
+            _ if self.tool == Tool::Refused => Way::Other,
+            (2, _) => Way::Circle,
+            (_, L) => Way::Straight,
+            _ => Way::Joints,
+        }
+    }
+
+    /// Whether the zone, which stands before the tool, is another than `fine`.
+    fn is_blended(&self, valued: &[&Argument<'_>]) -> bool {
+        let tool =
+            if let Tool::At(place) = self.tool { place } else { valued.len().saturating_sub(1) };
+        let zone = tool.checked_sub(1).and_then(|place| valued.get(place));
+        zone.is_some_and(|zone| zone.value.value() != Value::Name("FINE".to_owned()))
+    }
 }
 
 const J: Reads = Reads::With(Slot::ConfJ);
@@ -145,6 +164,8 @@ impl Reading<'_> {
             targets,
             own: self.frames(here, instruction, &all, &valued),
             reads: instruction.reads,
+            way: instruction.way(),
+            is_blended: instruction.is_blended(&valued),
             obstacle: self.obstacle(here, word, instruction, &all),
         };
         steps.push(self.common.moves(motion));
@@ -314,7 +335,7 @@ impl Reading<'_> {
             if is_position {
                 let (file, line, word) = (here.file, here.line, word.to_owned());
                 let text = shown(argument.value);
-                self.common.computed.push(Computed { file, line, word, text });
+                self.common.found.computed.push(Computed { file, line, word, text });
             }
         }
     }

@@ -1,6 +1,6 @@
 use crate::tests::undone;
 use crate::write::{Command, applied, edits, marks};
-use crate::{Branch, Cell, File, Programs, Wanted, read};
+use crate::{Branch, Cell, File, Programs, Wanted, Way, read};
 
 fn cell() -> Cell {
     let text = "[frames]\nbase_frame = { found = \"surveyed\", place = { xyz_mm = [0.0, 0.0, 100.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] } }\n\
@@ -287,4 +287,26 @@ fn the_constant_of_a_mark_stands_behind_types() {
         marked.starts_with(&format!("{head}LOCAL CONST string posegrid_corrected:=\"t\";\n CONST")),
         "{marked}"
     );
+}
+
+#[test]
+fn a_motion_leads_as_its_instruction_and_its_zone_say() {
+    let other = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    let body = format!(
+        "MoveJ p10,v100,fine,tool1; MoveL {other},v100,z10,tool1; MoveC p10,{other},v100\\V:=5,FINE,tool1;\r\n\
+         MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine\\Inpos:=inpos20,tool1;\r\n\
+         TriggL p10,v100,trig1,fine,tool1; ArcL p10,v100,seam1,weld1,z1,tool1;"
+    );
+    let programs = programs(&body, "");
+    let found: Vec<_> = programs.paths.iter().map(|path| (path.way, path.is_blended)).collect();
+    let expected = [
+        (Way::Joints, false),
+        (Way::Straight, true),
+        (Way::Circle, false),
+        (Way::Joints, false),
+        (Way::Straight, false),
+        (Way::Straight, true),
+    ];
+    assert_eq!(found, expected);
+    assert!(programs.paths[1..].iter().all(|path| path.from.is_some()));
 }

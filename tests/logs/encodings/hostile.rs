@@ -111,6 +111,7 @@ proptest! {
         for (encoding, name, language, text) in [
             ("cdr", "sensor_msgs/msg/JointState", "ros2idl", IDL.as_bytes()),
             ("cdr", "geometry_msgs/msg/PoseWithCovarianceStamped", "ros2msg", ros.as_bytes()),
+            ("ros1", "geometry_msgs/PoseWithCovarianceStamped", "ros1msg", ros.as_bytes()),
             ("protobuf", "foxglove.JointStates", "protobuf", &protobuf),
             ("json", "", "jsonschema", br#"{"properties":{"a":{"items":{"properties":{}}}}}"#),
         ] {

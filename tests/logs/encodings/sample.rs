@@ -159,15 +159,33 @@ fn ros_schemas() -> (String, String, Vec<String>) {
     (format!("{message}{inner}"), idl, paths)
 }
 
-/// How a CDR message is laid out.
+/// The schema of `samples/All` in ROS 1, which has neither bounds nor defaults, with types of ROS 1 before the others.
+fn ros_1_schema(message: &str, paths: &[String]) -> (String, Vec<String>) {
+    let plain = ["<=8", "<=5", " \"default\"", " -5"]
+        .into_iter()
+        .fold(message.to_owned(), |text, without| text.replace(without, ""));
+    let text = format!(
+        "Header header\nduration left\nchar letter\nEmpty[] nothing\n{plain}================\nMSG: samples/Empty\n\n\
+         ================\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"
+    );
+    // Its own tools part the texts by lines of that length only.
+    let text = text.replace(&"=".repeat(16), &"=".repeat(80));
+    let first = ["header.seq", "header.stamp.secs", "header.stamp.nsecs", "header.frame_id"];
+    let second = ["left.secs", "left.nsecs", "letter"];
+    let first = first.into_iter().chain(second).map(str::to_owned);
+    (text, first.chain(paths.iter().cloned()).collect())
+}
+
+/// How a message of CDR or ROS 1 is laid out.
 #[derive(Clone, Copy)]
 struct Layout {
     encapsulation: u8,
     version_2: bool,
     delimited: bool,
+    ros_1: bool,
 }
 
-/// A CDR message with any types in it.
+/// A message of CDR or ROS 1 with any types in it.
 struct Cdr {
     bytes: Vec<u8>,
     layout: Layout,
@@ -177,7 +195,9 @@ impl Cdr {
     fn raw(&mut self, little: &[u8]) {
         let widest = if self.layout.version_2 { 4 } else { 8 };
         let size = little.len().min(widest);
-        self.bytes.resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
+        if !self.layout.ros_1 {
+            self.bytes.resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
+        }
         let mut bytes = little.to_vec();
         if self.layout.encapsulation.is_multiple_of(2) {
             bytes.reverse();
@@ -190,9 +210,10 @@ impl Cdr {
     }
 
     fn text(&mut self, text: &str) {
-        self.count(text.len() + 1);
+        let end: &[u8] = if self.layout.ros_1 { &[] } else { &[0] };
+        self.count(text.len() + end.len());
         self.bytes.extend(text.as_bytes());
-        self.bytes.push(0);
+        self.bytes.extend(end);
     }
 
     /// Writes what begins with its length in bytes, where it does.
@@ -235,6 +256,21 @@ impl Cdr {
         let mut cdr = Self { bytes, layout };
         cdr.delimited(layout.delimited, |cdr| cdr.members(noise));
         cdr.bytes
+    }
+
+    /// Little-endian and packed, after a header, a duration and an array of messages without fields.
+    fn all_of_ros_1(noise: &mut Noise) -> Vec<u8> {
+        let layout = Layout { encapsulation: 1, version_2: false, delimited: false, ros_1: true };
+        let mut ros_1 = Self { bytes: Vec::new(), layout };
+        (0..3).for_each(|_| ros_1.primitive("uint32", 4, noise));
+        ros_1.text(&noise.text());
+        ros_1.primitive("int32", 4, noise);
+        // `genpy` carries more nanoseconds than a second has into the seconds.
+        ros_1.count(noise.place(1_000_000_000));
+        ros_1.primitive("uint8", 1, noise);
+        ros_1.count(noise.place(4));
+        ros_1.members(noise);
+        ros_1.bytes
     }
 
     fn members(&mut self, noise: &mut Noise) {
@@ -467,7 +503,9 @@ fn a_sample_of_every_type_is_written_for_an_independent_reader() {
         encapsulation,
         version_2: encapsulation >= 6,
         delimited: encapsulation >= 8,
+        ros_1: false,
     };
+    let (ros_1, ros_1_paths) = ros_1_schema(&msg, &paths);
     for (topic, language, text, encapsulation) in [
         ("/msg/big", "ros2msg", &msg, 0),
         ("/msg/little", "ros2msg", &msg, 1),
@@ -496,6 +534,9 @@ fn a_sample_of_every_type_is_written_for_an_independent_reader() {
         &JSON_PATHS.map(str::to_owned),
         &messages,
     );
+    let messages: Vec<_> = (0..20).map(|_| Cdr::all_of_ros_1(&mut noise)).collect();
+    let channel = ("/ros1", "samples/All", "ros1msg", ros_1.as_bytes(), "ros1");
+    sample.add(channel, &ros_1_paths, &messages);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sample-messages");
     std::fs::create_dir_all(&folder).expect("room beside the build");
     std::fs::write(folder.join("messages.mcap"), sample.log.done()).expect("room beside the build");

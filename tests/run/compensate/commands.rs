@@ -17,7 +17,7 @@ use super::cell::{Cell, SAMPLE, Sample, field};
 pub(super) struct Ended {
     code: Option<i32>,
     /// Its result, or its file of that.
-    results: String,
+    pub(super) results: String,
     messages: String,
 }
 

@@ -7,7 +7,8 @@ use super::commands::{compensate, file_of, lake, text_of};
 
 const PROGRAM: &[u8] = b"&ACCESS RVP\r\nDEF t()\r\n;gr\xfc\xdfe\r\n\
     $BASE = {X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}\r\n$TOOL = {X 25.0, Y -40.0, Z 100.0, A 0.0, B 0.0, C 0.0}\r\n\
-    PTP {A1 0.0, A2 -75.0, A3 95.0, A4 25.0, A5 60.0, A6 -15.0}\r\nEND\r\n";
+    PTP {A1 0.0, A2 -75.0, A3 95.0, A4 25.0, A5 60.0, A6 -15.0}\r\n\
+    PTP {A1 5.0, A2 -77.0, A3 97.0, A4 26.0, A5 61.0, A6 -14.0}\r\nEND\r\n";
 
 const MACHINE: &str =
     "DEFDAT $MACHINE PUBLIC\n$ROBROOT={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
@@ -29,7 +30,10 @@ fn corrected(folder: &Path) {
         args.extend(["--allow", term]);
     }
     args.extend(["--allow", "temperature"]);
-    compensate(&args).expect(0, &[]);
+    let done = compensate(&args);
+    done.expect(0, &[]);
+    let told = "between positions the arm leaves the wanted path by 0.0";
+    assert!(done.results.contains(told), "{}", done.results);
 }
 
 #[test]
@@ -50,8 +54,8 @@ fn undo_gives_the_programs_back_byte_for_byte() {
     let record = folder.join("out/posegrid-corrections.json");
     let text = fs::read_to_string(&record).expect("there").replace("R1/t.src", "../cell.toml");
     fs::write(&record, text).expect("writable");
-    compensate(&["--undo", &out, "--out", &other]).expect(2, &["names no file inside the folder"]);
+    compensate(&["--undo", &out, "--out", &other]).expect(2, &["is no file of the folder"]);
     assert!(!folder.join("other").exists());
-    compensate(&["--undo", &out]).expect(2, &["--out"]);
+    compensate(&["--undo", &out]).expect(2, &["give --out FOLDER"]);
     compensate(&["--undo", &out, "a.src", "--out", &other]).expect(2, &["cannot be used with"]);
 }

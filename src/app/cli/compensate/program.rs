@@ -3,21 +3,21 @@
 //!
 //! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found.
 //! 2. Each position becomes a target of the identified arm, and that its command (`solve`).
-//! 3. The commands go back into the files; the report names every position that motions use (`report`).
+//! 3. The commands go back into the files; the report names every position that motions use (`report`), and how far the arm leaves the
+//!    wanted path between them (`path`).
 //!
 //! What was replaced is recorded beside the files, and `--undo` gives the originals back from that (`undo`).
 
+mod path;
 mod report;
 mod solve;
 pub(super) mod undo;
+mod write;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
-use chrono::DateTime;
 use clap::{Args, ValueEnum};
 use thiserror::Error;
 
@@ -31,12 +31,13 @@ use crate::cli::progress::Bars;
 use crate::compensation::{Exception, Term};
 use crate::io::calibrations_table::PublishedArm;
 use crate::io::input::{self, Bound};
-use crate::io::whole_file::{self, write_whole};
-use crate::programs::record::{Changed, RECORD, Record, UndoError, digest};
-use crate::programs::write::{Edit, applied, edits, marks};
+use crate::io::whole_file;
+use crate::programs::record::{RECORD, UndoError};
+use crate::programs::write::{Command, Edit, edits};
 use crate::programs::{Asked, Cell, File, Position, Programs};
 use report::{Outcome, Report};
 use solve::Solver;
+use write::write;
 
 /// Whole programs: .src and .dat of KRL with $config.dat and $machine.dat, .mod, .prg, .sys and .modx of RAPID with MOC.cfg
 #[derive(Debug, Clone, Default, Args)]
@@ -61,7 +62,7 @@ pub struct ProgramArgs {
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
     /// Give the original programs back, byte for byte, from the folder that corrected ones were written into: with --out alone
-    #[arg(long, value_name = "FOLDER", requires = "out", conflicts_with_all = CORRECTS)]
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = CORRECTS)]
     pub undo: Option<PathBuf>,
 }
 
@@ -122,7 +123,7 @@ pub enum ProgramError {
              --by calibrations"
     )]
     Table,
-    #[error("a corrected program is written into a new folder: give --out FOLDER")]
+    #[error("programs are written into a new folder: give --out FOLDER")]
     NoOut,
     #[error("cannot read {0}")]
     Read(At<std::io::Error>),
@@ -236,9 +237,10 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let programs = crate::programs::read(files, &cell);
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
     let asked = asked(args, taught_on.as_ref(), &programs, &cell);
-    let (outcomes, all) = corrected(&programs, &asked, &solver);
-    let report = Report::of(&programs, outcomes, solver.turns(), unread);
-    write(&programs, &all, &out, arm)?;
+    let Changes { outcomes, commands, edits } = corrected(&programs, &asked, &solver);
+    let deviations = solver.deviations(&programs.paths, &asked, &commands);
+    let report = Report::of(&programs, outcomes, deviations, solver.turns(), unread);
+    write(&programs, &edits, &out, arm)?;
     Ok((report, source))
 }
 
@@ -261,77 +263,33 @@ fn asked(
     asked
 }
 
+/// What becomes of a program.
+struct Changes {
+    outcomes: Vec<Outcome>,
+    /// Of each position; `None` where it is not corrected.
+    commands: Vec<Option<Command>>,
+    /// Of each file.
+    edits: Vec<Vec<Edit>>,
+}
+
 /// What becomes of each position, and the edits of each file.
-fn corrected(
-    programs: &Programs,
-    asked: &[Result<Asked, String>],
-    solver: &Solver<'_>,
-) -> (Vec<Outcome>, Vec<Vec<Edit>>) {
+fn corrected(programs: &Programs, asked: &[Result<Asked, String>], solver: &Solver<'_>) -> Changes {
     let open: Vec<_> = asked.iter().flatten().collect();
     let mut solved = solver.solve(&open).into_iter();
     let mut all = vec![Vec::new(); programs.files.len()];
+    let mut commands = vec![None; programs.positions.len()];
     let mut outcome = |(position, asked): (&Position, &Result<Asked, String>)| {
         let asked = asked.as_ref().map_err(Clone::clone)?;
         let done = solved.next().unwrap_or_else(|| Err("it has no command".to_owned()))?;
         let edits = edits(position, asked, &done.command);
         all[position.file].extend(edits.all);
+        commands[asked.position] = Some(done.command);
         Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed: edits.crossed })
     };
     let refused = |reason| Outcome::Refused { reason };
     let outcomes = programs.positions.iter().zip(asked);
     let outcomes = outcomes.map(|own| outcome(own).unwrap_or_else(refused)).collect();
-    (outcomes, all)
-}
-
-/// Writes the files that change, each at its name in the folder, and the record of what changed.
-fn write(
-    programs: &Programs,
-    all: &[Vec<Edit>],
-    out: &Path,
-    arm: &PublishedArm,
-) -> Result<(), ProgramError> {
-    let PublishedArm { key, arm, .. } = arm;
-    let date = today();
-    let [run, robot, session] = [&key.run, &key.robot, &key.session].map(Clone::clone);
-    let mut written = Vec::new();
-    let mut files = Vec::new();
-    for (file, own) in programs.files.iter().zip(all).filter(|(_, own)| !own.is_empty()) {
-        let words = format!(
-            "table calibrations, run {run} of robot {robot}, session {session}, {date}; original blake3 {}",
-            digest(&file.bytes)
-        );
-        let mut edits = own.clone();
-        edits.extend(marks(file, &words, &arm.table_id));
-        let bytes = applied(&file.bytes, &edits);
-        files.push(Changed::of(file, &bytes, &edits));
-        written.push((out.join(&file.name), bytes));
-    }
-    if files.is_empty() {
-        return Ok(());
-    }
-    let record = Record { calibration: arm.table_id.clone(), robot, session, run, date, files };
-    let path = out.join(RECORD);
-    let bytes = serde_json::to_vec(&record)
-        .map_err(|source| ProgramError::Write { path: path.clone(), source: source.into() })?;
-    write_new(&path, &bytes)?;
-    written.iter().try_for_each(|(path, bytes)| write_new(path, bytes))
-}
-
-/// Writes a file that is not there yet, and the folders that it is in.
-fn write_new(path: &Path, bytes: &[u8]) -> Result<(), ProgramError> {
-    let wrong = |source| ProgramError::Write { path: path.to_owned(), source };
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(wrong)?;
-    }
-    write_whole(path, |sink| std::io::Write::write_all(sink, bytes)).map_err(wrong)
-}
-
-/// The day of the correction, UTC.
-fn today() -> String {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
-    let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
-    day.map_or_else(|| "no date".to_owned(), |day| day.date_naive().to_string())
+    Changes { outcomes, commands, edits: all }
 }
 
 impl CompensateArgs {

@@ -2,7 +2,7 @@
 
 use super::Stream;
 use super::layout::Meaning;
-use crate::message::ros2msg;
+use crate::message::rosmsg;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
@@ -104,7 +104,7 @@ const COMMON: [Common; 13] = [
         ],
     },
     Common {
-        names: &["tf2_msgs/TFMessage"],
+        names: &["tf2_msgs/TFMessage", "tf/tfMessage"],
         layout: Layout::Markers,
         stamp: "transforms[0].header.stamp",
         fields: &[
@@ -248,7 +248,7 @@ impl Common {
 }
 
 pub(super) fn common(name: &str) -> Option<&'static Common> {
-    let name = ros2msg::short_name(name);
+    let name = rosmsg::short_name(name);
     let mut all = COMMON.iter().chain([&TEMPERATURE]).chain(&LENGTHS);
     all.find(|common| common.names.contains(&name.as_str()))
 }

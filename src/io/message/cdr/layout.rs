@@ -5,7 +5,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::HEADER;
 use crate::message::Primitive;
 use crate::message::cell::Cell;
 
@@ -19,8 +18,7 @@ pub struct Layout {
     /// The reader that read it; `None` where the next message has to be walked.
     reader: Option<Arc<()>>,
     length: usize,
-    header: [u8; HEADER],
-    /// Counts, and the texts between them: their places, and their bytes one after another.
+    /// The encapsulation, counts, and the texts between them: their places, and their bytes one after another.
     stretches: Vec<Range<usize>>,
     same: Vec<u8>,
     /// Single numbers: place, slot, type.
@@ -69,11 +67,9 @@ impl Layout {
 
     /// A message was walked to its end by `reader`, and all that was noted is of it.
     pub fn keep(&mut self, reader: &Arc<()>, message: &[u8], big_endian: bool) {
-        let header = message.first_chunk().filter(|_| !self.is_other);
-        if let Some(header) = header {
+        if !self.is_other {
             self.reader = Some(Arc::clone(reader));
             self.length = message.len();
-            self.header = *header;
             self.big_endian = big_endian;
             self.same.clear();
             for stretch in &self.stretches {
@@ -92,7 +88,6 @@ impl Layout {
         };
         self.reader.as_ref().is_some_and(|of| Arc::ptr_eq(of, reader))
             && message.len() == self.length
-            && message.starts_with(&self.header)
             && self.stretches.iter().all(&mut is_same)
     }
 

@@ -1,5 +1,6 @@
 //! The report of a corrected program: every position that motions use, by line.
 
+use std::cmp::Ordering::Equal;
 use std::fmt;
 
 use serde::Serialize;
@@ -27,6 +28,18 @@ struct Entry {
     outcome: Outcome,
 }
 
+/// A motion with the largest distance from its wanted path, or why that is not stated.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Motion {
+    file: String,
+    line: u32,
+    instruction: String,
+    /// Whether the corner at its end is blended; that is left out.
+    blended: bool,
+    deviation_mm: Option<f64>,
+    not_stated: Option<&'static str>,
+}
+
 /// All positions that motions use, in the order of files and lines.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
@@ -41,6 +54,7 @@ pub struct Report {
     /// Files of programs that are not read.
     unread: Vec<String>,
     lines: Vec<Entry>,
+    motions: Vec<Motion>,
 }
 
 impl Report {
@@ -48,6 +62,7 @@ impl Report {
     pub(super) fn of(
         programs: &Programs,
         outcomes: Vec<Outcome>,
+        deviations: Vec<Result<f64, &'static str>>,
         orientations_corrected: bool,
         unread: Vec<String>,
     ) -> Self {
@@ -68,6 +83,17 @@ impl Report {
             outcome,
         });
         let lines: Vec<Entry> = computed.chain(positions).collect();
+        let motions = programs.paths.iter().zip(deviations);
+        let motions = motions.map(|(path, deviation)| Motion {
+            file: name(path.file),
+            line: path.line,
+            instruction: path.word.clone(),
+            blended: path.is_blended,
+            deviation_mm: deviation.ok(),
+            not_stated: deviation.err(),
+        });
+        let mut motions: Vec<Motion> = motions.collect();
+        motions.sort_by(|one, other| (&one.file, one.line).cmp(&(&other.file, other.line)));
         let mut report = Self {
             positions: lines.len(),
             corrected: 0,
@@ -78,6 +104,7 @@ impl Report {
             orientations_corrected,
             unread,
             lines: Vec::new(),
+            motions,
         };
         for own in &lines {
             match &own.outcome {
@@ -107,6 +134,31 @@ impl Report {
     }
 }
 
+impl Report {
+    /// How far the arm leaves the wanted path between positions.
+    fn write_motions(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let stated = |own: &Motion| own.deviation_mm;
+        let largest = self.motions.iter().filter(|own| own.deviation_mm.is_some());
+        let largest = largest.max_by(|a, b| stated(a).partial_cmp(&stated(b)).unwrap_or(Equal));
+        let Some(Motion { file, line, instruction, deviation_mm: Some(mm), .. }) = largest else {
+            return Ok(());
+        };
+        write!(
+            f,
+            "between positions the arm leaves the wanted path by {mm:.3} mm at most ({file}, line {line}: {instruction})"
+        )?;
+        let not_stated = self.motions.iter().filter(|own| own.not_stated.is_some()).count();
+        if not_stated > 0 {
+            write!(f, "; not stated for {not_stated} of {} motions", self.motions.len())?;
+        }
+        let blended = self.motions.iter().filter(|own| own.blended).count();
+        if blended > 0 {
+            write!(f, "; {blended} blended corners are left out")?;
+        }
+        writeln!(f)
+    }
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut lines: Vec<&Entry> = self.lines.iter().collect();
@@ -124,6 +176,7 @@ impl fmt::Display for Report {
         for name in &self.unread {
             writeln!(f, "{name}: not read: programs of this dialect are not corrected")?;
         }
+        self.write_motions(f)?;
         write!(
             f,
             "{} positions that motions use: {} corrected, {} refused, {} computed; largest correction {:.3} mm",

@@ -27,11 +27,11 @@ const NEAR_RAD: f64 = 0.5;
 const CHUNK: usize = 256;
 
 pub(super) struct Solver<'a> {
-    arm: &'a IdentifiedArm,
+    pub(super) arm: &'a IdentifiedArm,
     /// Of the nominal arm with the calibrated tool.
-    inverse: Inverse<'a>,
+    pub(super) inverse: Inverse<'a>,
     postures: Option<Postures>,
-    allow: &'a [Exception],
+    pub(super) allow: &'a [Exception],
     largest_mm: Option<f64>,
 }
 
@@ -268,7 +268,7 @@ impl<'a> Solver<'a> {
         asked.flange_from_tool.inverse() * self.own_tool().isometry()
     }
 
-    const fn own_tool(&self) -> &Transform<crate::geometry::Flange, Tool> {
+    pub(super) const fn own_tool(&self) -> &Transform<crate::geometry::Flange, Tool> {
         &self.arm.flange_from_tool
     }
 
@@ -284,7 +284,7 @@ impl<'a> Solver<'a> {
         ))
     }
 
-    fn joints(&self, shown: &[f64]) -> Result<TargetJoints, String> {
+    pub(super) fn joints(&self, shown: &[f64]) -> Result<TargetJoints, String> {
         let joints = self.arm.arm.joints();
         if joints.len() != shown.len() {
             return Err(format!(

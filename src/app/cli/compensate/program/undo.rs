@@ -2,15 +2,17 @@
 //!
 //! All originals are made before the first is written, so that a file which was edited since leaves nothing behind.
 
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::{ProgramError, read, write_new};
+use super::write::write_new;
+use super::{ProgramError, read};
 use crate::at::At;
 use crate::cli::compensate::error::CompensateCommandError;
 use crate::cli::messages::Printable;
 use crate::io::input::{self, Bound};
-use crate::programs::record::{RECORD, Record};
+use crate::programs::record::{RECORD, Record, UndoError};
 
 /// For a record, which has some fifty bytes for each number that was replaced.
 const BOUND: Bound = Bound {
@@ -18,13 +20,12 @@ const BOUND: Bound = Bound {
     advice: "a record has some fifty bytes a number; is it one of posegrid?",
 };
 
-pub(in crate::cli::compensate) fn main(folder: &Path, out: &Path) -> u8 {
+pub(in crate::cli::compensate) fn main(folder: &Path, out: Option<&Path>) -> u8 {
     match run(folder, out) {
         Ok(record) => {
             let Record { files, date, run, robot, session, .. } = record;
             let told = format!(
-                "{}: {} original files of the correction of {date} with run {run} of robot {robot}, session {session}",
-                out.display(),
+                "{} original files of the correction of {date} with run {run} of robot {robot}, session {session}",
                 files.len()
             );
             tracing::info!("{}", Printable(&told));
@@ -37,16 +38,20 @@ pub(in crate::cli::compensate) fn main(folder: &Path, out: &Path) -> u8 {
     }
 }
 
-fn run(folder: &Path, out: &Path) -> Result<Record, CompensateCommandError> {
+fn run(folder: &Path, out: Option<&Path>) -> Result<Record, CompensateCommandError> {
+    let out = out.ok_or(ProgramError::NoOut)?;
     if out.exists() {
         return Err(CompensateCommandError::Exists(out.to_owned()));
     }
     let record = record(folder)?;
-    let mut originals = Vec::new();
+    let mut originals = BTreeMap::new();
     for changed in &record.files {
         let path = changed.path().map_err(ProgramError::from)?;
         let original = changed.original(&read(&folder.join(path))?).map_err(ProgramError::from)?;
-        originals.push((out.join(path), original));
+        if originals.insert(out.join(path), original).is_some() {
+            let name = changed.name.clone();
+            return Err(ProgramError::from(UndoError::Name { name }).into());
+        }
     }
     originals.iter().try_for_each(|(path, bytes)| write_new(path, bytes))?;
     Ok(record)

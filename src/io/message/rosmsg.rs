@@ -1,17 +1,26 @@
-//! `ros2msg`: concatenated `.msg` texts as recorders embed them → [`Definition`]. Sections are separated by lines of
-//! `=`; each except the first begins with `MSG: package/Type`. A `T` alone belongs to the package of the type that uses
-//! it. Source: ROS 2 documentation, "About ROS 2 interfaces"; MCAP registry of well-known schema encodings.
+//! `ros2msg` and `ros1msg`: concatenated `.msg` texts as recorders embed them → [`Definition`]. Sections are separated
+//! by lines of `=`; each except the first begins with `MSG: package/Type`. A `T` alone belongs to the package of the
+//! type that uses it. Sources: ROS 2 documentation, "About ROS 2 interfaces"; ROS 1 wiki, "msg"; MCAP registry of
+//! well-known schema encodings.
 
 use std::collections::BTreeMap;
 
 use super::{
-    Definition, Extensibility, Field, FieldType, MessageType, Primitive, SchemaError, Shape,
+    Definition, Extensibility, Field, FieldType, MessageType, Primitive, SchemaError,
+    Serialization, Shape,
 };
 
 /// Types that recorders may leave out of the text.
 pub(super) const BUILT_IN: [(&str, &str); 2] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
     ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
+];
+
+/// Types of ROS 1 that need no text; that of the header has the name of another package in the oldest recordings.
+const BUILT_IN_ROS_1: [(&str, &str); 3] = [
+    ("time", "uint32 secs\nuint32 nsecs\n"),
+    ("duration", "int32 secs\nint32 nsecs\n"),
+    ("std_msgs/Header", "uint32 seq\ntime stamp\nstring frame_id\n"),
 ];
 
 struct RawField {
@@ -25,19 +34,39 @@ struct Section {
     fields: Vec<RawField>,
 }
 
-pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
+pub fn parse(
+    name: &str,
+    text: &str,
+    serialization: Serialization,
+) -> Result<Definition, SchemaError> {
     let mut sections = sections(name, text)?;
-    for (built_in, fields) in BUILT_IN {
+    let built_in: &[_] = match serialization {
+        Serialization::Cdr => &BUILT_IN,
+        Serialization::Ros1 => &BUILT_IN_ROS_1,
+    };
+    for &(built_in, fields) in built_in {
         if !sections.iter().any(|section| section.name == built_in) {
             sections.push(section(built_in, fields.lines().enumerate())?);
         }
     }
+    if serialization == Serialization::Cdr {
+        let empty = sections.iter_mut().filter(|section| section.fields.is_empty());
+        empty.for_each(|section| section.fields.push(placeholder()));
+    }
     let indices = sections.iter().enumerate().rev();
     // Where a type is defined twice the first definition counts.
     let indices: BTreeMap<_, _> = indices.map(|(i, section)| (section.name.as_str(), i)).collect();
-    let types =
-        sections.iter().map(|section| resolve(section, &indices)).collect::<Result<_, _>>()?;
-    Ok(Definition { types })
+    let types = sections.iter().map(|section| resolve(section, &indices, serialization));
+    Ok(Definition { types: types.collect::<Result<_, _>>()?, serialization })
+}
+
+/// The field that rosidl puts into a message without fields.
+fn placeholder() -> RawField {
+    RawField {
+        type_name: "uint8".to_owned(),
+        name: "structure_needs_at_least_one_member".to_owned(),
+        shape: Shape::One,
+    }
 }
 
 pub fn short_name(name: &str) -> String {
@@ -79,14 +108,6 @@ fn section<'t>(
         if !line.is_empty() && !line.starts_with('#') {
             fields.extend(field(line).ok_or_else(bad_line)?);
         }
-    }
-    if fields.is_empty() {
-        // rosidl puts this field into a message without fields.
-        fields.push(RawField {
-            type_name: "uint8".to_owned(),
-            name: "structure_needs_at_least_one_member".to_owned(),
-            shape: Shape::One,
-        });
     }
     Ok(Section { name: name.to_owned(), fields })
 }
@@ -134,7 +155,11 @@ fn type_and_shape(text: &str) -> Option<(&str, Shape)> {
     (!name.is_empty()).then_some((name, shape))
 }
 
-fn resolve(section: &Section, indices: &BTreeMap<&str, usize>) -> Result<MessageType, SchemaError> {
+fn resolve(
+    section: &Section,
+    indices: &BTreeMap<&str, usize>,
+    serialization: Serialization,
+) -> Result<MessageType, SchemaError> {
     let package = section.name.split_once('/').map_or("", |(package, _)| package);
     let fields = section
         .fields
@@ -142,7 +167,10 @@ fn resolve(section: &Section, indices: &BTreeMap<&str, usize>) -> Result<Message
         .map(|field| {
             Ok(Field {
                 name: field.name.clone(),
-                of: resolve_type(&field.type_name, package, indices)?,
+                of: match well_known(&field.type_name, serialization) {
+                    Some(known) => known,
+                    None => resolve_type(&field.type_name, package, indices)?,
+                },
                 shape: field.shape,
             })
         })
@@ -155,11 +183,9 @@ fn resolve_type(
     package: &str,
     indices: &BTreeMap<&str, usize>,
 ) -> Result<FieldType, SchemaError> {
-    if let Some(known) = well_known(name) {
-        return Ok(known);
-    }
     let full = match name {
         "Header" => "std_msgs/Header".to_owned(),
+        "time" | "duration" if indices.contains_key(name) => name.to_owned(),
         _ if name.contains('/') => short_name(name),
         _ => format!("{package}/{name}"),
     };
@@ -169,10 +195,12 @@ fn resolve_type(
         .ok_or(SchemaError::UnknownType { name: name.to_owned() })
 }
 
-fn well_known(name: &str) -> Option<FieldType> {
+fn well_known(name: &str, serialization: Serialization) -> Option<FieldType> {
+    let is_ros_1 = serialization == Serialization::Ros1;
     let primitive = match name {
         "bool" => Primitive::Bool,
         "int8" => Primitive::I8,
+        "byte" if is_ros_1 => Primitive::I8,
         "uint8" | "byte" | "char" => Primitive::U8,
         "int16" => Primitive::I16,
         "uint16" => Primitive::U16,
@@ -183,7 +211,7 @@ fn well_known(name: &str) -> Option<FieldType> {
         "float32" => Primitive::F32,
         "float64" => Primitive::F64,
         "string" => return Some(FieldType::Text),
-        "wstring" => return Some(FieldType::WideText),
+        "wstring" if !is_ros_1 => return Some(FieldType::WideText),
         _ => return None,
     };
     Some(FieldType::Primitive(primitive))
@@ -199,7 +227,8 @@ mod tests {
             string<=5[<=3] words \"x\"\r\nfloat64[36] covariance\r\nInner[] inner\r\nint32 n -7\r\n\
             ================\r\nMSG: std_msgs/Header\r\nbuiltin_interfaces/Time stamp\r\nstring frame_id\r\n\
             ===\r\nMSG: my/msg/Inner\r\n\r\n";
-        let definition = parse("my/msg/Outer", text).expect("all lines are sound");
+        let definition =
+            parse("my/msg/Outer", text, Serialization::Cdr).expect("all lines are sound");
         let outer = &definition.types[0];
         let fields: Vec<_> =
             outer.fields.iter().map(|field| format!("{} {field}", field.name)).collect();
@@ -215,6 +244,7 @@ mod tests {
 
     #[test]
     fn nonsense_is_named_with_its_line() {
+        let parse = |name, text| parse(name, text, Serialization::Cdr);
         assert_eq!(
             parse("a/B", "float64 x\nfloat64[-1] y"),
             Err(SchemaError::Line { line: 2, text: "float64[-1] y".to_owned() })

@@ -1,0 +1,247 @@
+//! Motions between corrected positions → how far the arm leaves the wanted path there.
+//!
+//! The controller moves straight, on a circle or by joints from command to command, and the arm's errors on the way are others than at
+//! the ends. For each motion between two corrected positions:
+//! 1. the wanted path and the commanded one are taken at the same shares of the way;
+//! 2. the controller's joints at each commanded pose are those of the nominal arm, and there the identified arm stands elsewhere;
+//! 3. its distance from the wanted pose across the path counts; along the path it is a matter of time.
+
+use std::iter;
+
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, Vector3};
+use rayon::prelude::*;
+
+use super::solve::Solver;
+use crate::programs::write::Command;
+use crate::programs::{Asked, Path, Wanted, Way};
+
+/// Places on the way at which a motion is looked at; the ends are corrected.
+const PLACES: u32 = 9;
+/// The share of the way over which the direction of the path is taken.
+const STEP: f64 = 1e-3;
+/// Paths and circles that are shorter have no direction, mm.
+const NO_LENGTH_MM: f64 = 1e-9;
+
+/// Why nothing is stated of a motion.
+type NotStated = &'static str;
+
+/// A position with what it asks for, and its command.
+type Stop<'p> = (&'p Asked, &'p Command);
+
+/// The way of the program's tool in the arm's base, mm.
+enum Course {
+    /// Joint values at the ends, and the tool in the flange frame.
+    Joints([Vec<f64>; 2], Isometry3<f64>),
+    Tool([Isometry3<f64>; 2], Option<Circle>),
+}
+
+struct Circle {
+    centre: Point3<f64>,
+    axis: Unit<Vector3<f64>>,
+    angle: f64,
+}
+
+/// A place on the way.
+struct Place {
+    /// Of the command.
+    joints: Vec<f64>,
+    /// The program's tool in the calibrated one.
+    own_from_tool: Isometry3<f64>,
+    wanted: Point3<f64>,
+    along: Option<Unit<Vector3<f64>>>,
+}
+
+impl Solver<'_> {
+    /// The largest distance of each motion from its wanted path, mm, by what each position asks for and its command.
+    pub(super) fn deviations(
+        &self,
+        paths: &[Path],
+        asked: &[Result<Asked, String>],
+        commands: &[Option<Command>],
+    ) -> Vec<Result<f64, NotStated>> {
+        let stop =
+            |position: usize| Some((asked[position].as_ref().ok()?, commands[position].as_ref()?));
+        let sampled = paths.par_iter().map(|path| self.sampled(path, stop));
+        let sampled: Vec<Result<Vec<Place>, NotStated>> = sampled.collect();
+        let joints = sampled.iter().flatten().flatten().map(|place| place.joints.as_slice());
+        let attained = self.arm.attained(&joints.collect::<Vec<_>>(), self.allow);
+        let mut attained = attained.into_iter();
+        let mut deviation = |places: Vec<Place>| {
+            let here: Vec<_> = attained.by_ref().take(places.len()).collect();
+            here.into_iter().zip(places).try_fold(0.0_f64, |largest, (attained, place)| {
+                let own = attained.map_err(|_| "the model does not know the arm on its way")?;
+                Ok::<_, NotStated>(
+                    largest.max(place.across(&(own * place.own_from_tool).translation.vector)),
+                )
+            })
+        };
+        sampled.into_iter().map(|places| deviation(places?)).collect()
+    }
+
+    fn sampled<'p>(
+        &self,
+        path: &Path,
+        stop: impl Fn(usize) -> Option<Stop<'p>>,
+    ) -> Result<Vec<Place>, NotStated> {
+        let through = path.through.as_ref().ok_or("it leads to a point that is computed")?;
+        let from = path.from.ok_or("where it begins is not known")?;
+        let stops: Option<Vec<_>> = iter::once(from).chain(through.clone()).map(stop).collect();
+        let stops = stops.ok_or("one of its positions is not corrected")?;
+        let course = |is_command| self.course(path.way, &stops, is_command);
+        let courses = course(false).zip(course(true));
+        let (wanted, commanded) =
+            courses.ok_or("it is a spline, a circle with an angle, or its points are in line")?;
+        let places = self.places(&wanted, &commanded, &stops);
+        places.ok_or("the nominal arm does not reach all of its way")
+    }
+
+    /// The wanted way, or the commanded one; `None` where it is neither by joints nor straight nor a circle.
+    fn course(&self, way: Way, stops: &[Stop<'_>], is_command: bool) -> Option<Course> {
+        let stands = stops.iter().map(|stop| self.stand(stop, is_command));
+        let stands: Vec<_> = stands.collect::<Option<_>>()?;
+        let tool = stops.last()?.0.flange_from_tool;
+        match (way, stands.as_slice()) {
+            (Way::Joints, [(_, from), (_, to)]) => {
+                Some(Course::Joints([from.clone(), to.clone()], tool))
+            }
+            (Way::Straight, [(from, _), (to, _)]) => {
+                Some(Course::Tool([from * tool, to * tool], None))
+            }
+            (Way::Circle, [(from, _), (helper, _), (to, _)]) => {
+                let poses = [from, helper, to].map(|own| own * tool);
+                let circle = Circle::through(poses.map(|own| own.translation.vector.into()))?;
+                Some(Course::Tool([poses[0], poses[2]], Some(circle)))
+            }
+            _ => None,
+        }
+    }
+
+    /// The flange in the arm's base, mm, and the joint values at a position as it is wanted, or commanded.
+    fn stand(
+        &self,
+        (asked, command): &Stop<'_>,
+        is_command: bool,
+    ) -> Option<(Isometry3<f64>, Vec<f64>)> {
+        let shown = &command.joints.as_ref()?[usize::from(is_command)];
+        let joints = self.joints(shown).ok()?.angles;
+        let base_from_tool = match &asked.wanted {
+            Wanted::Pose { base_from_tool, .. } if !is_command => Some(*base_from_tool),
+            _ => command.base_from_tool.filter(|_| is_command),
+        };
+        let from_tool = |pose| pose * asked.flange_from_tool.inverse();
+        let flange = || *self.arm.arm.flange(&joints).isometry();
+        Some((base_from_tool.map_or_else(flange, from_tool), joints))
+    }
+
+    fn places(
+        &self,
+        wanted: &Course,
+        commanded: &Course,
+        stops: &[Stop<'_>],
+    ) -> Option<Vec<Place>> {
+        let [first, .., last] = stops else {
+            return None;
+        };
+        let own_from_tool = self.own_tool().isometry().inverse() * last.0.flange_from_tool;
+        let mut joints = self.stand(first, true)?.1;
+        let mut place = |number: u32| {
+            let share = f64::from(number) / f64::from(PLACES + 1);
+            joints = match commanded {
+                Course::Joints(ends, _) => between(ends, share),
+                Course::Tool(..) => {
+                    let pose = self.on(commanded, share)? * own_from_tool.inverse();
+                    self.inverse.joints(&pose, &joints).ok()?
+                }
+            };
+            let point = |share| Some(Point3::from(self.on(wanted, share)?.translation.vector));
+            let along = Unit::try_new(point(share + STEP)? - point(share - STEP)?, NO_LENGTH_MM);
+            Some(Place { joints: joints.clone(), own_from_tool, wanted: point(share)?, along })
+        };
+        (1..=PLACES).map(&mut place).collect()
+    }
+
+    /// The tool in the arm's base at a share of the way; `None` where its orientation may turn either way.
+    fn on(&self, course: &Course, share: f64) -> Option<Isometry3<f64>> {
+        let (from, to, circle) = match course {
+            Course::Joints(ends, tool) => {
+                return Some(self.arm.arm.flange(&between(ends, share)).isometry() * tool);
+            }
+            Course::Tool([from, to], circle) => (from, to, circle),
+        };
+        let mut pose = from.try_lerp_slerp(to, share, 1e-9)?;
+        if let Some(circle) = circle {
+            let at = circle.at(&Point3::from(from.translation.vector), share);
+            pose.translation = Translation3::from(at.coords);
+        }
+        Some(pose)
+    }
+}
+
+impl Place {
+    /// The distance of a point from the wanted one across the path, mm.
+    fn across(&self, attained: &Vector3<f64>) -> f64 {
+        let apart = attained - self.wanted.coords;
+        let along = self.along.map_or_else(Vector3::zeros, |along| along.scale(along.dot(&apart)));
+        (apart - along).norm()
+    }
+}
+
+impl Circle {
+    /// The circle from the first point through the second to the third; `None` where they are in line.
+    fn through([from, by, to]: [Point3<f64>; 3]) -> Option<Self> {
+        let (first, second) = (by - from, to - from);
+        let normal = first.cross(&second);
+        let axis = Unit::try_new(normal, NO_LENGTH_MM * first.norm().max(second.norm()))?;
+        let to_centre =
+            (first.norm_squared() * second - second.norm_squared() * first).cross(&normal);
+        let centre = from + to_centre / (2.0 * normal.norm_squared());
+        let (start, end) = (from - centre, to - centre);
+        let angle = axis.dot(&start.cross(&end)).atan2(start.dot(&end));
+        Some(Self { centre, axis, angle: angle.rem_euclid(std::f64::consts::TAU) })
+    }
+
+    fn at(&self, from: &Point3<f64>, share: f64) -> Point3<f64> {
+        self.centre
+            + Rotation3::from_axis_angle(&self.axis, share * self.angle) * (from - self.centre)
+    }
+}
+
+/// Joint values at a share of the way.
+fn between([from, to]: &[Vec<f64>; 2], share: f64) -> Vec<f64> {
+    from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_circle_leads_through_its_helper_the_long_way_too() {
+        let at = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            Point3::new(500.0 + 200.0 * cos, 200.0 * sin, 300.0)
+        };
+        for (by, to) in [(40.0, 90.0), (-40.0, -90.0), (180.0, 270.0)] {
+            let circle = Circle::through([at(0.0), at(by), at(to)]).unwrap();
+            for share in [0.25, 0.5, 1.0] {
+                let found = circle.at(&at(0.0), share);
+                assert!((found - at(share * to)).norm() < 1e-9, "{by} {to}: {found}");
+            }
+        }
+        assert!(Circle::through([at(0.0), at(0.0), at(90.0)]).is_none());
+    }
+
+    #[test]
+    fn what_lies_along_the_path_does_not_count() {
+        let along = Unit::try_new(Vector3::x(), 0.0);
+        let place = Place {
+            joints: Vec::new(),
+            own_from_tool: Isometry3::identity(),
+            wanted: Point3::new(1.0, 2.0, 3.0),
+            along,
+        };
+        assert!((place.across(&Vector3::new(9.0, 2.3, 3.4)) - 0.5).abs() < 1e-12);
+        let turning = Place { along: None, ..place };
+        assert!((turning.across(&Vector3::new(1.0, 2.0, 3.5)) - 0.5).abs() < 1e-12);
+    }
+}
