@@ -1,7 +1,7 @@
 //! Inspect: a table of measured stations → its columns, and how `[stations]` of a pipeline file would read them.
 //!
 //! 1. `columns` and `names`: values, words and unit of each column.
-//! 2. `groups` and `roles`: positions, orientations, standard deviations, joints.
+//! 2. `groups`, `matrices` and `roles`: positions, orientations, standard deviations, joints.
 //! 3. `choices`: readings of the columns that may be meant; `long`: whether a row is a reading of one target.
 //! 4. `by_arm`: the nominal arm decides between them; `turns` and `commands` tell the form of orientations and the
 //!    frame of commanded poses.
@@ -14,6 +14,7 @@ mod commands;
 mod groups;
 mod guess;
 mod long;
+mod matrices;
 mod names;
 mod roles;
 mod spread;

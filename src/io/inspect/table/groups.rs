@@ -12,7 +12,14 @@ type Axis = usize;
 pub struct AxisGroup {
     pub words: Vec<String>,
     pub columns: [usize; 3],
-    pub w: Option<usize>,
+    /// The w of a quaternion, or the other six of a rotation matrix.
+    pub more: Vec<usize>,
+}
+
+impl AxisGroup {
+    pub fn all(&self) -> impl Iterator<Item = usize> {
+        self.columns.into_iter().chain(self.more.iter().copied())
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,9 +68,9 @@ pub fn along_axes(columns: &[ColumnSummary]) -> Vec<AxisGroup> {
             groups.entry(words).or_default()[axis].get_or_insert(column);
         }
     }
-    let whole = groups
-        .into_iter()
-        .filter_map(|(words, [x, y, z, w])| Some(AxisGroup { words, columns: [x?, y?, z?], w }));
+    let whole = groups.into_iter().filter_map(|(words, [x, y, z, w])| {
+        Some(AxisGroup { words, columns: [x?, y?, z?], more: w.into_iter().collect() })
+    });
     let mut whole: Vec<AxisGroup> = whole.collect();
     whole.sort_by_key(|group| (group.columns, group.words.clone()));
     let mut used = Vec::new();

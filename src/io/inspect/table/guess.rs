@@ -126,11 +126,12 @@ fn missing(table: &MeasuredTable, target: &Target) -> usize {
 fn lacking(roles: &Roles) -> String {
     let joints = "no columns that are named like joints (joint_1, J1[deg], A1, q1, shoulder_pan_joint) or stand side by side as angles";
     let position = "no columns of a measured position: three numbers that differ, named like x y z";
-    match (roles.joints.is_empty(), roles.positions.is_empty()) {
+    let lacking = match (roles.joints.is_empty(), roles.positions.is_empty()) {
         (false, _) => position.to_owned(),
         (true, false) => joints.to_owned(),
         (true, true) => format!("{joints}; {position}"),
-    }
+    };
+    [std::slice::from_ref(&lacking), &roles.notes].concat().join("; ")
 }
 
 /// The rows of the session with most rows, and in a long table of the target with most.
@@ -343,7 +344,7 @@ impl<'t> Work<'t> {
 
     /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes = roles.notes.clone();
         let is_chosen = |columns: &[usize; 3]| {
             self.choice.targets.iter().any(|target| {
                 target

@@ -4,6 +4,7 @@ use nalgebra::Point3;
 
 use super::columns::{ColumnSummary, number};
 use super::groups::{self, AxisGroup, NumberedGroup};
+use super::matrices::Matrices;
 use super::names::{Sense, any_has, has_sense};
 use super::spread::spread;
 use super::sum::{self, Position, position};
@@ -34,6 +35,8 @@ pub enum TurnColumns {
     /// A quaternion; the order is that of the names.
     Quaternion([usize; 4]),
     Angles([usize; 3]),
+    /// A rotation matrix, row by row as far as its values tell.
+    Matrix([usize; 9]),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -79,6 +82,8 @@ pub struct Roles {
     pub joints: Vec<JointSet>,
     /// Columns with another use: speeds, forces.
     pub other: Vec<usize>,
+    /// Columns that are named for something and cannot be used, with the reason.
+    pub notes: Vec<String>,
 }
 
 impl Roles {
@@ -88,10 +93,14 @@ impl Roles {
             .into_iter()
             .map(|group| (kind(columns, &group), group))
             .collect();
-        let numbered = groups::numbered(columns);
+        let matrices = Matrices::of(table, columns);
+        groups.extend(matrices.turns.into_iter().map(|group| (Kind::Turn, group)));
+        groups.extend(matrices.positions.into_iter().map(|group| (Kind::Position, group)));
+        let mut numbered = groups::numbered(columns);
+        numbered.retain(|group| !matrices.columns.contains(&group.columns[0]));
         let quaternions = numbered.iter().filter_map(|group| numbered_quaternion(table, group));
         groups.extend(quaternions.map(|group| (Kind::Turn, group)));
-        let used: Vec<usize> = groups.iter().flat_map(|(_, group)| in_group(group)).collect();
+        let used: Vec<usize> = groups.iter().flat_map(|(_, group)| group.all()).collect();
         let of_kind = |wanted: Kind| {
             groups.iter().filter(move |(kind, _)| *kind == wanted).map(|(_, group)| group)
         };
@@ -101,7 +110,8 @@ impl Roles {
                 .collect(),
             differences: of_kind(Kind::Difference).map(|group| group.columns).collect(),
             joints: joint_sets(columns, &numbered, names, &used),
-            other: of_kind(Kind::Other).flat_map(in_group).collect(),
+            other: of_kind(Kind::Other).flat_map(AxisGroup::all).chain(matrices.columns).collect(),
+            notes: matrices.notes,
         };
         // A difference of nothing is a position of an odd name.
         if roles.positions.is_empty() {
@@ -174,22 +184,18 @@ impl TurnColumns {
         match self {
             Self::Quaternion(own) => own,
             Self::Angles(own) => own,
+            Self::Matrix(own) => own,
         }
     }
 }
 
-fn in_group(group: &AxisGroup) -> Vec<usize> {
-    group.columns.into_iter().chain(group.w).collect()
-}
-
 fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
     let has = |sense| any_has(&group.words, sense);
-    let largest =
-        in_group(group).iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
+    let largest = group.all().map(|column| columns[column].largest()).fold(0.0, f64::max);
     let least =
         group.columns.iter().filter_map(|&column| columns[column].range).map(|(low, _)| low);
     let is_positive = least.fold(f64::INFINITY, f64::min) >= 0.0;
-    let is_turn = group.w.is_some() || (has(Sense::Turn) && largest <= LARGEST_DEG);
+    let is_turn = !group.more.is_empty() || (has(Sense::Turn) && largest <= LARGEST_DEG);
     match (is_turn, has(Sense::Deviation) && is_positive) {
         (false, true) => Kind::Deviation,
         (true, true) => Kind::TurnDeviation,
@@ -233,7 +239,11 @@ fn placed(columns: &[ColumnSummary], group: &AxisGroup, groups: &[(Kind, AxisGro
 
 fn turn_of(group: &AxisGroup) -> TurnColumns {
     let [x, y, z] = group.columns;
-    group.w.map_or(TurnColumns::Angles(group.columns), |w| TurnColumns::Quaternion([x, y, z, w]))
+    match group.more[..] {
+        [w] => TurnColumns::Quaternion([x, y, z, w]),
+        [d, e, f, g, h, i] => TurnColumns::Matrix([x, y, z, d, e, f, g, h, i]),
+        _ => TurnColumns::Angles(group.columns),
+    }
 }
 
 /// Points of two sets that leave less than this share of their spread where one is laid onto the other are the same points.
@@ -291,7 +301,7 @@ fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<A
     (is_turn && (0..table.row_count()).all(is_unit)).then(|| AxisGroup {
         words: group.words.clone(),
         columns: [x, y, z],
-        w: Some(w),
+        more: vec![w],
     })
 }
 

@@ -374,3 +374,74 @@ fn a_table_without_positions_says_what_is_lacking() {
     assert!(lacking.contains("joints") && lacking.contains("position"), "{lacking}");
     assert_eq!(found.columns[0].texts, 3);
 }
+
+/// The flange as the tracker sees it, a target's place in its last column: sixteen numbers, row by row.
+fn matrix_of(station: &Station) -> [f64; 16] {
+    let turn = (tracker_from_base() * station.flange).rotation.to_rotation_matrix();
+    let at = station.measured(0);
+    std::array::from_fn(|n| match (n / 4, n % 4) {
+        (3, 3) => 1.0,
+        (3, _) => 0.0,
+        (row, 3) => at[row],
+        (row, column) => turn[(row, column)],
+    })
+}
+
+#[test]
+fn a_matrix_in_columns_is_an_orientation_with_its_position() {
+    let joints = "J1,J2,J3,J4,J5,J6";
+    let numbered = |name: &str, first: usize| {
+        let place = |n: usize| format!("{name}{}{}", first + n / 4, first + n % 4);
+        (0..16).map(place).collect::<Vec<_>>().join(",")
+    };
+    let named = "r11,r12,r13,tx,r21,r22,r23,ty,r31,r32,r33,tz".to_owned();
+    let wide = [0, 1, 2, 4, 5, 6, 8, 9, 10];
+    let long = [0, 4, 8, 1, 5, 9, 2, 6, 10];
+    // The header, the order in which numbers are written, and the places of the rotation and position in it, row by row.
+    let cases = [
+        (numbered("m", 0), false, wide, [3, 7, 11]),
+        (numbered("T_", 1), false, wide, [3, 7, 11]),
+        (numbered("pose_", 0), true, long, [12, 13, 14]),
+        (named, false, wide, [3, 7, 11]),
+    ];
+    for (header, by_columns, turn, position) in cases {
+        let names: Vec<&str> = header.split(',').collect();
+        let mut text = format!("{joints},{header}\n");
+        for station in stations(40) {
+            let own = matrix_of(&station);
+            let own = |n: usize| own[if by_columns { n % 4 * 4 + n / 4 } else { n }];
+            let own: Vec<f64> = (0..names.len()).map(own).collect();
+            text += &row(&[&station.joints.map(f64::to_degrees)[..], &own].concat());
+        }
+        let guess = guess_of(&text);
+        let [reading] = &guess.settings.measured[..] else { panic!("{header}: one reading") };
+        assert_eq!(reading.position, position.map(|place| names[place].to_owned()), "{header}");
+        let form = reading.orientation.as_ref().map(|own| own.form.clone());
+        let expected = OrientationForm::Matrix(turn.map(|place| names[place].to_owned()));
+        assert_eq!(form, Some(expected), "{header} {:?}", guess.doubts);
+        assert_eq!(guess.notes, [] as [String; 0], "{header}");
+    }
+}
+
+#[test]
+fn a_matrix_that_nothing_tells_is_noted_and_not_suggested() {
+    let names: Vec<String> = (0..16).map(|n| format!("m{}{}", n / 4, n % 4)).collect();
+    let names = names.join(",");
+    let table = |cell: &dyn Fn(&[f64; 16], usize) -> f64| {
+        let mut text = format!("q1,q2,q3,q4,q5,q6,x,y,z,{names}\n");
+        for station in stations(40) {
+            let own = matrix_of(&station);
+            let own: Vec<f64> = (0..16).map(|n| cell(&own, n)).collect();
+            text += &row(&[&station.joints[..], station.measured(0).as_slice(), &own].concat());
+        }
+        guess_of(&text)
+    };
+    let at_zero = table(&|own, n| if n % 4 == 3 && n < 12 { 0.0 } else { own[n] });
+    let scaled = table(&|own, n| own[n] * 2.0);
+    for (guess, word) in [(at_zero, "tell rows from columns"), (scaled, "no rotation")] {
+        assert_eq!(guess.settings.measured[0].position, ["x", "y", "z"].map(str::to_owned));
+        assert!(guess.settings.measured[0].orientation.is_none(), "{word}");
+        let notes = guess.notes.join(" ");
+        assert!(notes.contains("m00 to m33") && notes.contains(word), "{notes}");
+    }
+}

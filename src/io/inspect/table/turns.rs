@@ -3,6 +3,7 @@
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::columns::number;
+use super::matrices;
 use super::roles::TurnColumns;
 use crate::figures::median;
 use crate::geometry::RotationOrder;
@@ -26,6 +27,8 @@ pub enum Form {
     Quaternion([usize; 4]),
     Angles([usize; 3], RotationOrder, AngleUnit),
     Vector([usize; 3], AngleUnit),
+    /// A rotation matrix; the columns row by row.
+    Matrix([usize; 9]),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +47,9 @@ impl Form {
             TurnColumns::Quaternion(own @ [x, y, z, w]) => {
                 let scalar_last = Self::Quaternion([w, x, y, z]);
                 vec![Self::Quaternion(own), scalar_last]
+            }
+            TurnColumns::Matrix(own @ [a, b, c, d, e, f, g, h, i]) => {
+                vec![Self::Matrix(own), Self::Matrix([a, d, g, b, e, h, c, f, i])]
             }
             TurnColumns::Angles(own) => {
                 let units = if largest > LARGEST_RAD {
@@ -77,6 +83,11 @@ impl Form {
             Self::Vector(own, unit) => {
                 let vector = Vector3::from(three(own)?) * unit.to_rad();
                 Some(UnitQuaternion::from(Rotation3::new(vector)))
+            }
+            Self::Matrix(own) => {
+                let numbers: Option<Vec<f64>> = own.into_iter().map(at).collect();
+                let rotation = Rotation3::from_matrix(&matrices::rotation(&numbers?)?);
+                Some(UnitQuaternion::from(rotation))
             }
         }
     }

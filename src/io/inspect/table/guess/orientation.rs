@@ -56,6 +56,7 @@ impl Work<'_> {
             Form::Quaternion(own) => OrientationForm::Quaternion(own.map(name)),
             Form::Angles(own, order, unit) => OrientationForm::Angles(own.map(name), order, unit),
             Form::Vector(own, unit) => OrientationForm::Vector(own.map(name), unit),
+            Form::Matrix(own) => OrientationForm::Matrix(own.map(name)),
         };
         OrientationColumns {
             form,
@@ -73,6 +74,7 @@ impl Form {
             Self::Quaternion(_) => "the quaternion with w in the other place".to_owned(),
             Self::Angles(_, own, own_unit) => format!("{} in {}", order(own), unit(own_unit)),
             Self::Vector(_, own_unit) => format!("a rotation vector in {}", unit(own_unit)),
+            Self::Matrix(_) => "the matrix with rows for columns".to_owned(),
         }
     }
 }

@@ -1,0 +1,144 @@
+//! Matrices in columns, by the numbers of row and column in their names: `m00` … `m33`, `T_1_4`, or `r11` … `r33` beside
+//! a position of other names. A last row 0 0 0 1 tells rows from columns; without it the arm does.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Matrix3;
+
+use super::columns::{ColumnSummary, number};
+use super::groups::AxisGroup;
+use crate::measured_table::MeasuredTable;
+
+/// A matrix further from a rotation than this is none.
+const ROTATION: f64 = 0.01;
+/// Numbers of a last row further from 0 0 0 1 than this are of something else.
+const ROUNDED: f64 = 1e-9;
+
+#[derive(Debug, Default)]
+pub struct Matrices {
+    pub turns: Vec<AxisGroup>,
+    pub positions: Vec<AxisGroup>,
+    /// Columns that are part of a matrix.
+    pub columns: Vec<usize>,
+    /// What is named like a matrix and cannot be used, with the reason.
+    pub notes: Vec<String>,
+}
+
+/// Columns of a matrix, row by row.
+type Rows = Vec<Vec<usize>>;
+
+impl Matrices {
+    pub fn of(table: &MeasuredTable, columns: &[ColumnSummary]) -> Self {
+        let mut groups: BTreeMap<Vec<String>, BTreeMap<[usize; 2], usize>> = BTreeMap::new();
+        for (column, summary) in columns.iter().enumerate().filter(|(_, own)| own.is_numeric()) {
+            for (words, place) in places(&summary.named.words) {
+                groups.entry(words).or_default().entry(place).or_insert(column);
+            }
+        }
+        let mut found = Self::default();
+        for (words, cells) in groups {
+            let Some(rows) = rows(&cells) else {
+                continue;
+            };
+            match row_by_row(table, &rows) {
+                Ok(rows) => found.add(&words, &rows),
+                Err(why) => found.notes.push(format!(
+                    "{} to {} are named like a matrix, but {why}: they are not used",
+                    columns[rows[0][0]].name,
+                    columns[rows[rows.len() - 1][rows[0].len() - 1]].name
+                )),
+            }
+        }
+        found
+    }
+
+    fn add(&mut self, words: &[String], rows: &Rows) {
+        let turn: Vec<usize> = rows[..3].iter().flat_map(|row| &row[..3]).copied().collect();
+        let group = |columns: [usize; 3], more: &[usize]| AxisGroup {
+            words: words.to_vec(),
+            columns,
+            more: more.to_vec(),
+        };
+        self.turns.push(group([turn[0], turn[1], turn[2]], &turn[3..]));
+        if rows[0].len() == 4 {
+            self.positions.push(group([0, 1, 2].map(|row| rows[row][3]), &[]));
+        }
+        self.columns.extend(rows.iter().flatten());
+    }
+}
+
+/// Ways of reading a name's words as the place in a matrix and the rest: `11` or `1 1`.
+fn places(words: &[String]) -> Vec<(Vec<String>, [usize; 2])> {
+    let digits = |text: &str| match *text.as_bytes() {
+        [row @ b'0'..=b'4', column @ b'0'..=b'4'] => {
+            Some([row, column].map(|digit| usize::from(digit - b'0')))
+        }
+        _ => None,
+    };
+    let mut found = Vec::new();
+    for place in 0..words.len() {
+        for end in (place + 1..=words.len()).take(2) {
+            let rest = || [&words[..place], &words[end..]].concat();
+            found.extend(digits(&words[place..end].concat()).map(|place| (rest(), place)));
+        }
+    }
+    found
+}
+
+/// A whole matrix of three or four rows and columns, counted from 0 or 1.
+fn rows(cells: &BTreeMap<[usize; 2], usize>) -> Option<Rows> {
+    let (&[first, _], &[last, last_column]) = (cells.keys().next()?, cells.keys().next_back()?);
+    let row = |row: usize| {
+        (first..=last_column).map(|column| cells.get(&[row, column]).copied()).collect()
+    };
+    let rows = (first..=last).map(row).collect::<Option<Rows>>()?;
+    let (height, width) = (rows.len(), rows[0].len());
+    let is_whole = first <= 1 && cells.len() == height * width;
+    (is_whole && [height, width].iter().all(|size| (3..=4).contains(size))).then_some(rows)
+}
+
+/// The rows of a pose, or of a rotation alone, in which the matrix may be written by columns; why it is none.
+fn row_by_row(table: &MeasuredTable, named: &Rows) -> Result<Rows, &'static str> {
+    let transposed: Rows =
+        (0..named[0].len()).map(|column| named.iter().map(|row| row[column]).collect()).collect();
+    let are_poses = [named, &transposed].map(|rows| is_pose(table, rows));
+    match are_poses {
+        [true, true] if named.len() + named[0].len() == 8 => Err(
+            "its last row and its last column are 0 0 0 1, which does not tell rows from columns",
+        ),
+        [true, _] => Ok(named.clone()),
+        [false, true] => Ok(transposed),
+        [false, false] => {
+            Err("it is no rotation with 0 0 0 1 below it, neither by rows nor by columns")
+        }
+    }
+}
+
+fn is_pose(table: &MeasuredTable, rows: &Rows) -> bool {
+    let numbers = |row: usize, columns: &[usize]| {
+        columns.iter().map(|&column| number(table, row, column)).collect::<Option<Vec<f64>>>()
+    };
+    let is_rotation = |row: usize| {
+        let own: Option<Vec<f64>> = rows[..3]
+            .iter()
+            .map(|own| numbers(row, &own[..3]))
+            .collect::<Option<Vec<_>>>()
+            .map(|own| own.concat());
+        own.is_none_or(|own| rotation(&own).is_some())
+    };
+    let ends = |row: usize| match rows.get(3) {
+        Some(last) => numbers(row, last).is_none_or(|own| {
+            own.len() == 4
+                && own.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(a, b)| (a - b).abs() < ROUNDED)
+        }),
+        None => true,
+    };
+    (0..table.row_count()).all(|row| is_rotation(row) && ends(row))
+}
+
+/// The rotation of nine numbers, row by row; `None` where they are none.
+pub fn rotation(numbers: &[f64]) -> Option<Matrix3<f64>> {
+    let matrix = Matrix3::from_row_slice(numbers);
+    let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    (off <= ROTATION && matrix.determinant() > 0.0).then_some(matrix)
+}
