@@ -37,6 +37,8 @@ const BESIDE: usize = 20;
 const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
+/// Least statistic of a slip, which leaves a session without a result.
+const SLIP_TRIED: f64 = 225.0;
 /// A slip explains what a motion of the base does, but for this much of the statistic: what five motions more gain by chance in one of a
 /// thousand.
 const BESIDE_BASE: f64 = 20.5;
@@ -274,8 +276,11 @@ impl<'a> Small<'a> {
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        let joints =
-            (0..self.units.len()).filter(|own| statistics[1 + own] + BESIDE_BASE >= statistics[0]);
+        let is_slip = |joint: &usize| {
+            let own = statistics[1 + joint];
+            own >= SLIP_TRIED && own + BESIDE_BASE >= statistics[0]
+        };
+        let joints = (0..self.units.len()).filter(is_slip);
         let columns: Vec<Columns> =
             [Columns::Base].into_iter().chain(joints.map(Columns::Joint)).collect();
         let tried = near.flat_map(|station| columns.iter().map(move |own| (station, *own)));
