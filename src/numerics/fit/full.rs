@@ -62,6 +62,7 @@ use leave_one_out::{LeftOut, of_observations, of_readings};
 use noise::{NoisyReading, Repeatability, StationNoise};
 use regression::Posterior;
 pub use repairs::{Day, Repair};
+use rows::Around;
 pub use settings::FullSettings;
 use sides::Sides;
 use student::Tails;
@@ -100,7 +101,7 @@ pub struct FullModel {
     scale_sd: f64,
     scale_evidence: Option<ScaleEvidence>,
     approach: Option<ApproachOffsets>,
-    /// Backlash that was taken out of the training's joints; `approach` has its variance.
+    /// Backlash of which `approach` has the variance.
     sides: Option<Sides>,
     tails: Tails,
     mean: DVector<f64>,
@@ -186,19 +187,16 @@ impl FullModel {
         let settled = train::train(&problem, start.clone(), settings, up)?;
         let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
-        let backlash = settled.state.sides.as_ref().map(Sides::evidence);
-        let parts = curves.into_iter().chain(settled.weigh_parts()).chain(backlash).collect();
+        let mut parts: Vec<_> = curves.into_iter().chain(settled.weigh_parts()).collect();
         let empty =
             Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
         let left_out = match purpose {
             Purpose::Published => settled.leave_one_out(&problem, up),
             Purpose::Judges => Vec::new(),
         };
-        Some(Self {
-            scale_evidence,
-            parts,
-            ..Self::of_settled(&problem, empty, settled, &left_out, settings, up)
-        })
+        let own = Self::of_settled(&problem, empty, settled, &left_out, settings, up);
+        parts.extend(own.sides.as_ref().map(Sides::evidence));
+        Some(Self { scale_evidence, parts, ..own })
     }
 
     fn of_settled(
@@ -212,7 +210,9 @@ impl FullModel {
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let mut approach =
             ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
-        if let Some(sides) = &settled.state.sides {
+        let around = Around::new(problem, &settled.state, up);
+        let sides = Sides::of(&around, &settled.prior_mean, &settled.posterior);
+        if let Some(sides) = &sides {
             approach = Some(ApproachOffsets::with(approach, &sides.variances));
         }
         let rows_at = settled.state.offsets.clone();
@@ -231,7 +231,7 @@ impl FullModel {
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
             approach,
-            sides: state.sides,
+            sides,
             tails: state.tails,
             layout: state.layout,
             offsets: state.offsets,
@@ -385,7 +385,7 @@ impl FullModel {
             .map(|columns| self.mean.rows(columns.start, columns.len()).into_owned())
     }
 
-    /// Backlash that was taken out of the joints of the training.
+    /// Backlash that the stations of the training show.
     pub const fn sides(&self) -> Option<&Sides> {
         self.sides.as_ref()
     }

@@ -39,9 +39,8 @@ const GAIN: f64 = 20.0;
 const TRIED: f64 = 30.0;
 /// Least statistic of a slip, which leaves a session without a result.
 const SLIP_TRIED: f64 = 225.0;
-/// A slip explains what a motion of the base does, but for this much of the statistic: what five motions more gain by chance in one of a
-/// thousand.
-const BESIDE_BASE: f64 = 20.5;
+/// Share of the statistic of a motion of the base that a slip has at least: it is one of those motions, or none of them does better.
+const SLIP_SHARE: f64 = 0.9;
 const MOST: usize = 4;
 const HARMONICS: usize = 6;
 /// Polynomials of the slow drift.
@@ -278,7 +277,7 @@ impl<'a> Small<'a> {
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
         let is_slip = |joint: &usize| {
             let own = statistics[1 + joint];
-            own >= SLIP_TRIED && own + BESIDE_BASE >= statistics[0]
+            own >= SLIP_TRIED && own >= SLIP_SHARE * statistics[0]
         };
         let joints = (0..self.units.len()).filter(is_slip);
         let columns: Vec<Columns> =

@@ -421,7 +421,6 @@ impl FullModel {
             offsets: self.offsets.clone(),
             span: self.span,
             middles: self.middles.clone(),
-            sides: None,
         }
     }
 

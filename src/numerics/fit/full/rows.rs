@@ -4,7 +4,6 @@
 //! correlated ([`super::noise`]): their rows stand one below the other, and are whitened
 //! ([`super::whitening`]), weighted and left out together.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
@@ -17,7 +16,6 @@ use super::layout::{Block, Layout};
 use super::noise::{NoisyReading, Repeatability, StationNoise};
 use super::partition::{Partition, Seen};
 use super::shapes::JointShapes;
-use super::sides::Sides;
 use super::student::Tails;
 use crate::fit::frames::{Frames, PerChannel};
 use crate::fit::observation::Observation;
@@ -43,7 +41,6 @@ pub struct State {
     pub span: f64,
     /// The middle of each session's stations, in the base frame, mm.
     pub middles: Vec<Point3<f64>>,
-    pub sides: Option<Sides>,
 }
 
 pub struct Row {
@@ -154,8 +151,6 @@ pub(super) struct Around<'p> {
     frames: Vec<Frames>,
     chains: PerChannel<HeldChain>,
     stations: Vec<Range<usize>>,
-    /// True minus reported axis variables of each station by the side of its approach; empty where no backlash is known.
-    beside: Vec<Vec<f64>>,
     pub partition: Partition,
     seen: Vec<Seen>,
 }
@@ -171,10 +166,6 @@ impl<'p> Around<'p> {
             frames: problem.frames(&state.offsets),
             chains: problem.held(&state.offsets),
             stations: stations(problem.observations()),
-            beside: state
-                .sides
-                .as_ref()
-                .map_or_else(Vec::new, |own| own.at(problem.observations())),
             seen: (0..sessions).map(seen).collect(),
             partition,
             problem,
@@ -216,16 +207,15 @@ impl<'p> Around<'p> {
         let places = stations.par_iter().with_min_len(CHUNK);
         let row = |&place: &usize| {
             let own = self.stations[place].clone();
-            self.station(&self.problem.observations()[own], self.beside.get(place))
+            self.station(&self.problem.observations()[own])
         };
         places.map(row).collect()
     }
 }
 
 impl Around<'_> {
-    fn station(&self, readings: &[Observation], beside: Option<&Vec<f64>>) -> Row {
-        let mut rows: Vec<ReadingRow> =
-            readings.iter().map(|own| self.reading(own, beside)).collect();
+    fn station(&self, readings: &[Observation]) -> Row {
+        let mut rows: Vec<ReadingRow> = readings.iter().map(|own| self.reading(own)).collect();
         let noisy = readings.iter().zip(&rows);
         let noisy = noisy.map(|(observation, row)| NoisyReading {
             observation,
@@ -244,13 +234,9 @@ impl Around<'_> {
         Row { plain, shapes: shapes.unwrap_or_default(), value, noise }
     }
 
-    fn reading(&self, observation: &Observation, beside: Option<&Vec<f64>>) -> ReadingRow {
+    fn reading(&self, observation: &Observation) -> ReadingRow {
         let (problem, state) = (self.problem, self.state);
-        let mut axes = Cow::from(&observation.axes);
-        if let Some(beside) = beside {
-            axes.to_mut().iter_mut().zip(beside).for_each(|(axis, own)| *axis += own);
-        }
-        let view = self.chains.of(observation.channel()).view(&axes);
+        let view = self.chains.of(observation.channel()).view(&observation.axes);
         let base = self.frames[observation.session].tracker_from_base(observation.source);
         let root = base.isometry().rotation;
         let base_axes = *root.to_rotation_matrix().matrix();
@@ -261,7 +247,7 @@ impl Around<'_> {
             end: view.end.translation.vector.into(),
             up: self.up.map(|up| root * up),
             base: base_axes,
-            angles: &axes,
+            angles: &observation.axes,
             settling_error: observation.settling_error.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
@@ -272,7 +258,7 @@ impl Around<'_> {
         let shown = observation.measured.shown(gauge.as_ref(), &end);
         let seen = &self.seen[observation.session];
         let mut plain = self.plain(&pose, seen, &shown);
-        let angles = seen.of_joints.iter().zip(axes.iter()).enumerate();
+        let angles = seen.of_joints.iter().zip(&observation.axes).enumerate();
         let shapes = angles.map(|(joint, (own, &angle))| {
             let unit = state.layout.curve_unit(joint);
             own.numbers(angle, unit)

@@ -3,9 +3,9 @@
 //! Where the settling error tells the side, the approach-direction offset is a part of the model. Here the side s is the direction in
 //! which the joint came from the station before. Columns `B = J_j s_j` beside those of the model have the score `z = Bᵀ N⁻¹ e` and the
 //! information `K = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B`, with the model's rows Φ, their covariance C and residuals e: the offsets c of the
-//! joints are `N(P z, P)`, `P = (K + I/τ²)⁻¹`, and τ is found by `MacKay`'s fixed point. Where the evidence rises, the rounds that follow
-//! take them out of the reported joints. From which side a target is approached is not known: a prediction stands in the middle, with
-//! the variance `E c²`.
+//! joints are `N(P z, P)`, `P = (K + I/τ²)⁻¹`, and τ is found by `MacKay`'s fixed point. From which side a target is approached is not
+//! known: where the evidence rises, a prediction has the variance `E c² (1 + s̄²)` as well, s̄ the mean side of the stations, whose offset
+//! the model has as the joint's own.
 
 use nalgebra::{DMatrix, DVector, RowDVector};
 use serde::{Deserialize, Serialize};
@@ -56,17 +56,17 @@ impl Sides {
             sides(observations).map(|own| own.component_mul(&units.transpose())).collect();
         let (information, score) = score(&sides, around, prior_mean, posterior);
         let (offsets, covariance, gain) = estimated(&information, &score)?;
-        let squares = offsets.map(|own| own * own) + covariance.diagonal();
+        let mean_side =
+            |joint: usize| sides.iter().map(|own| own[joint]).sum::<f64>() / sides.len() as f64;
+        let variance = |joint: usize| {
+            let square = offsets[joint].powi(2) + covariance[(joint, joint)];
+            square * (units[joint].powi(2) + mean_side(joint).powi(2))
+        };
         (gain > GAIN).then(|| Self {
             offsets: offsets.component_mul(&units).as_slice().to_vec(),
-            variances: squares.component_mul(&units.map(|own| own * own)).as_slice().to_vec(),
+            variances: (0..offsets.len()).map(variance).collect(),
             gain,
         })
-    }
-
-    /// True minus reported axis variables of each station.
-    pub(super) fn at(&self, observations: &[Observation]) -> Vec<Vec<f64>> {
-        sides(observations).map(|side| self.on(side.as_slice())).collect()
     }
 
     /// True minus reported axis variables on these sides, each 1, −1, or 0 in the middle.

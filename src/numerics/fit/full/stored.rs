@@ -191,7 +191,6 @@ impl StoredFull {
                 .collect(),
             span: self.span,
             middles: self.middles.clone(),
-            sides: self.sides.clone(),
             ..State::expected(problem, at, settings, self.up.is_some())
         };
         let around = Around::new(problem, &state, self.up);

@@ -17,7 +17,6 @@ use super::noise::{Repeatability, of_length};
 use super::regression::{Evidence, Posterior};
 use super::rows::{Around, State, prior_mean, stations};
 use super::settings::FullSettings;
-use super::sides::Sides;
 use super::student::Tails;
 use super::whitening::evidence;
 use crate::fit::observation::Observation;
@@ -28,8 +27,6 @@ const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
 /// Those of a training that starts where another with more parts ended.
 const FEWER_STEPS: [usize; 3] = [1, 1, 2];
 const LINE_ROUNDS: usize = 3;
-/// The round that looks for backlash.
-const SIDES_ROUND: usize = 1;
 
 #[derive(Debug, Clone)]
 pub struct Settled {
@@ -71,7 +68,6 @@ impl Settled {
         let start = self.state.offsets.clone();
         let mut state = State::expected(problem, start, settings, up.is_some());
         state.weights.clone_from(&self.state.weights);
-        state.sides.clone_from(&self.state.sides);
         settled(problem, state, settings, up, &FEWER_STEPS)
     }
 }
@@ -97,9 +93,6 @@ fn settled(
             return Some(Settled { state, evidence, posterior, prior_mean });
         }
         let left_out = leave_one_out(&around, &prior_mean, &posterior);
-        if round == SIDES_ROUND && state.sides.is_none() {
-            state.sides = Sides::of(&around, &prior_mean, &posterior);
-        }
         state.components = components;
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
         state.repeatability.update(&noise, &expected);
@@ -144,7 +137,6 @@ impl State {
             tails: Tails::Normal,
             weights: vec![1.0; stations(observations).len()],
             middles: middles(problem),
-            sides: None,
             offsets,
             span,
             layout,
