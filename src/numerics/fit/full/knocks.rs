@@ -38,7 +38,7 @@ const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
 /// Least statistic of a slip, which leaves a session without a result.
-const SLIP_TRIED: f64 = 225.0;
+const SLIP_TRIED: f64 = 100.0;
 /// Share of the statistic of a motion of the base that a slip has at least: it is one of those motions, or none of them does better.
 const SLIP_SHARE: f64 = 0.9;
 const MOST: usize = 4;
