@@ -14,6 +14,11 @@ pub const MM_PER_M: f64 = 1000.0;
 /// the axis, the usual distance of a tool, by 1 mm.
 pub const SLIDE_MM_PER_RAD: f64 = 1000.0;
 
+/// Units of a joint's variable that count as one radian: 1 rad where it turns, 1000 mm where it slides.
+pub const fn per_radian(slides: bool) -> f64 {
+    if slides { SLIDE_MM_PER_RAD } else { 1.0 }
+}
+
 /// Separation of two joint values, rad: the chord `2 sin(Δq/2)`, or of a joint that slides the distance, a mm as a
 /// mrad.
 pub fn chord(difference: f64, slides: bool) -> f64 {

@@ -23,7 +23,7 @@ use crate::join::tabled::Rows;
 use columns::Columns;
 
 pub use error::{StationTableError, StationTableErrorKind};
-pub(crate) use rows::date_ns;
+pub(crate) use rows::{date_ns, rotation_of_matrix};
 pub use write::{LengthColumn, Read, csv};
 
 #[derive(Debug)]

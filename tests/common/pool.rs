@@ -168,7 +168,7 @@ pub fn trained(
 ) -> FullModel {
     let sessions = seen.last().map_or(0, |own| own.session + 1);
     let frames = vec![frames.clone(); sessions];
-    let geometry = vec![0.0; arm.chain().parameters().len()];
+    let geometry = arm.no_offsets();
     let prior = FitSettings::default().prior();
     let up = Some(Vector3::z_axis());
     FullModel::train(arm, seen, &frames, &geometry, &prior, settings, up).expect("a model")

@@ -67,7 +67,7 @@ fn jacobian(drawn: &Drawn, joints: &[f64]) -> DMatrix<f64> {
 }
 
 fn nominal(arm: &Arm) -> Vec<f64> {
-    vec![0.0; arm.chain().parameters().len()]
+    arm.no_offsets()
 }
 
 fn assert_reaches(drawn: &Drawn, target: &Isometry3<f64>, found: &[f64]) {

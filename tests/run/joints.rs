@@ -68,7 +68,7 @@ fn nominal_joints(arm: &Arm, tool: &Isometry3<f64>, node: &Node) -> Vec<f64> {
         Translation3::from(node.target),
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)),
     );
-    let offsets = vec![0.0; arm.chain().parameters().len()];
+    let offsets = arm.no_offsets();
     let settings = InverseSettings::default();
     inverse(arm, &offsets, &pose, tool, &node.joints, &settings).expect("beside the node")
 }

@@ -131,6 +131,11 @@ impl Arm {
         &self.chain
     }
 
+    /// The parameter offsets of the nominal arm: zeros.
+    pub fn no_offsets(&self) -> Vec<f64> {
+        vec![0.0; self.chain.parameters().len()]
+    }
+
     /// Joints (counted from 1) whose link has Hayati's β, because two axes are nominally parallel.
     pub fn parallel_joints(&self) -> &[usize] {
         &self.parallel

@@ -211,7 +211,7 @@ mod tests {
     }
 
     fn factors(arm: &Arm, degrees: [f64; 6]) -> SingularityFactors {
-        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let offsets = arm.no_offsets();
         SingularityFactors::of(arm, &offsets, &degrees.map(f64::to_radians)).expect("six axes")
     }
 
@@ -241,7 +241,7 @@ mod tests {
     /// Walks each joint through its whole range from many poses: wherever the smallest singular value says the arm is
     /// well away from every singularity, no factor may be near zero, and wherever it is on one, a factor must be.
     fn factors_vanish_exactly_at_singularities(arm: &Arm) {
-        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let offsets = arm.no_offsets();
         let mut seen = [0_usize; 2];
         for step in 0..4000_u32 {
             // An irrational rotation per joint covers the ranges evenly without randomness.

@@ -120,7 +120,7 @@ const SMALLEST: u32 = 64;
 /// let joints = [0.3, -1.2, 1.5, -1.8, -1.5, 0.4];
 /// let base_from_flange = *arm.flange(&joints).isometry();
 /// let near = joints.map(|angle| angle + 0.1);
-/// let nominal = vec![0.0; arm.chain().parameters().len()];
+/// let nominal = arm.no_offsets();
 /// let (at_flange, settings) = (Isometry3::identity(), InverseSettings::default());
 /// let found = inverse(&arm, &nominal, &base_from_flange, &at_flange, &near, &settings)?;
 /// assert!(found.iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6));
@@ -214,10 +214,6 @@ mod tests {
         arm(include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"))
     }
 
-    fn nominal_offsets(arm: &Arm) -> Vec<f64> {
-        vec![0.0; arm.chain().parameters().len()]
-    }
-
     fn radians(degrees: [f64; 6]) -> Vec<f64> {
         degrees.map(f64::to_radians).to_vec()
     }
@@ -228,7 +224,7 @@ mod tests {
     fn converges_quadratically() {
         // Each Newton step squares the residual: from 1e-2 to rounding takes three at most.
         let arm = kr210();
-        let offsets = nominal_offsets(&arm);
+        let offsets = arm.no_offsets();
         let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
         let settings = InverseSettings::default();
         let search = Search::new(&arm, &offsets, tool, settings);
@@ -289,7 +285,7 @@ mod tests {
         let seed: Vec<f64> = truth.iter().map(|q| q + 0.05).collect();
         let found = inverse(
             &arm,
-            &nominal_offsets(&arm),
+            &arm.no_offsets(),
             &target,
             &Isometry3::identity(),
             &seed,
@@ -309,7 +305,7 @@ mod tests {
             isometry_from_rpy([3500.0, 0.0, 675.0], [0.0, std::f64::consts::FRAC_PI_2, 0.0]);
         let refused = inverse(
             &arm,
-            &nominal_offsets(&arm),
+            &arm.no_offsets(),
             &target,
             &Isometry3::identity(),
             &radians(HOME),
@@ -328,7 +324,7 @@ mod tests {
         let beyond = radians([0.0, -90.0, 90.0, 0.0, 130.0, 0.0]);
         let refused = inverse(
             &arm,
-            &nominal_offsets(&arm),
+            &arm.no_offsets(),
             arm.flange(&beyond).isometry(),
             &Isometry3::identity(),
             &radians([0.0, -90.0, 90.0, 0.0, 120.0, 0.0]),
@@ -346,7 +342,7 @@ mod tests {
         let target = *arm.flange(&radians([0.0, -90.0, 90.0, 0.0, -1.0, 0.0])).isometry();
         let refused = inverse(
             &arm,
-            &nominal_offsets(&arm),
+            &arm.no_offsets(),
             &target,
             &Isometry3::identity(),
             &seed,
@@ -365,14 +361,8 @@ mod tests {
             ..InverseSettings::default()
         };
         let seed = radians([0.0, -90.0, 90.0, 0.0, 20.0, 0.0]);
-        let refused = inverse(
-            &arm,
-            &nominal_offsets(&arm),
-            &target,
-            &Isometry3::identity(),
-            &seed,
-            &settings,
-        );
+        let refused =
+            inverse(&arm, &arm.no_offsets(), &target, &Isometry3::identity(), &seed, &settings);
         match refused {
             Err(InverseError::NearSingularity { factor, .. }) => {
                 assert!((factor - 2.0_f64.to_radians().sin()).abs() < 1e-6);

@@ -1,7 +1,7 @@
 //! A joint's variable for people and files: degrees where the joint turns, mm where it slides.
 
 use super::arm::{Arm, Joint};
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::per_radian;
 
 impl Joint {
     /// The variable `value` (rad; mm for a joint that slides) in the unit of [`Self::unit`].
@@ -26,12 +26,12 @@ impl Joint {
 
     /// Units of the variable that count as one radian: 1 rad where it turns, 1000 mm where it slides.
     pub const fn per_radian(&self) -> f64 {
-        if self.slides { SLIDE_MM_PER_RAD } else { 1.0 }
+        per_radian(self.slides)
     }
 
     /// Radians that one unit of the variable counts as: 1 where it turns; 1/1000 a mm where it slides.
     pub const fn counted(&self) -> f64 {
-        if self.slides { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 }
+        1.0 / per_radian(self.slides)
     }
 }
 

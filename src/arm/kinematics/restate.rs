@@ -31,7 +31,7 @@ pub enum RestateError {
 impl RobotFile {
     /// The file of an arm in a convention. A joint that follows another is named after it.
     pub fn of_arm(arm: &Arm, convention: Convention) -> Result<Self, RestateError> {
-        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let offsets = arm.no_offsets();
         let screws = Screws::of(arm.chain(), &offsets);
         let mut named = vec![false; arm.joints().len()];
         let mut joint = Vec::with_capacity(screws.axes.len());
@@ -55,7 +55,7 @@ impl RobotFile {
 
     pub fn restated(&self, convention: Convention) -> Result<Self, RestateError> {
         let arm = self.arm()?;
-        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let offsets = arm.no_offsets();
         let screws = Screws::of(arm.chain(), &offsets);
         let moving: Vec<&JointFile> =
             self.joint.iter().filter(|joint| joint.kind != JointKind::Fixed).collect();

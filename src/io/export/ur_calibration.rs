@@ -36,7 +36,7 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
 /// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between
 /// each two.
 fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
-    let none = vec![0.0; arm.chain().parameters().len()];
+    let none = arm.no_offsets();
     let screws = Screws::of(arm.chain(), &none);
     let points: Vec<_> = screws.axes.iter().map(|screw| screw.line.point).collect();
     let [_, lift, elbow, wrist_1, wrist_2, wrist_3] = points[..] else {

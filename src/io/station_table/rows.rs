@@ -631,15 +631,19 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
             Ok(UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from_row_slice(values)))
         }
         (OrientationForm::Matrix(_), values) if values.len() == 9 => {
-            let matrix = Matrix3::from_row_slice(values);
-            let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
-            let turns = off <= ROTATION && matrix.determinant() > 0.0;
-            turns
-                .then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix)))
-                .ok_or_else(|| Fault::of("a matrix that is no rotation: its rows are not of length 1 and at right angles".to_owned()))
+            let turn = rotation_of_matrix(values);
+            turn.ok_or_else(|| Fault::of("a matrix that is no rotation: its rows are not of length 1 and at right angles".to_owned()))
         }
         _ => Err(Fault::of("an orientation with a wrong number of values".to_owned())),
     }
+}
+
+/// The rotation of nine numbers, row by row; `None` where they are not within a hundredth of one.
+pub(crate) fn rotation_of_matrix(values: &[f64]) -> Option<UnitQuaternion<f64>> {
+    let matrix = Matrix3::from_row_slice(values);
+    let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
+    let turns = off <= ROTATION && matrix.determinant() > 0.0;
+    turns.then(|| UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix)))
 }
 
 /// Nanoseconds since 1970, UTC, of a date and time in one of the forms of dates; without an offset it is in UTC.

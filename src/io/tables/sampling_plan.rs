@@ -130,7 +130,7 @@ const fn design(purpose: Purpose) -> Kind {
 }
 
 fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let factors = SingularityFactors::of(arm, &nominal, joints)?;
     Some(factors.configuration().to_string())
 }

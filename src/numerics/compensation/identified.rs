@@ -134,11 +134,9 @@ impl IdentifiedArm {
         let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
         let periods = self.periods();
         let one = |asked: &&[f64]| {
-            let angles = asked.iter().zip(&periods).enumerate();
-            let measured = |(joint, (angle, period)): (usize, (&f64, &Option<f64>))| {
-                angle - self.turns_beyond(joint, *angle, *period)
-            };
-            let joints: Vec<f64> = angles.map(measured).collect();
+            let turns = self.all_turns_beyond(asked, &periods);
+            let joints: Vec<f64> =
+                asked.iter().zip(turns).map(|(own, turns)| own - turns).collect();
             if !allow.contains(&Exception::JointRange) {
                 self.within_measured(&joints)?;
             }
@@ -186,6 +184,12 @@ impl IdentifiedArm {
         let turns = period * ((angle - low.midpoint(high)) / period).round();
         let is_inside = self.beyond_measured(joint, angle - turns) <= self.rim(joint);
         if is_inside { turns } else { 0.0 }
+    }
+
+    /// [`Self::turns_beyond`] of each joint's angle.
+    pub(super) fn all_turns_beyond(&self, asked: &[f64], periods: &[Option<f64>]) -> Vec<f64> {
+        let angles = asked.iter().zip(periods).enumerate();
+        angles.map(|(joint, (angle, period))| self.turns_beyond(joint, *angle, *period)).collect()
     }
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.

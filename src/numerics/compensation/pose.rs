@@ -83,7 +83,7 @@ impl<'a> Poses<'a> {
     fn at_joints(&self, target: &Target, given: &TargetJoints) -> Result<Wanted, Reason> {
         let asked = self.in_order(given)?;
         within_limits(&self.identified.arm, &asked)?;
-        let turns_rad = self.turns_beyond(&asked);
+        let turns_rad = self.identified.all_turns_beyond(&asked, &self.periods);
         let pairs = asked.iter().zip(&turns_rad);
         let joints: Vec<f64> = pairs.map(|(joint, turns)| joint - turns).collect();
         self.in_configuration(target, &joints)?;
@@ -96,15 +96,6 @@ impl<'a> Poses<'a> {
         // Even when the angles already reach the pose, this checks limits and singularities.
         let joints = self.reach.solve(&base_from_tool, &joints)?;
         Ok(Wanted { base_from_tool, joints, turns_rad })
-    }
-
-    /// The whole turns by which each joint's angle is away from the measured ones, rad; 0 where none brings it there.
-    fn turns_beyond(&self, asked: &[f64]) -> Vec<f64> {
-        let periods = self.periods.iter().enumerate().zip(asked);
-        let turns = |((joint, period), angle): ((usize, &Option<f64>), &f64)| {
-            self.identified.turns_beyond(joint, *angle, *period)
-        };
-        periods.map(turns).collect()
     }
 
     /// The pose that a target states; what it leaves out is that of its joint angles.

@@ -16,7 +16,7 @@ use super::visits::{self, Dwell};
 use crate::figures::median;
 use crate::join::Station;
 use crate::kinematics::Arm;
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::per_radian;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandFrames {
@@ -198,7 +198,7 @@ fn settling_error(
     flange_from_tool: &Isometry3<f64>,
 ) -> Vec<f64> {
     let axes = arm.axes(&station.joints);
-    let differential = arm.chain().differential(&axes, &vec![0.0; arm.chain().parameters().len()]);
+    let differential = arm.chain().differential(&axes, &arm.no_offsets());
     let tool = differential.end * Point3::from(flange_from_tool.translation.vector);
     let lever = tool.coords - differential.end.translation.vector;
     let mut rows = DMatrix::zeros(6, axes.len());
@@ -211,10 +211,8 @@ fn settling_error(
     away.fixed_rows_mut::<3>(0).copy_from(&((pose.position - tool) / POSITION_MM));
     away.fixed_rows_mut::<3>(3).copy_from(&(differential.end.rotation * turn / turn_rad));
     let slides = arm.chain().slides();
-    let expected = slides.iter().map(|slides| {
-        let per_radian = if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
-        1.0 / (SETTLING_ERROR_RAD * per_radian).powi(2)
-    });
+    let expected =
+        slides.iter().map(|slides| 1.0 / (SETTLING_ERROR_RAD * per_radian(*slides)).powi(2));
     let ridge = DMatrix::from_diagonal(&DVector::from_iterator(axes.len(), expected));
     let factor =
         (rows.tr_mul(&rows) + ridge).cholesky().expect("a ridge makes it positive definite");

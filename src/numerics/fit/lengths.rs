@@ -126,10 +126,6 @@ fn exact(arm: &Arm, frames: &Frames, errors: &[f64]) -> Vec<Observation> {
     seen(arm, frames, errors, STATIONS, &sizes, &mut Normals(1))
 }
 
-fn nominal(arm: &Arm) -> Vec<f64> {
-    vec![0.0; arm.chain().parameters().len()]
-}
-
 /// Errors of 0.4 mm and 0.5 mrad of parameters that no frame absorbs.
 fn errors(arm: &Arm) -> Vec<f64> {
     let error = |parameter: &Parameter| match parameter {
@@ -143,7 +139,7 @@ fn errors(arm: &Arm) -> Vec<f64> {
 /// Directions that these sources identify, of instruments, arm and target together.
 fn directions(sees: &[Sees]) -> usize {
     let (arm, starts) = (arm(), [truth(sees)]);
-    let observed = exact(&arm, &starts[0], &nominal(&arm));
+    let observed = exact(&arm, &starts[0], &arm.no_offsets());
     let prior = Prior::default();
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
     Structure::of(&problem, &DVector::zeros(problem.unknowns().len())).rank
@@ -262,7 +258,7 @@ fn anchors_and_planes_are_found_from_lengths_alone() {
         vec![Sees::Places, anchor(1), plane([0.0, 1.0, 0.2], -400.0)],
     ] {
         let wanted = truth(&sees);
-        let observed = exact(&arm, &wanted, &nominal(&arm));
+        let observed = exact(&arm, &wanted, &arm.no_offsets());
         let settings = FitSettings::default();
         let found = identify(&arm, &observed, 1, Freedom::BaseAndTarget, &settings).expect("a fit");
         assert!(found.misfit_mm < 1e-4, "{} mm", found.misfit_mm);
@@ -528,7 +524,7 @@ fn the_full_error_model_learns_from_lengths() {
 fn too_few_lengths_are_refused() {
     let arm = arm();
     let wanted = truth(&[Sees::Places, anchor(0)]);
-    let mut observed = exact(&arm, &wanted, &nominal(&arm));
+    let mut observed = exact(&arm, &wanted, &arm.no_offsets());
     observed.retain(|o| o.source == SourceId::ONLY || o.station < 7);
     let found = identify(&arm, &observed, 1, Freedom::BaseAndTarget, &FitSettings::default());
     let said = found.map(|_| ()).expect_err("seven readings").to_string();
@@ -608,7 +604,7 @@ fn the_start_is_not_moved_by_wrong_numbers() {
     let arm = arm();
     for sees in [anchor(1), plane([0.3, -0.5, 0.8], 250.0)] {
         let wanted = truth(&[sees]);
-        let mut observed = exact(&arm, &wanted, &nominal(&arm));
+        let mut observed = exact(&arm, &wanted, &arm.no_offsets());
         for (place, own) in observed.iter_mut().enumerate() {
             if let Measured::Distance(length) | Measured::Height(length) = &mut own.measured
                 && place % 9 == 0

@@ -144,7 +144,7 @@ pub fn unseen(
     left_mm: &LeftBy,
     change_rad: f64,
 ) -> Option<SharedFit> {
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let allowed = |o: &Observation| {
         let differential = arm.chain().differential(&o.axes, &nominal);
         let lever = differential.end.rotation * target_mm;

@@ -102,7 +102,7 @@ impl<'a> Reach<'a> {
             orientation_slack_rad: ORIENTATION_SLACK_RAD,
             ..InverseSettings::default()
         };
-        let inverse = Inverse::new(arm, &nominal(arm), flange_from_tool, settings);
+        let inverse = Inverse::new(arm, &arm.no_offsets(), flange_from_tool, settings);
         Self { arm, flange_from_tool, settings, inverse, counted: arm.counted() }
     }
 
@@ -143,7 +143,7 @@ impl<'a> Reach<'a> {
         accepts: impl Fn(&[f64]) -> bool,
     ) -> Result<Vec<f64>, InverseError> {
         let tool = self.flange_from_tool;
-        let anywhere = Anywhere::new(self.arm, &nominal(self.arm), tool, self.settings);
+        let anywhere = Anywhere::new(self.arm, &self.arm.no_offsets(), tool, self.settings);
         anywhere.joints_where(pose, None, accepts)
     }
 
@@ -151,11 +151,6 @@ impl<'a> Reach<'a> {
     pub fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
         self.inverse.factors(joints).map(|factors| factors.configuration())
     }
-}
-
-/// Offsets of the nominal arm's parameters.
-fn nominal(arm: &Arm) -> Vec<f64> {
-    vec![0.0; arm.chain().parameters().len()]
 }
 
 /// Nodes between two looks at the progress, and at whether an end is asked for.

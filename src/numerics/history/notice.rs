@@ -33,7 +33,7 @@ impl Noticed {
         target: &Isometry3<f64>,
         ranges: &[[f64; 2]],
     ) -> Self {
-        let none = vec![0.0; arm.chain().parameters().len()];
+        let none = arm.no_offsets();
         let pose = |pose: usize| {
             let mut factor = pose;
             let joint = |[low, high]: &[f64; 2]| {

@@ -14,7 +14,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{MM_PER_M, SLIDE_MM_PER_RAD};
+use crate::units::{MM_PER_M, per_radian};
 
 pub use fields::{
     AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
@@ -148,10 +148,9 @@ impl Mapping {
 
     /// Radians that one unit of each joint's variable counts as where the arm's stop is detected; empty where every joint turns.
     ///
-    /// [`SLIDE_MM_PER_RAD`] states the length that counts as a radian.
+    /// [`per_radian`] states the length that counts as a radian.
     pub fn counted(&self) -> Vec<f64> {
-        let counted = |&slides: &bool| if slides { 1.0 / SLIDE_MM_PER_RAD } else { 1.0 };
-        self.slides.iter().map(counted).collect()
+        self.slides.iter().map(|&slides| 1.0 / per_radian(slides)).collect()
     }
 }
 

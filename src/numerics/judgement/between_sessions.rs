@@ -11,12 +11,12 @@
 //! No random numbers are drawn: places and sizes are those of a sequence that fills the unit cube evenly (Richtmyer 1951),
 //! so that the same stations give the same bytes.
 
-use nalgebra::{RowDVector, Vector3};
+use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::JoinedSession;
 use crate::fit::commanded::SettlingError;
-use crate::fit::full::sides::{Sides, sides_of};
+use crate::fit::full::sides::{Sides, sides};
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
@@ -61,17 +61,16 @@ fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
         .collect()
 }
 
-/// What the joints stood beside of what they reported by their sides of approach, by station number.
+/// True minus reported axis variables by the sides of approach, by station number.
 fn beside(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
-    sides: &Sides,
+    backlash: &Sides,
 ) -> Vec<(usize, Vec<f64>)> {
     let stations = &session.joined.stations;
     let axes: Vec<_> = stations.iter().map(|own| error_frame.arm().axes(&own.joints)).collect();
-    let of_stations = sides_of(axes.iter().map(|own| (0, &own[..])));
-    let on = |side: RowDVector<f64>| sides.on(side.as_slice());
-    stations.iter().map(|own| own.number).zip(of_stations.map(on)).collect()
+    let beside = sides(axes.iter().map(|own| (0, &own[..]))).map(|own| backlash.on(&own));
+    stations.iter().map(|own| own.number).zip(beside).collect()
 }
 
 struct OtherDays<'o> {
@@ -79,6 +78,7 @@ struct OtherDays<'o> {
     place: usize,
     error_frame: &'o ErrorFrame<'o>,
     settling_errors: Vec<(usize, &'o [f64])>,
+    /// True minus reported axis variables of each station; empty where no backlash is known.
     beside: Vec<(usize, Vec<f64>)>,
     /// Standard deviation per axis of the base's position in another session.
     day_mm: f64,
@@ -90,9 +90,8 @@ impl OtherDays<'_> {
         let own = self.settling_errors.iter().find(|(number, _)| *number == station.number);
         let own = own.map(|(_, settling_error)| *settling_error);
         let beside = self.beside.iter().find(|(number, _)| *number == station.number);
-        let side: Vec<f64> =
-            beside.map_or_else(|| vec![0.0; reported.len()], |(_, own)| own.clone());
-        let measured = self.stands(&sum(&reported, &side), own, Some(station.number));
+        let was = beside.map_or_else(|| reported.clone(), |(_, by)| sum(&reported, by));
+        let measured = self.stands(&was, own, Some(station.number));
         (0..DAYS)
             .map(|day| {
                 let mut even = Even::at(place * DAYS + day);
@@ -105,20 +104,19 @@ impl OtherDays<'_> {
                     commanded.iter().zip(other).map(|(axis, short)| axis - short).collect()
                 });
                 let reported: Vec<f64> = moved.unwrap_or_else(|| reported.clone());
-                let side = self.some_side(&mut even).unwrap_or_else(|| side.clone());
-                let there = self.stands(&sum(&reported, &side), other.as_deref(), None);
-                there - measured + drift
+                let is = self.on_some_sides(reported, &mut even);
+                self.stands(&is, other.as_deref(), None) - measured + drift
             })
             .collect()
     }
 
-    /// Any side of each joint, by even numbers; `None` where no backlash is known.
-    fn some_side(&self, even: &mut Even) -> Option<Vec<f64>> {
-        let sides = self.model.sides()?;
-        let joints = self.beside.first()?.1.len();
-        let any: Vec<f64> =
-            (0..joints).map(|_| if even.next() < 0.5 { -1.0 } else { 1.0 }).collect();
-        Some(sides.on(&any))
+    /// Axis variables with each joint on some side of its backlash; those reported where none is known.
+    fn on_some_sides(&self, reported: Vec<f64>, even: &mut Even) -> Vec<f64> {
+        let Some(backlash) = self.model.sides() else {
+            return reported;
+        };
+        let some = reported.iter().map(|_| if even.next() < 0.5 { -1.0 } else { 1.0 });
+        sum(&reported, &backlash.on(&some.collect::<Vec<f64>>()))
     }
 
     /// The settling error of a joint at the station whose place among all is `share`.

@@ -160,7 +160,7 @@ fn in_configuration(arm: &Arm, joints: &[f64], asked: &Constraints) -> Result<()
     if asked.configuration.is_none() && least <= 0.0 {
         return Ok(());
     }
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let axes = arm.joints().len();
     let factors = SingularityFactors::of(arm, &nominal, joints)
         .ok_or(Unsuitable::NoConfiguration { axes })?;
@@ -177,7 +177,7 @@ fn in_configuration(arm: &Arm, joints: &[f64], asked: &Constraints) -> Result<()
 
 /// The parts of the arm that its joints move, from base to target.
 fn parts(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Vec<(Part, Segment)> {
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let axes = arm.chain().joint_axes(&arm.axes(joints), &nominal);
     let flange = *arm.flange(joints).isometry();
     let target = flange * constraints.flange_from_target;

@@ -42,7 +42,7 @@ pub enum Stated {
 impl Stated {
     pub fn of(arm: &Arm) -> Self {
         let joints = arm.joints().len();
-        let nominal = vec![0.0; arm.chain().parameters().len()];
+        let nominal = arm.no_offsets();
         if joints != 6 {
             Self::Joints
         } else if Configuration::of(arm, &nominal, &vec![0.0; joints]).is_some() {

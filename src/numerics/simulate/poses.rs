@@ -102,7 +102,7 @@ impl<'a> Controller<'a> {
         let cell = &settings.cell;
         Self {
             arm,
-            nominal: vec![0.0; arm.chain().parameters().len()],
+            nominal: arm.no_offsets(),
             flange_from_target: isometry_from_rpy(
                 cell.flange_from_target_mm,
                 cell.flange_from_target_rpy,

@@ -234,7 +234,7 @@ fn compliance(
 ) -> Vec<f64> {
     let Gravity { sag_rad, .. } = settings.gravity;
     let zeros = vec![0.0; arm.joints().len()];
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let mut origins: Vec<Point3<f64>> =
         arm.chain().joint_axes(&zeros, &nominal).into_iter().map(|(origin, _)| origin).collect();
     let flange = Point3::from(arm.chain().nominal(&zeros).translation.vector);
@@ -292,7 +292,7 @@ mod tests {
         let turned = isometry_from_rpy([0.0; 3], [0.7, std::f64::consts::FRAC_PI_2 - 3e-8, -0.4]);
         let identified =
             AxisErrors { axes: Vec::new(), approach: None, repeatability_rad: Vec::new() };
-        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let offsets = arm.no_offsets();
         let errors = ArmErrors::of_identified(offsets, identified, &turned, [0.0, 0.0, 1.0]);
         let kept = isometry_from_rpy([0.0; 3], errors.flange_from_target_rpy);
         let off = kept.rotation.angle_to(&turned.rotation);

@@ -40,7 +40,7 @@ fn reach_mm(arm: &Arm) -> f64 {
 }
 
 fn from(arm: &Arm, mut q: Vec<f64>) -> f64 {
-    let offsets = vec![0.0; arm.chain().parameters().len()];
+    let offsets = arm.no_offsets();
     let axes = arm.chain().joint_axes(&arm.axes(&q), &offsets);
     let (point, direction) = axes[0];
     let away = |q: &[f64]| {

@@ -137,7 +137,7 @@ impl<'p> Placed<'p> {
         home: &[f64],
         section: &ConstraintsSection,
     ) -> Result<Constraints, ConfigurationError> {
-        let nominal = vec![0.0; arm.chain().parameters().len()];
+        let nominal = arm.no_offsets();
         let factors = SingularityFactors::of(arm, &nominal, home);
         let line_of_sight = section.line_of_sight.map(|line_of_sight| {
             let facing = Unit::try_new(Vector3::from(line_of_sight.facing), 1e-6);

@@ -30,7 +30,7 @@ struct Seed {
 ///
 /// let file: RobotFile = toml::from_str(&std::fs::read_to_string("../../pipelines/robots/ur10.toml")?)?;
 /// let arm = file.arm()?;
-/// let nominal = vec![0.0; arm.chain().parameters().len()];
+/// let nominal = arm.no_offsets();
 /// let anywhere = Anywhere::new(&arm, &nominal, Isometry3::identity(), InverseSettings::default());
 /// let pose = *arm.flange(&[0.3, -1.2, 1.5, -1.8, -1.5, 0.4]).isometry();
 /// let found = anywhere.joints(&pose, None)?;

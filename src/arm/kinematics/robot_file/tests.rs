@@ -79,7 +79,7 @@ fn tracks_passive_and_fixed_joints_are_one_chain() {
     let apart = (flange.to_homogeneous() - by_hand.to_homogeneous()).abs().max();
     assert!(apart < 1e-10, "{apart:e}");
     // The elbow's own twist is that of both its joints: the numerical derivative says so.
-    let offsets = vec![0.0; arm.chain().parameters().len()];
+    let offsets = arm.no_offsets();
     let at = arm.chain().differential(&[slide, shoulder, elbow], &offsets);
     let step = 1e-6;
     let ahead = arm.flange(&[slide, shoulder, elbow + step]);

@@ -67,7 +67,7 @@ fn errors(arm: &Arm) -> Errors {
 
 /// The arm as a chain of origins in frames of its own, with a fixed joint in it and one behind it where `tip` asks for it.
 fn chain(arm: &Arm, tip: bool) -> Vec<ChainJoint> {
-    let none = vec![0.0; arm.chain().parameters().len()];
+    let none = arm.no_offsets();
     let plain = AtZero::of(&arm.chain().with_offsets(&none));
     let screws = crate::kinematics::Screws::of(arm.chain(), &none);
     let mut before = Isometry3::identity();

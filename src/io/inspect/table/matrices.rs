@@ -3,14 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Matrix3;
-
 use super::columns::{ColumnSummary, number};
 use super::groups::AxisGroup;
 use crate::measured_table::MeasuredTable;
+use crate::station_table::rotation_of_matrix;
 
-/// A matrix further from a rotation than this is none.
-const ROTATION: f64 = 0.01;
 /// Numbers of a last row further from 0 0 0 1 than this are of something else.
 const ROUNDED: f64 = 1e-9;
 
@@ -20,7 +17,7 @@ pub struct Matrices {
     pub positions: Vec<AxisGroup>,
     /// Columns that are part of a matrix.
     pub columns: Vec<usize>,
-    /// What is named like a matrix and cannot be used, with the reason.
+    /// Remarks on columns that are named like a matrix and are not used: which, and why.
     pub notes: Vec<String>,
 }
 
@@ -114,31 +111,20 @@ fn row_by_row(table: &MeasuredTable, named: &Rows) -> Result<Rows, &'static str>
     }
 }
 
+/// Whether each row of the table has a rotation, with 0 0 0 1 below it where there is a fourth row; cells without numbers say nothing.
 fn is_pose(table: &MeasuredTable, rows: &Rows) -> bool {
-    let numbers = |row: usize, columns: &[usize]| {
-        columns.iter().map(|&column| number(table, row, column)).collect::<Option<Vec<f64>>>()
-    };
-    let is_rotation = |row: usize| {
-        let own: Option<Vec<f64>> = rows[..3]
-            .iter()
-            .map(|own| numbers(row, &own[..3]))
-            .collect::<Option<Vec<_>>>()
-            .map(|own| own.concat());
-        own.is_none_or(|own| rotation(&own).is_some())
-    };
-    let ends = |row: usize| match rows.get(3) {
-        Some(last) => numbers(row, last).is_none_or(|own| {
-            own.len() == 4
-                && own.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(a, b)| (a - b).abs() < ROUNDED)
-        }),
-        None => true,
-    };
-    (0..table.row_count()).all(|row| is_rotation(row) && ends(row))
-}
-
-/// The rotation of nine numbers, row by row; `None` where they are none.
-pub fn rotation(numbers: &[f64]) -> Option<Matrix3<f64>> {
-    let matrix = Matrix3::from_row_slice(numbers);
-    let off = (matrix.transpose() * matrix - Matrix3::identity()).amax();
-    (off <= ROTATION && matrix.determinant() > 0.0).then_some(matrix)
+    let turn: Vec<usize> = rows[..3].iter().flat_map(|row| &row[..3]).copied().collect();
+    let last = rows.get(3).map_or(&[][..], |row| row);
+    let is_last = last.is_empty() || last.len() == 4;
+    is_last
+        && (0..table.row_count()).all(|row| {
+            let numbers = |columns: &[usize]| {
+                columns.iter().map(|&column| number(table, row, column)).collect::<Option<Vec<_>>>()
+            };
+            let is_end = |own: Vec<f64>| {
+                own.iter().zip([0.0, 0.0, 0.0, 1.0]).all(|(a, b)| (a - b).abs() < ROUNDED)
+            };
+            numbers(&turn).is_none_or(|own| rotation_of_matrix(&own).is_some())
+                && numbers(last).is_none_or(is_end)
+        })
 }

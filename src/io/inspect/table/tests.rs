@@ -29,7 +29,7 @@ fn ur10() -> Arm {
 /// Stations all over the work space; angles in degrees go beyond a turn in radians.
 fn stations(count: usize) -> Vec<Station> {
     let arm = ur10();
-    let nominal = arm.chain().with_offsets(&vec![0.0; arm.chain().parameters().len()]);
+    let nominal = arm.chain().with_offsets(&arm.no_offsets());
     let arm = arm.with_chain(nominal);
     (0..count)
         .map(|number| {

@@ -3,12 +3,12 @@
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::columns::number;
-use super::matrices;
 use super::roles::TurnColumns;
 use crate::figures::median;
 use crate::geometry::RotationOrder;
 use crate::ingest::AngleUnit;
 use crate::measured_table::MeasuredTable;
+use crate::station_table::rotation_of_matrix;
 
 /// Largest angle in radians that is tried as such.
 const LARGEST_RAD: f64 = 2.2 * std::f64::consts::PI;
@@ -86,8 +86,7 @@ impl Form {
             }
             Self::Matrix(own) => {
                 let numbers: Option<Vec<f64>> = own.into_iter().map(at).collect();
-                let rotation = Rotation3::from_matrix(&matrices::rotation(&numbers?)?);
-                Some(UnitQuaternion::from(rotation))
+                rotation_of_matrix(&numbers?)
             }
         }
     }

@@ -54,7 +54,7 @@ impl Postures {
         if arm.joints().len() != HOME_DEG.len() {
             return None;
         }
-        let nominal = vec![0.0; arm.chain().parameters().len()];
+        let nominal = arm.no_offsets();
         let home = Configuration::of(arm, &nominal, &HOME_DEG.map(f64::to_radians))?;
         Some(Self { home })
     }
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn each_bit_is_the_side_of_a_singularity_at_any_joint_angles() {
         let arm = kr210();
-        let nominal = vec![0.0; arm.chain().parameters().len()];
+        let nominal = arm.no_offsets();
         let postures = Postures::of_arm(&arm).unwrap();
         assert_eq!(postures, Postures::STANDARD_DH);
         let mut seen = [0_usize; 8];

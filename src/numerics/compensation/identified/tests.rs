@@ -104,7 +104,7 @@ fn at_joints(degrees: [f64; 6]) -> Target {
 /// The pose that the nominal arm has at joint angles, in the frame of commands, with its arm configuration.
 fn at_pose(identified: &IdentifiedArm, joints: &[f64]) -> Target {
     let arm = &identified.arm;
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let pose =
         identified.command_from_base.isometry() * identified.error_frame().nominal_tool(joints);
     let configuration = Configuration::of(arm, &nominal, joints);
@@ -284,7 +284,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         };
         let pose = |joints: &Vec<f64>| identified.error_frame().nominal_tool(joints);
         // Nearer than 6° to a stretched elbow the search may end at the stretched arm from any seed.
-        let nominal = vec![0.0; identified.arm.chain().parameters().len()];
+        let nominal = identified.arm.no_offsets();
         let is_far = |joints: &Vec<f64>| {
             SingularityFactors::of(&identified.arm, &nominal, joints)
                 .is_some_and(|factors| factors.smallest() > 0.1)

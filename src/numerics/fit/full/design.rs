@@ -10,14 +10,14 @@ use super::tabulated::Tabulated;
 use crate::fit::commanded::SettlingError;
 use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::{Axes, Twist};
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::per_radian;
 
 /// Settling error from which on the approach-direction offset of a joint that turns is complete, rad. Widths of 40 to
 /// 110 µrad fit equally well.
 const SATURATION_RAD: f64 = 60e-6;
 
 pub fn saturation(slides: bool) -> f64 {
-    SATURATION_RAD * if slides { SLIDE_MM_PER_RAD } else { 1.0 }
+    SATURATION_RAD * per_radian(slides)
 }
 
 #[derive(Debug, Clone)]

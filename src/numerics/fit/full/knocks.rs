@@ -13,7 +13,7 @@
 use std::ops::Range;
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix6, Point3, RowDVector, UnitVector3, Vector3, Vector6,
+    DMatrix, DMatrixView, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6,
 };
 
 use super::regression::{Posterior, Sums};
@@ -33,7 +33,7 @@ use crate::units::{Controller, Stamp};
 
 /// Fewest measured stations on each side of a knock.
 const BESIDE: usize = 20;
-/// Least gain in log evidence of a knock, nats.
+/// Least gain in log evidence of a knock or a slip, nats.
 const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
@@ -88,10 +88,9 @@ fn slipped(
     Slip { joint, by, sd }: Slip,
 ) -> JoinError {
     let own = &arm.joints()[joint];
-    let (unit, per_unit) = if own.slides { (" mm", 1.0) } else { ("°", 1.0_f64.to_degrees()) };
     JoinError::Slipped {
         joint: own.name.clone(),
-        by: format!("{:.4} ± {:.4}{unit}", by * per_unit, 2.0 * sd * per_unit),
+        by: format!("{:.4} ± {:.4}{}", own.shown(by), own.shown(2.0 * sd), own.sign_of_unit()),
         station,
         at: at.map_or_else(String::new, clock_words),
         or: if joint == 0 { ", or all behind it was turned about that axis" } else { "" },
@@ -180,16 +179,20 @@ struct Small<'a> {
     sums: Sums,
 }
 
-/// Whitened rows, each in a column, with those of the drift's columns, at the time of its station, from −1 to 1 over the session.
-fn with_drift(model: DMatrix<f64>, base: &[usize], stations: &[Range<usize>]) -> DMatrix<f64> {
+/// Whitened rows, each in a column, with those of the drift's columns, at the time of its station, from −1 to 1 over the session. `base`
+/// has the rows of the base's six columns.
+fn with_drift(
+    model: DMatrix<f64>,
+    base: &DMatrixView<'_, f64>,
+    stations: &[Range<usize>],
+) -> DMatrix<f64> {
     let columns = model.nrows();
     let count = stations.last().map_or(0, |last| last.end) as f64;
-    let moved = model.select_rows(base);
     let mut rows = model.resize_vertically(columns + 6 * ORDERS, 0.0);
     for own in stations {
         let time = 2.0 * own.start as f64 / count - 1.0;
         let (first, size) = (3 * own.start, 3 * own.len());
-        let moved = moved.columns(first, size);
+        let moved = base.columns(first, size);
         for order in 1..=ORDERS {
             let share = legendre(order, time) / order as f64;
             let at = (columns + 6 * (order - 1), first);
@@ -199,7 +202,7 @@ fn with_drift(model: DMatrix<f64>, base: &[usize], stations: &[Range<usize>]) ->
     rows
 }
 
-/// The sizes of the model's parts, found with or without a knock.
+/// The sizes of the model's parts, found with or without a step.
 struct Sized {
     posterior: Posterior,
     /// Factor on the variance of the noise.
@@ -235,22 +238,27 @@ impl<'a> Small<'a> {
             matches!((own.owner, own.parameter), (Owner::Source { .. }, Parameter::Base(_)))
         };
         let base: Vec<usize> = (0..problem.unknowns().len()).filter(is_base).collect();
+        if base.len() != 6 {
+            return None;
+        }
         let turns: Vec<bool> =
             base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
         let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
         let values = kept.values;
-        let joints = kept.columns.joints.iter().map(|own| own.motions.transpose());
-        let moved = kept.transposed.select_rows(&base).row_iter().map(RowDVector::from).collect();
-        let steps = DMatrix::from_rows(&[moved, joints.collect::<Vec<_>>()].concat());
+        let joints = &kept.columns.joints;
+        let mut steps = kept.transposed.select_rows(&base).resize_vertically(6 + joints.len(), 0.0);
+        for (joint, own) in joints.iter().enumerate() {
+            steps.row_mut(6 + joint).tr_copy_from(&own.motions);
+        }
         let units = arm.joints().iter().map(Joint::per_radian).collect();
-        let rows = with_drift(kept.transposed, &base, &stations);
+        let rows = with_drift(kept.transposed, &steps.rows(0, 6).as_view(), &stations);
         let sums = Sums {
             information: gram_of_columns(&rows.as_view()),
             moment: &rows * &values,
             square: values.norm_squared(),
             ln_noise: 0.0,
         };
-        let small = Self {
+        Some(Self {
             observations,
             problem,
             settled,
@@ -262,8 +270,7 @@ impl<'a> Small<'a> {
             values,
             stations,
             sums,
-        };
-        (small.base.len() == 6).then_some(small)
+        })
     }
 
     /// The number of the first station behind the step of the session, and the step; `None` where it has none.

@@ -20,7 +20,7 @@ use crate::fit::observation::Observation;
 use crate::fit::observation::measured::{Shown, moved};
 use crate::kinematics::Twist;
 use crate::linalg::invert_small;
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::per_radian;
 
 /// Variances of the repeatability.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,8 +49,7 @@ const PRIOR: f64 = 2.0;
 impl Repeatability {
     /// The expected sizes for the joints of `slides`: a joint that slides repeats a mm as another repeats a mrad.
     pub fn expected(settings: &FullSettings, slides: &[bool]) -> Self {
-        let size =
-            |slides: &bool| settings.joint_noise_rad * if *slides { SLIDE_MM_PER_RAD } else { 1.0 };
+        let size = |slides: &bool| settings.joint_noise_rad * per_radian(*slides);
         Self {
             position: settings.noise_mm.powi(2),
             orientation: (2.0 * settings.joint_noise_rad).powi(2),

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{SLIDE_MM_PER_RAD, WallTime};
+use crate::units::{WallTime, per_radian};
 
 /// Standard deviation of a joint's zero before its repair relative to now, rad: wider than a mastering leaves open.
 const ZERO_SD_RAD: f64 = 0.02;
@@ -73,8 +73,7 @@ pub(super) fn to_come(repairs: &[Repair], days: &[Option<f64>], joints: usize) -
 
 /// Prior variance of the zero of a joint before its repair, rad²; mm² where it slides.
 pub(super) fn zero_variance(slides: bool) -> f64 {
-    let unit = if slides { SLIDE_MM_PER_RAD } else { 1.0 };
-    (ZERO_SD_RAD * unit).powi(2)
+    (ZERO_SD_RAD * per_radian(slides)).powi(2)
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 //! known: where the evidence rises, a prediction has the variance `E c² (1 + s̄²)` as well, s̄ the mean side of the stations, whose offset
 //! the model has as the joint's own.
 
-use nalgebra::{DMatrix, DVector, RowDVector};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::regression::Posterior;
@@ -16,8 +16,7 @@ use super::whitening::whitened;
 use crate::fit::commanded::SettlingError;
 use crate::fit::model::PartEvidence;
 use crate::fit::observation::Observation;
-use crate::fit::problem::Problem;
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::per_radian;
 
 /// A joint that moves less than this keeps its side, rad; mm where it slides.
 const LEAST_MOVE: f64 = 1e-4;
@@ -48,12 +47,19 @@ impl Sides {
         posterior: &Posterior,
     ) -> Option<Self> {
         let observations = around.problem.observations();
-        if agreement(observations) > AGREE {
+        let stations = stations(observations).into_iter();
+        let firsts: Vec<_> = stations.map(|own| &observations[own.start]).collect();
+        let came = firsts.iter().map(|own| (own.session, &own.axes[..]));
+        let mut sides: Vec<_> = sides(came).collect();
+        if agreement(&firsts, &sides) > AGREE {
             return None;
         }
-        let units = units(around.problem);
-        let sides: Vec<_> =
-            sides(observations).map(|own| own.component_mul(&units.transpose())).collect();
+        let slides = around.problem.slides();
+        let units: Vec<f64> =
+            sides.first()?.iter().zip(slides).map(|(_, own)| per_radian(own)).collect();
+        for side in &mut sides {
+            side.iter_mut().zip(&units).for_each(|(side, unit)| *side *= unit);
+        }
         let (information, score) = score(&sides, around, prior_mean, posterior);
         let (offsets, covariance, gain) = estimated(&information, &score)?;
         let mean_side =
@@ -63,7 +69,7 @@ impl Sides {
             square * (units[joint].powi(2) + mean_side(joint).powi(2))
         };
         (gain > GAIN).then(|| Self {
-            offsets: offsets.component_mul(&units).as_slice().to_vec(),
+            offsets: offsets.iter().zip(&units).map(|(own, unit)| own * unit).collect(),
             variances: (0..offsets.len()).map(variance).collect(),
             gain,
         })
@@ -81,10 +87,9 @@ impl Sides {
 
 /// The share of joints at stations where the settling error has the sign of the side, or always the other sign, less the share of the
 /// others.
-fn agreement(observations: &[Observation]) -> f64 {
-    let firsts = stations(observations).into_iter().map(|own| &observations[own.start]);
+fn agreement(stations: &[&Observation], sides: &[Vec<f64>]) -> f64 {
     let (mut agree, mut all) = (0.0, 0.0);
-    for (own, sides) in firsts.zip(sides(observations)) {
+    for (own, sides) in stations.iter().zip(sides) {
         let settling_errors = own.settling_error.as_ref().and_then(SettlingError::sent);
         for (side, settling_error) in sides.iter().zip(settling_errors.unwrap_or_default()) {
             agree += side * settling_error.signum();
@@ -94,29 +99,23 @@ fn agreement(observations: &[Observation]) -> f64 {
     if all > 0.0 { f64::abs(agree) / all } else { 0.0 }
 }
 
-/// Units of each axis variable that count as one radian.
-fn units(problem: &Problem<'_>) -> DVector<f64> {
-    let joints = problem.observations().first().map_or(0, |own| own.axes.len());
-    let slides = problem.slides();
-    DVector::from_fn(joints, |joint, _| if slides[joint] { SLIDE_MM_PER_RAD } else { 1.0 })
-}
-
-/// `K` and `z` of the columns of the sides.
+/// `K` and `z` of the columns of the sides, each in the unit of its axis variable.
 fn score(
-    sides: &[RowDVector<f64>],
+    sides: &[Vec<f64>],
     around: &Around<'_>,
     prior_mean: &DVector<f64>,
     posterior: &Posterior,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let mean = posterior.mean();
-    let joints = sides.first().map_or(0, RowDVector::len);
+    let joints = sides.first().map_or(0, Vec::len);
     let mut along = DMatrix::zeros(mean.len(), joints);
     let (mut information, mut score) = (DMatrix::zeros(joints, joints), DVector::zeros(joints));
     for (session, places) in around.batches() {
         let rows = around.rows(&places);
         let whitened = whitened(around, session, &places, &rows, prior_mean);
         for ((row, own), place) in rows.iter().zip(&whitened).zip(places) {
-            let moved = &own.joints * DMatrix::from_diagonal(&sides[place].transpose());
+            let moved =
+                &own.joints * DMatrix::from_diagonal(&DVector::from_column_slice(&sides[place]));
             let mut transposed = DMatrix::zeros(mean.len(), own.values.len());
             own.spread(row, around.seen(session), &mut transposed.as_view_mut());
             score += moved.tr_mul(&(&own.values - transposed.tr_mul(&mean)));
@@ -128,18 +127,13 @@ fn score(
     (information - half.tr_mul(&half), score)
 }
 
-fn sides(observations: &[Observation]) -> impl Iterator<Item = RowDVector<f64>> {
-    let firsts = stations(observations).into_iter().map(|own| &observations[own.start]);
-    sides_of(firsts.map(|own| (own.session, &own.axes[..])))
-}
-
 /// The direction in which each joint came to each station, by session and axis variables, from the station before: 1, −1, or 0 where it
 /// has not moved yet.
-pub fn sides_of<'o>(
+pub fn sides<'o>(
     stations: impl Iterator<Item = (usize, &'o [f64])>,
-) -> impl Iterator<Item = RowDVector<f64>> {
+) -> impl Iterator<Item = Vec<f64>> {
     let mut before: Option<(usize, &[f64])> = None;
-    let mut sides = RowDVector::zeros(0);
+    let mut sides = Vec::new();
     stations.map(move |(session, axes)| {
         match before.replace((session, axes)).filter(|(before, _)| *before == session) {
             Some((_, before)) => {
@@ -149,7 +143,7 @@ pub fn sides_of<'o>(
                     }
                 }
             }
-            None => sides = RowDVector::zeros(axes.len()),
+            None => sides = vec![0.0; axes.len()],
         }
         sides.clone()
     })

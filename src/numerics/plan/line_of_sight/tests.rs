@@ -78,7 +78,7 @@ fn a_limit_is_named_with_its_margin() {
 #[test]
 fn configuration_and_singularity_are_reported() {
     let arm = kr210();
-    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let nominal = arm.no_offsets();
     let own = Configuration::of(&arm, &nominal, &level()).expect("six axes");
     let mut constraints = free();
     constraints.configuration = Some(own);

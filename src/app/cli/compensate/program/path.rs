@@ -43,7 +43,7 @@ struct Circle {
 
 /// A place on the way.
 struct Place {
-    /// Of the command.
+    /// Joint values of the command, rad; mm where one slides.
     joints: Vec<f64>,
     /// The program's tool in the calibrated one.
     own_from_tool: Isometry3<f64>,

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
 use crate::geometry::{Position, Tool, Transform};
 use crate::io::targets::krl::{Postures, Status};
-use crate::kinematics::{Anywhere, Arm, Configuration, Inverse, InverseSettings};
+use crate::kinematics::{Anywhere, Configuration, Inverse, InverseSettings};
 use crate::programs::write::Command;
 use crate::programs::{Asked, Branch, Wanted};
 
@@ -28,7 +28,7 @@ const CHUNK: usize = 256;
 
 pub(super) struct Solver<'a> {
     pub(super) arm: &'a IdentifiedArm,
-    /// Of the nominal arm with the calibrated tool.
+    /// Joint values of the nominal arm that bring the calibrated tool to a pose.
     pub(super) inverse: Inverse<'a>,
     postures: Option<Postures>,
     pub(super) allow: &'a [Exception],
@@ -82,11 +82,6 @@ fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<
     Ok(found)
 }
 
-/// Offsets of the nominal arm's parameters.
-fn nominal(arm: &Arm) -> Vec<f64> {
-    vec![0.0; arm.chain().parameters().len()]
-}
-
 pub(super) struct Done {
     pub(super) command: Command,
     pub(super) correction_mm: f64,
@@ -104,7 +99,7 @@ impl<'a> Solver<'a> {
         let settings = InverseSettings::default();
         Self {
             arm,
-            inverse: Inverse::new(&arm.arm, &nominal(&arm.arm), tool, settings),
+            inverse: Inverse::new(&arm.arm, &arm.arm.no_offsets(), tool, settings),
             postures: Postures::of_arm(&arm.arm),
             allow,
             largest_mm,
@@ -119,7 +114,7 @@ impl<'a> Solver<'a> {
     /// What becomes of each position.
     pub(super) fn solve(&self, asked: &[&Asked]) -> Vec<Solved> {
         let (arm, tool) = (&self.arm.arm, *self.own_tool().isometry());
-        let anywhere = Anywhere::new(arm, &nominal(arm), tool, InverseSettings::default());
+        let anywhere = Anywhere::new(arm, &arm.no_offsets(), tool, InverseSettings::default());
         let targets = asked.par_chunks(CHUNK).flat_map_iter(|chunk| {
             let mut ways = Ways::default();
             let targets = chunk.iter().map(|asked| self.target(asked, &anywhere, &mut ways));
