@@ -12,6 +12,7 @@ pub mod compensate;
 pub mod export;
 pub mod folder_given;
 pub mod history;
+pub mod init;
 pub mod inspect;
 pub mod messages;
 pub mod plan;
@@ -19,6 +20,7 @@ pub mod progress;
 pub mod robot;
 pub mod run;
 pub mod schema;
+pub mod shells;
 pub mod simulate;
 pub mod streams;
 pub mod tasks;
@@ -29,7 +31,7 @@ use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 use clap::error::{ContextKind, ContextValue};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::io::memory::keep_what_is_freed;
 use messages::LogFormat;
@@ -103,6 +105,7 @@ enum Command {
     Task(tasks::TaskArgs),
     Check(check::CheckArgs),
     Inspect(inspect::InspectArgs),
+    Init(init::InitArgs),
     Simulate(simulate::SimulateArgs),
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
@@ -112,6 +115,8 @@ enum Command {
     Verify(verify::VerifyArgs),
     Robot(robot::RobotArgs),
     Schema(schema::SchemaArgs),
+    Completions(shells::CompletionsArgs),
+    Man(shells::ManArgs),
 }
 
 pub fn main() -> ExitCode {
@@ -129,6 +134,7 @@ pub fn main() -> ExitCode {
         Command::Task(args) => tasks::work(&args, bars),
         Command::Check(args) => shown(check::check(&args), bars),
         Command::Inspect(args) => inspect::run(&args, bars),
+        Command::Init(args) => shown(init::run(&args, bars), bars),
         Command::Simulate(args) => shown(simulate::run(&args), bars),
         Command::Plan(args) => plan::run(&args, bars),
         Command::Compensate(args) => compensate::main(&args, bars),
@@ -138,6 +144,11 @@ pub fn main() -> ExitCode {
         Command::Verify(args) => verify::run(&args, bars),
         Command::Robot(args) => shown(robot::show(&args), bars),
         Command::Schema(args) => shown(schema::show(&args), bars),
+        Command::Completions(args) => {
+            let script = shells::completions(&args, Arguments::command());
+            shown(Ok::<_, String>(script), bars)
+        }
+        Command::Man(args) => shown(shells::man(&args, Arguments::command()), bars),
     })
 }
 

@@ -4,5 +4,6 @@ pub mod at;
 pub mod figures;
 pub mod linalg;
 pub mod manifest;
+pub mod nearest;
 pub mod progress;
 pub mod units;

@@ -25,7 +25,7 @@ pub mod whole_file;
 
 // Names of the crates below, as if they were modules here.
 use posegrid_arm::{geometry, kinematics};
-use posegrid_base::{at, figures, manifest, progress, units};
+use posegrid_base::{at, figures, manifest, nearest, progress, units};
 use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, judgement, plan, report, setup, similarity,
 };

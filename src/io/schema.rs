@@ -14,6 +14,8 @@ use arrow::datatypes::{DataType, Field, TimeUnit};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::nearest::did_you_mean;
+
 /// The time zone of moments, as their type states it.
 pub const UTC: &str = "UTC";
 
@@ -136,8 +138,8 @@ pub enum SchemaError {
         rule: &'static str,
     },
     /// An unknown table.
-    #[error("there is no table {table:?}; the tables are {}; `posegrid schema views` has the views current_runs and sessions, `posegrid schema pipeline` and \
-         `posegrid schema robot` the keys of those files", known.join(", "))]
+    #[error("there is no table {table:?}{}; the tables are {}; `posegrid schema views` has the views current_runs and sessions, `posegrid schema pipeline` and \
+         `posegrid schema robot` the keys of those files", did_you_mean(table, known.iter().copied()), known.join(", "))]
     UnknownTable {
         /// The requested name.
         table: String,

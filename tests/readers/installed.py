@@ -111,8 +111,14 @@ def by_deb(folder):
     debootstrap = needs("debootstrap", "apt-get install debootstrap")
     tools = folder.parent / "tools"
     done("cargo", "install", "cargo-deb", "--locked", "--root", tools, "--target-dir", folder.parent / "build-tools")
+    shells, build = HERE / "target/shells", os.environ | {"CARGO_TARGET_DIR": str(folder.parent / "build")}
+    shells.mkdir(parents=True, exist_ok=True)
+    for shell in ("bash", "zsh", "fish"):
+        script = done("cargo", "run", "--release", "--locked", "--", "completions", shell, cwd=HERE, env=build)
+        (shells / f"posegrid.{shell}").write_text(script, encoding="utf-8")
+    done("cargo", "run", "--release", "--locked", "--", "man", shells / "man", cwd=HERE, env=build)
     package = folder / "posegrid.deb"
-    done(tools / "bin/cargo-deb", "--locked", "--output", package, cwd=HERE, env=os.environ | {"CARGO_TARGET_DIR": str(folder.parent / "build")})
+    done(tools / "bin/cargo-deb", "--locked", "--output", package, cwd=HERE, env=build)
     release = done("sh", "-c", ". /etc/os-release && echo $VERSION_CODENAME").strip()
     root = folder / "root"
     shutil.rmtree(root, ignore_errors=True)

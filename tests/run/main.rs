@@ -23,6 +23,7 @@ mod fleet;
 mod forged;
 mod gridded;
 mod history;
+mod init;
 mod inspect_tables;
 mod interrupted;
 mod iso_9283;

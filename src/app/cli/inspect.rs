@@ -3,7 +3,7 @@
 
 mod describe;
 mod snippet;
-mod table;
+pub(super) mod table;
 
 use std::fmt::Write as _;
 use std::fs;
@@ -51,6 +51,10 @@ pub struct InspectArgs {
     #[command(flatten)]
     pub arm: ArmFlags,
 }
+
+/// The usual limits of a laser tracker, as the key that states them.
+pub(super) const UNCERTAINTY: &str = "uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }";
+pub(super) const FROM_DATA_SHEET: &str = "  # from the instrument's data sheet\n";
 
 /// Inspects each file; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable, 2: no arm.
 pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
@@ -157,7 +161,7 @@ const fn outcome(unreadable: bool, damaged: bool) -> u8 {
 }
 
 /// The logs in a folder, by name; a path that is no folder with logs is itself the file.
-fn files_in(path: &Path) -> Vec<PathBuf> {
+pub(super) fn files_in(path: &Path) -> Vec<PathBuf> {
     let is_log = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.ends_with(".mcap") || name.ends_with(".mcap.zst")
@@ -195,7 +199,7 @@ fn shown(text: &str) -> String {
     }
 }
 
-fn toml_text(text: &str) -> String {
+pub(super) fn toml_text(text: &str) -> String {
     let mut quoted = String::from('"');
     for c in text.chars() {
         let plain = c == '\'' || c.escape_debug().count() == 1;

@@ -16,6 +16,7 @@ use crate::io::robot::poses::{self, PosesError};
 use crate::io::robot::ready::{READY, ReadyRobot};
 use crate::io::robot::{self, LeftOut, Selection, written};
 use crate::kinematics::{Arm, Convention, RestateError, RobotFile};
+use crate::nearest::did_you_mean;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 
 /// Make a robot file: from a URDF, in any convention, or one of the ready ones
@@ -81,8 +82,8 @@ fn conventions() -> impl TypedValueParser<Value = Convention> {
 #[derive(Debug, Error)]
 pub enum RobotCommandError {
     #[error(
-        "there is no file {}, and no ready robot has that name: {}",
-        .0.display(), ready_names()
+        "there is no file {}, and no ready robot has that name{}: {}",
+        .0.display(), did_you_mean(&.0.to_string_lossy(), READY.iter().map(ReadyRobot::name)), ready_names()
     )]
     Nothing(PathBuf),
     #[error(transparent)]
@@ -136,7 +137,7 @@ fn text(path: &Path) -> Result<String, RobotCommandError> {
     match (robot::text(path), ready) {
         (Ok(text), _) => Ok(text),
         (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
-            Ok(robot.text.to_owned())
+            Ok(robot.printed().to_owned())
         }
         (Err(error), None) if error.kind() == io::ErrorKind::NotFound => {
             Err(RobotCommandError::Nothing(path.to_owned()))

@@ -6,6 +6,7 @@
 //! the pieces under way and starts no other (`stop`); a second one ends the process.
 
 mod alone;
+mod json;
 mod stop;
 mod summary;
 mod work;
@@ -43,6 +44,7 @@ Examples:
   posegrid run pipelines/ur10-random.toml --until session
   posegrid run pipelines/ur10-random.toml --from estimate
   posegrid run fleet.toml --robot kr210-07 --jobs 4
+  posegrid run pipelines/quickstart.toml --format json | jq '.sessions[] | {session, verdict, bound_mm}'
 
 A pipeline file of several robots ([[robots]], or the table that [input] robots names) is worked off robot by robot, each with
 its own robot file, settings and sessions; what is wrong with one stays with it. Its sessions are named ROBOT/SESSION here.
@@ -99,9 +101,20 @@ pub struct RunArgs {
     /// List the work, and do none
     #[arg(long)]
     pub dry_run: bool,
+    /// Format of the summary
+    #[arg(long, value_enum, default_value_t = Format::Text, conflicts_with = "dry_run")]
+    pub format: Format,
     /// Print every figure of each session below its summary of ten lines
     #[arg(long)]
     pub verbose: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// For people
+    Text,
+    /// For programs: one document, with verdict, bound, means, run and page of every session
+    Json,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -215,11 +228,18 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let written = messages::result(
-        summary::summary(fleet, &endings, &set_aside, args.until, args.verbose),
-        bars,
-    );
     let code = summary::exit_code(&endings, &set_aside, &stop);
+    let summary = match args.format {
+        Format::Text => summary::summary(fleet, &endings, &set_aside, args.until, args.verbose),
+        Format::Json => match json::document(fleet, &endings, &set_aside, code) {
+            Ok(document) => document,
+            Err(error) => {
+                tracing::error!("{}", Printable(&error.to_string()));
+                return NO_RESULT;
+            }
+        },
+    };
+    let written = messages::result(summary, bars);
     after_summary(code, written, &stop)
 }
 

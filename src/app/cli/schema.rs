@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use clap::{Args, ValueEnum};
+use thiserror::Error;
 
 use crate::io::schema::{self, ColumnSchema, Role, SchemaError, TableSchema};
 use crate::pipeline::keys::{self, KeyReference};
@@ -14,6 +15,7 @@ Examples:
   posegrid schema stations
   posegrid schema pipeline      # every key of a pipeline file: type, unit, default
   posegrid schema robot         # every key of a robot file
+  posegrid schema pipeline --format json-schema   # for an editor that completes keys and underlines wrong ones
   posegrid schema views         # SQL: the current run of each session, and a row of each session
   posegrid schema views --compact   # the same over what posegrid compact keeps by month")]
 pub struct SchemaArgs {
@@ -34,29 +36,41 @@ pub enum Format {
     Text,
     /// For programs
     Json,
+    /// For editors and validators, of pipeline and robot files
+    JsonSchema,
+}
+
+#[derive(Debug, Error)]
+pub enum ShowError {
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    #[error("--format json-schema is of `posegrid schema pipeline` and `posegrid schema robot`")]
+    NoJsonSchema,
 }
 
 const VIEWS: &str = "views";
 
-pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
+pub fn show(args: &SchemaArgs) -> Result<String, ShowError> {
     if let Some(keys) = args.table.as_deref().and_then(KeyReference::find) {
         return Ok(match args.format {
             Format::Text => keys.to_string(),
             Format::Json => json(keys),
+            Format::JsonSchema => json(&keys.json_schema()),
         });
+    }
+    if args.format == Format::JsonSchema {
+        return Err(ShowError::NoJsonSchema);
     }
     if args.table.as_deref() == Some(VIEWS) {
         let sql = if args.compact { schema::COMPACT_VIEWS_SQL } else { schema::VIEWS_SQL };
-        return Ok(match args.format {
-            Format::Text => sql.to_owned(),
-            Format::Json => json(&sql),
-        });
+        let is_text = args.format == Format::Text;
+        return Ok(if is_text { sql.to_owned() } else { json(&sql) });
     }
     match (&args.table, args.format) {
         (None, Format::Text) => Ok(list()),
-        (None, Format::Json) => Ok(json(&schema::all())),
+        (None, _) => Ok(json(&schema::all())),
         (Some(table), Format::Text) => Ok(contract(schema::find(table)?)),
-        (Some(table), Format::Json) => Ok(json(schema::find(table)?)),
+        (Some(table), _) => Ok(json(schema::find(table)?)),
     }
 }
 
@@ -118,7 +132,7 @@ fn line(text: &mut String, line: &str) {
 mod tests {
     use super::*;
 
-    fn shown(table: Option<&str>, format: Format) -> Result<String, SchemaError> {
+    fn shown(table: Option<&str>, format: Format) -> Result<String, ShowError> {
         show(&SchemaArgs { table: table.map(str::to_owned), format, compact: false })
     }
 

@@ -6,6 +6,7 @@
 
 pub mod door;
 mod joins;
+mod json_schema;
 #[cfg(test)]
 mod tests;
 mod text;

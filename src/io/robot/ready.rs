@@ -74,6 +74,12 @@ impl ReadyRobot {
         self.file.trim_end_matches(".toml")
     }
 
+    /// Its file as it stands anywhere: without the first line, which names a schema beside it.
+    pub fn printed(&self) -> &'static str {
+        let is_schema = self.text.starts_with("#:schema");
+        self.text.split_once('\n').filter(|_| is_schema).map_or(self.text, |(_, rest)| rest)
+    }
+
     /// The ready robot of that name; `None` where there is none.
     pub fn find(name: &str) -> Option<&'static Self> {
         READY.iter().find(|robot| robot.name() == name || robot.file == name)

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{escaped, shown, toml_text};
+use super::{FROM_DATA_SHEET, UNCERTAINTY, escaped, shown, toml_text};
 use crate::io::inspect::{ChannelSummary, Inspection};
 use crate::io::log::Layout;
 
@@ -48,21 +48,20 @@ impl Section {
         }
     }
 
-    const fn to_fill_in(self) -> &'static str {
+    fn to_fill_in(self) -> String {
         match self {
             Self::Controller => {
                 "# length_unit = \"m\"  # m or mm: only for an arm with a joint that slides\n"
+                    .to_owned()
             }
             Self::Commanded => {
                 "# base_from_command = { xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] }  # where the frame of the \
                  commands lies in the robot file's base frame\n\
                  # target_is_tool = true  # whether the commanded point is the measured target\n\
                  # flange_from_tool = { … }  # the controller's tool, where it is not\n"
+                    .to_owned()
             }
-            Self::Tracker => {
-                "# uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, \
-                 divisor = 2 }  # from the instrument's data sheet\n"
-            }
+            Self::Tracker => format!("# {UNCERTAINTY}{FROM_DATA_SHEET}"),
         }
     }
 }
@@ -143,7 +142,7 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
         writeln!(text, "temperature = {}", toml_text(&temperature.topic))
             .expect("writing to a string");
     }
-    text + section.to_fill_in() + "\n"
+    text + &section.to_fill_in() + "\n"
 }
 
 /// Which files belong to which side, in the order of the times in them.

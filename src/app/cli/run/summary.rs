@@ -3,6 +3,8 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
+
 use super::stop::Stop;
 use super::work::{Ending, Failure};
 use super::{Until, near};
@@ -73,20 +75,26 @@ fn lines<'a>(
 }
 
 fn line(session: &str, ending: &Ending) -> String {
-    match ending {
-        Ending::Done(done) => {
-            let state = before_or(done.already_there, "done");
-            state_line(state, session, &outcome(done))
+    let words = match ending {
+        Ending::Done(done) => outcome(done),
+        Ending::OfStage(done) => format!("{}, result {}", done.words, done.run),
+        Ending::Failed(Failure { reason, .. }) => format!("no result: {reason}"),
+        Ending::Stopped => "ended under way; run it again".to_owned(),
+        Ending::NotStarted => "run it again".to_owned(),
+    };
+    state_line(ending.state(), session, &words)
+}
+
+impl Ending {
+    /// How a session ended, in a word.
+    pub(super) const fn state(&self) -> &'static str {
+        match self {
+            Self::Done(done) => before_or(done.already_there, "done"),
+            Self::OfStage(done) => before_or(done.already_there, done.stage.done),
+            Self::Failed(_) => "failed",
+            Self::Stopped => "stopped",
+            Self::NotStarted => "not-started",
         }
-        Ending::OfStage(done) => {
-            let state = before_or(done.already_there, done.stage.done);
-            state_line(state, session, &format!("{}, result {}", done.words, done.run))
-        }
-        Ending::Failed(Failure { reason, .. }) => {
-            state_line("failed", session, &format!("no result: {reason}"))
-        }
-        Ending::Stopped => state_line("stopped", session, "ended under way; run it again"),
-        Ending::NotStarted => state_line("not-started", session, "run it again"),
     }
 }
 
@@ -96,10 +104,8 @@ const fn before_or(already_there: bool, now: &'static str) -> &'static str {
 }
 
 fn aside_line(aside: &SetAside) -> String {
-    match &aside.why {
-        Why::Waits(reason) => state_line("waits", &aside.session, reason),
-        Why::Bad(reason) => state_line("failed", &aside.session, &format!("no result: {reason}")),
-    }
+    let without = if matches!(aside.why, Why::Bad(_)) { "no result: " } else { "" };
+    state_line(aside.state(), &aside.session, &format!("{without}{}", aside.why.reason()))
 }
 
 fn state_line(state: &str, session: &str, words: &str) -> String {
@@ -185,8 +191,8 @@ const fn verdict(verdict: &Verdict) -> &'static str {
     }
 }
 
-#[derive(Debug, Default)]
-struct Totals {
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Totals {
     new: usize,
     before: usize,
     met: usize,
@@ -196,7 +202,7 @@ struct Totals {
 }
 
 impl Totals {
-    fn of(endings: &[Ending], set_aside: &[SetAside]) -> Self {
+    pub(super) fn of(endings: &[Ending], set_aside: &[SetAside]) -> Self {
         let mut totals = Self::default();
         for ending in endings {
             match ending {

@@ -10,6 +10,7 @@ use crate::at::At;
 use crate::io::lake::LakeError;
 use crate::io::store::StoreError;
 use crate::manifest::ManifestError;
+use crate::nearest::did_you_mean;
 use crate::pipeline::robot_file::NoRobotFile;
 
 /// Why a pipeline file makes no configuration.
@@ -117,7 +118,8 @@ impl ConfigurationErrorKind {
                  table that [input] robots names"
             )
         } else {
-            format!("it has no robot {name:?}; its robots: {}", some_of(known))
+            let meant = did_you_mean(name, known.iter().map(String::as_str));
+            format!("it has no robot {name:?}{meant}; its robots: {}", some_of(known))
         })
     }
 

@@ -117,6 +117,16 @@ pub struct SetAside {
     pub before: usize,
 }
 
+impl SetAside {
+    /// The state of the session in a word.
+    pub const fn state(&self) -> &'static str {
+        match self.why {
+            Why::Waits(_) => "waits",
+            Why::Bad(_) => "failed",
+        }
+    }
+}
+
 /// The reason why a session is set aside, as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Why {

@@ -9,6 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{Key, KeyReference, KeySection, Retired};
+use crate::nearest::did_you_mean;
 
 /// The faults of a file.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -137,8 +138,9 @@ impl Door<'_, '_> {
             format!("; its keys are {}", keys.join(", "))
         };
         faults.extend(names.map(|name| {
-            let line = self.line(name.span().start);
-            format!("{heading} has {}{line}, which nothing reads{keys}", name.get_ref())
+            let (line, name) = (self.line(name.span().start), name.get_ref());
+            let meant = did_you_mean(name, self.known(section, place));
+            format!("{heading} has {name}{line}, which nothing reads{meant}{keys}")
         }));
         faults
     }
@@ -162,12 +164,23 @@ impl Door<'_, '_> {
         turns && key.conventions.iter().any(|own| own == convention)
     }
 
-    /// Whether a key of a section is read: it is one of its keys, or a section inside it.
     fn is_known(&self, section: &KeySection, place: &str, name: &str) -> bool {
-        let inside = if place.is_empty() { name.to_owned() } else { format!("{place}.{name}") };
-        let mut places = self.reference.sections.iter().flat_map(KeySection::places);
-        section.keys.iter().any(|key| key.key == name)
-            || places.any(|own| own == inside || own.starts_with(&format!("{inside}.")))
+        self.known(section, place).any(|known| known == name)
+    }
+
+    /// What is read of a section: its keys, and the sections inside it.
+    fn known<'o>(
+        &'o self,
+        section: &'o KeySection,
+        place: &'o str,
+    ) -> impl Iterator<Item = &'o str> {
+        let places = self.reference.sections.iter().flat_map(KeySection::places);
+        let inside = places.filter_map(move |own| {
+            let rest = own.strip_prefix(place)?;
+            let rest = if place.is_empty() { rest } else { rest.strip_prefix('.')? };
+            rest.split('.').next().filter(|step| !step.is_empty())
+        });
+        section.keys.iter().map(|key| key.key.as_str()).chain(inside)
     }
 
     fn line(&self, at: usize) -> String {
@@ -271,16 +284,33 @@ fn number(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-/// Whether a number is in a range as the reference has it: "0 or more", "above 0 and at most 180", "1 to 10".
-fn holds(range: &str, number: f64) -> bool {
+/// A side of a range.
+pub(super) struct Bound {
+    pub value: f64,
+    /// Whether the value itself is outside.
+    pub is_strict: bool,
+    pub is_lower: bool,
+}
+
+/// The bounds of a range as the reference has it: "0 or more", "above 0 and at most 180", "1 to 10".
+pub(super) fn bounds(range: &str) -> Vec<Bound> {
     let range = range.replace(" to ", " and ");
-    let sides = [Ordering::Greater, Ordering::Less];
-    range.split(" and ").zip(sides).all(|(bound, side)| {
-        let strict = bound.strip_prefix("above ").or_else(|| bound.strip_prefix("below "));
-        let at_most = bound.trim_start_matches("at most ").trim_end_matches(" or more");
-        let bound: Option<f64> = strict.unwrap_or(at_most).parse().ok();
-        let order = bound.and_then(|bound| number.partial_cmp(&bound));
-        order == Some(side) || (order == Some(Ordering::Equal) && strict.is_none())
+    let sides = range.split(" and ").zip([true, false]);
+    let bound = |(text, is_lower): (&str, bool)| {
+        let strict = text.strip_prefix("above ").or_else(|| text.strip_prefix("below "));
+        let at_most = text.trim_start_matches("at most ").trim_end_matches(" or more");
+        // What is no number holds for none.
+        let value = strict.unwrap_or(at_most).parse().unwrap_or(f64::NAN);
+        Bound { value, is_strict: strict.is_some(), is_lower }
+    };
+    sides.map(bound).collect()
+}
+
+fn holds(range: &str, number: f64) -> bool {
+    bounds(range).iter().all(|bound| {
+        let side = if bound.is_lower { Ordering::Greater } else { Ordering::Less };
+        let order = number.partial_cmp(&bound.value);
+        order == Some(side) || (order == Some(Ordering::Equal) && !bound.is_strict)
     })
 }
 
@@ -331,7 +361,9 @@ mod tests {
                 "[[joint]] 2 (line 11) needs a_mm, alpha_deg, sign",
             ]
         );
-        assert!(found[2].starts_with("[[joint]] 2 has alpha (line 13), which nothing reads; "));
+        assert!(found[2].starts_with(
+            "[[joint]] 2 has alpha (line 13), which nothing reads (did you mean \"alpha_deg\"?); "
+        ));
     }
 
     #[test]
@@ -355,9 +387,9 @@ mod tests {
         assert_eq!(
             told(KeyReference::pipeline(), &shorter),
             [
-                "the top of the file has toll (line 43), which nothing reads",
-                "[commanded] (line 24) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
-                "[tracker] (line 30) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
+                "the top of the file has toll (line 44), which nothing reads",
+                "[commanded] (line 25) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
+                "[tracker] (line 31) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
                 "[tolerance] is not there, and needs mm, share, confidence",
             ]
         );
@@ -378,10 +410,10 @@ mod tests {
         let text = text.replace("sessions =", "pool = \"growing\"\nsessions =");
         let found = told(KeyReference::pipeline(), &text.replace("[grid]", "[grid]\nrivals = 1"));
         assert!(
-            found[0].starts_with("[grid] rivals (line 46) was retired: leave it out"),
+            found[0].starts_with("[grid] rivals (line 47) was retired: leave it out"),
             "{found:?}"
         );
-        assert!(found[1].starts_with("[input] pool = \"growing\" (line 17) was retired: write"));
+        assert!(found[1].starts_with("[input] pool = \"growing\" (line 18) was retired: write"));
         assert_eq!(found.len(), 2);
     }
 

@@ -290,3 +290,17 @@ fn numbers_have_units_where_their_names_say_so_and_every_key_a_sentence() {
         }
     }
 }
+
+#[test]
+fn the_json_schemas_of_the_folder_are_those_of_the_keys() {
+    for reference in [KeyReference::pipeline(), KeyReference::robot()] {
+        let path = format!("../../schemas/json/{}.json", reference.file);
+        let text = std::fs::read_to_string(&path).expect("it is there");
+        let kept: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let file = &reference.file;
+        assert!(
+            kept == reference.json_schema(),
+            "posegrid schema {file} --format json-schema > schemas/json/{file}.json"
+        );
+    }
+}

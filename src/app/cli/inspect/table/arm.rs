@@ -28,7 +28,7 @@ pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> 
     let (file, text) = match (robot::text(path), ready) {
         (Ok(text), _) => (path.display().to_string(), text),
         (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
-            (robot.file.to_owned(), robot.text.to_owned())
+            (robot.file.to_owned(), robot.printed().to_owned())
         }
         (Err(source), _) => return Err(NoArm::Read(At::new(path.display(), source))),
     };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Isometry3;
 
-use crate::cli::inspect::{escaped, toml_text};
+use crate::cli::inspect::{FROM_DATA_SHEET, UNCERTAINTY, escaped, toml_text};
 use crate::geometry::rpy;
 use crate::ingest::{
     OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
@@ -33,8 +33,7 @@ pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection) -> String 
         lines.commanded(commands);
     }
     lines.head("tracker");
-    lines.text += "# uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }  \
-                   # from the instrument's data sheet\n";
+    lines.text.extend(["# ", UNCERTAINTY, FROM_DATA_SHEET]);
     lines.text
 }
 

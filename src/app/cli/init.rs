@@ -1,0 +1,258 @@
+//! `posegrid init FILE…`: a pipeline file from what `inspect` finds in logs or tables, complete but for what no file states, which has a
+//! value and the words `to state`.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use thiserror::Error;
+
+use super::inspect::table::{arm, is_table, section};
+use super::inspect::{FROM_DATA_SHEET, UNCERTAINTY, files_in, snippet, toml_text};
+use super::progress::Bars;
+use super::robot::ArmFlags;
+use crate::at::At;
+use crate::io::input::Bound;
+use crate::io::inspect::table::{Guess, inspect as inspect_table};
+use crate::io::inspect::{Inspection, inspect};
+use crate::io::log::{FileError, Limits};
+use crate::io::measured_table::MeasuredTableError;
+use crate::io::robot::ready::{READY, arms as ready_arms};
+
+/// Write a pipeline file for logs or tables of stations
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Examples:
+  posegrid init measured.xlsx
+  posegrid init sessions/mon                  (a folder with the logs of a session, or with such folders)
+  posegrid init measured.csv --robot my.urdf --tip tool0 --out cells/7.toml
+
+What is guessed is said by posegrid inspect; lines with `unsure` or `to state` are those to look at. A ready robot that the table or the
+logs' metadata name is written beside the pipeline file. No file is replaced.")]
+pub struct InitArgs {
+    /// The logs or tables of sessions, or their folder
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// The pipeline file to write
+    #[arg(long, value_name = "FILE", default_value = "pipeline.toml")]
+    pub out: PathBuf,
+    /// The arm: a robot file, a URDF, or the name of a ready robot
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// The arm in the file
+    #[command(flatten)]
+    pub arm: ArmFlags,
+}
+
+#[derive(Debug, Error)]
+pub enum InitError {
+    #[error(transparent)]
+    Arm(#[from] arm::NoArm),
+    #[error(transparent)]
+    Log(#[from] FileError),
+    #[error(transparent)]
+    Table(#[from] MeasuredTableError),
+    #[error("{0}: how it would be read is not told; posegrid inspect shows its columns")]
+    NotTold(PathBuf),
+    #[error("{0} is not read as the tables before it: write a pipeline file for each kind")]
+    Unlike(PathBuf),
+    #[error("{0} is a log beside tables: write a pipeline file for each kind")]
+    Mixed(PathBuf),
+    #[error("{0}")]
+    Write(At<io::Error>),
+    #[error("{0} is there already, and is not replaced: write another file with --out")]
+    There(PathBuf),
+}
+
+const HEAD: &str = "# Written by posegrid init. `posegrid schema pipeline` has every key.\n\n";
+/// Values that no log or table states.
+const TO_STATE: &str = "
+[grid]
+steps_mm = [60, 90, 120, 180, 240, 360]
+
+[tolerance]
+mm = 0.5           # to state: what the work needs, for this share of positions
+share = 0.95
+confidence = 0.95
+
+[output]
+lake = \"lake\"
+";
+const NAME: &str = "name = \"arm-1\"  # to state: the arm's name in the tables\n";
+const UP: &str =
+    "up = [0, 0, 1]  # to state: against gravity in the base frame; so for an arm on the floor\n";
+const OF_DATA_SHEET: &str =
+    "  # to state: a laser tracker's usual limits; write those of the instrument's data sheet\n";
+
+/// Writes the file; gives what was written and what to do now.
+pub fn run(args: &InitArgs, bars: &Bars) -> Result<String, InitError> {
+    if args.out.exists() {
+        return Err(InitError::There(args.out.clone()));
+    }
+    let files = args.files.iter().map(|path| args.seen_from_out(path));
+    let files = files.collect::<Result<Vec<PathBuf>, InitError>>()?;
+    let text = match files.iter().find(|path| is_table(path)) {
+        Some(_) => args.of_tables(&files)?,
+        None => args.of_logs(&files, bars)?,
+    };
+    let usual = format!("# {UNCERTAINTY}{FROM_DATA_SHEET}");
+    let text = text.replace(&usual, &format!("{UNCERTAINTY}{OF_DATA_SHEET}"));
+    args.write(&format!("{HEAD}{}\n{TO_STATE}", text.trim_end()))
+}
+
+impl InitArgs {
+    /// A path as the pipeline file states it: its own, or a whole one where the file stands in another folder, or the path names no
+    /// folder of sessions.
+    fn seen_from_out(&self, path: &Path) -> Result<PathBuf, InitError> {
+        let is_bare =
+            |path: &Path| path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+        if is_bare(&self.out) && (is_table(path) || !is_bare(path)) {
+            return Ok(path.to_owned());
+        }
+        path.canonicalize().map_err(|error| InitError::Write(At::new(path.display(), error)))
+    }
+
+    fn of_tables(&self, files: &[PathBuf]) -> Result<String, InitError> {
+        let selection = self.arm.selection();
+        let arms = arm::arms(self.robot.as_deref(), &selection)?;
+        let mut known: Option<Guess> = None;
+        for path in files {
+            if !is_table(path) {
+                return Err(InitError::Mixed(path.clone()));
+            }
+            let found = inspect_table(path, Bound::of(Limits::default()), &arms)?;
+            let guess = found.guess.map_err(|_| InitError::NotTold(path.clone()))?;
+            if known.as_ref().is_some_and(|first| first.settings != guess.settings) {
+                return Err(InitError::Unlike(path.clone()));
+            }
+            known.get_or_insert(guess);
+        }
+        let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+        let text = known.map(|guess| section(&paths, &guess, &selection)).unwrap_or_default();
+        let (_, text) = text.split_once("\n\n").unwrap_or_default();
+        let lines: Vec<&str> =
+            text.lines().filter(|line| !line.starts_with("# posegrid robot ")).collect();
+        let text = lines.join("\n");
+        Ok(text.replacen("\n\n[input]", &format!("\n{NAME}{UP}\n[input]"), 1))
+    }
+
+    fn of_logs(&self, files: &[PathBuf], bars: &Bars) -> Result<String, InitError> {
+        let progress = bars.of("inspect");
+        let (folder, sessions) = sessions(files);
+        let first = sessions.first().map(|session| folder.join(session));
+        let logs = first.map_or_else(|| files.to_vec(), |own| files_in(&own));
+        let mut found: Vec<Inspection> = Vec::new();
+        for log in &logs {
+            found.push(inspect(log, Limits::default(), &progress)?);
+        }
+        let text = snippet(&found).unwrap_or_default();
+        let (_, text) = text.split_once("[input]\n").unwrap_or_default();
+        let (_, text) = text.split_once('\n').unwrap_or_default();
+        let names: Vec<String> = sessions.iter().map(|own| toml_text(own)).collect();
+        let mut all = self.robot_of(&found);
+        let folder = toml_text(&folder.to_string_lossy());
+        write!(all, "\n[input]\nfolder = {folder}\nsessions = [{}]\n", names.join(", "))
+            .expect("a string");
+        Ok(all + &without_commands(text))
+    }
+
+    /// The section of the arm that was given, or of the ready one that has the model of the logs' metadata.
+    fn robot_of(&self, found: &[Inspection]) -> String {
+        let metadata = found.iter().flat_map(|log| &log.read_summary.metadata);
+        let mut models = metadata.filter(|(_, key, _)| key == "model").map(|(_, _, model)| model);
+        let of_model = |model: &String| {
+            ready_arms().into_iter().find(|own| own.arm.model() == model).map(|own| own.file)
+        };
+        let (file, doubt) = match (&self.robot, models.find_map(of_model)) {
+            (Some(path), _) => (path.to_string_lossy().into_owned(), ""),
+            (None, Some(ready)) => {
+                (ready, "  # unsure: the ready robot of the model in the logs' metadata")
+            }
+            (None, None) => (
+                "robot.toml".to_owned(),
+                "  # to state: the arm; posegrid robot --list names the ready ones, posegrid robot NAME > robot.toml writes one",
+            ),
+        };
+        format!("[robot]\nfile = {}{doubt}\n{UP}", toml_text(&file))
+    }
+
+    fn write(&self, text: &str) -> Result<String, InitError> {
+        let mut told = String::new();
+        let ready = READY.iter().find(|own| text.contains(&format!("\nfile = \"{}\"", own.file)));
+        if let Some(robot) = ready.filter(|_| self.robot.is_none()) {
+            let path = self.out.with_file_name(robot.file);
+            if path.exists() {
+                writeln!(told, "{} was there already, and is kept", path.display())
+                    .expect("a string");
+            } else {
+                create(&path, robot.printed())?;
+                writeln!(told, "{} is the ready robot", path.display()).expect("a string");
+            }
+        }
+        create(&self.out, text)?;
+        let doubts: Vec<&str> = text
+            .lines()
+            .filter(|line| line.contains("# unsure: ") || line.contains("# to state: "))
+            .collect();
+        let out = self.out.display();
+        writeln!(told, "{out} is written; {} of its lines are to be looked at:", doubts.len())
+            .expect("a string");
+        for line in doubts {
+            writeln!(told, "  {line}").expect("a string");
+        }
+        writeln!(told, "now: posegrid check {out} && posegrid run {out}").expect("a string");
+        Ok(told)
+    }
+}
+
+/// The folder of the sessions, and the name of each: folders with logs in the folder that was given, or the one of the logs.
+fn sessions(files: &[PathBuf]) -> (PathBuf, Vec<String>) {
+    let has_logs = |path: &PathBuf| path.is_dir() && files_in(path) != [path.clone()];
+    let folder_of = |path: &PathBuf| {
+        let parent = || path.parent().map(Path::to_owned);
+        if path.is_dir() { Some(path.clone()) } else { parent() }
+    };
+    let (folder, mut sessions) = match files {
+        [folder] if folder.is_dir() && !has_logs(folder) => {
+            let inside = fs::read_dir(folder).into_iter().flatten().flatten();
+            let inside = inside.map(|own| own.path()).filter(has_logs);
+            (folder.clone(), inside.collect())
+        }
+        _ => {
+            let folders: Vec<PathBuf> = files.iter().filter_map(folder_of).collect();
+            let parent = folders.first().and_then(|own| own.parent()).unwrap_or(Path::new(".."));
+            (parent.to_owned(), folders)
+        }
+    };
+    sessions.sort();
+    sessions.dedup();
+    let names = sessions.iter().filter_map(|own| own.file_name());
+    let names = names.map(|own| own.to_string_lossy().into_owned()).collect();
+    (if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder }, names)
+}
+
+/// The sections of logs with that of the commands as comments: no log states their frame, nor the controller's tool.
+fn without_commands(text: &str) -> String {
+    let mut is_command = false;
+    let mut lines = String::new();
+    for line in text.lines() {
+        if line == "[commanded]" {
+            is_command = true;
+            lines += "# Commands are left out until their frame and the controller's tool are stated, which no log does:\n";
+        }
+        is_command &= !line.is_empty();
+        let comment = if is_command && !line.starts_with('#') { "# " } else { "" };
+        lines.extend([comment, line, "\n"]);
+    }
+    lines
+}
+
+fn create(path: &Path, text: &str) -> Result<(), InitError> {
+    let written = File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => InitError::There(path.to_owned()),
+        _ => InitError::Write(At::new(path.display(), error)),
+    })
+}

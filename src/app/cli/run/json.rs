@@ -1,0 +1,85 @@
+//! The summary of a batch as one JSON document, for scripts.
+
+use serde_json::{Map, Value, json};
+
+use super::summary::Totals;
+use super::work::Ending;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::{Row as _, Word as _};
+use crate::io::tables::runs::RunRow;
+use crate::io::tables::words::VerdictOf;
+use crate::manifest::{RunKey, VERSION};
+use crate::pipeline::configuration::SetAside;
+use crate::pipeline::fleet::{Fleet, FleetPiece};
+use crate::pipeline::run::Done;
+
+/// Every session in the order of the configuration, and the totals. A figure that there is none of is null.
+pub fn document(
+    fleet: &Fleet,
+    endings: &[Ending],
+    set_aside: &[SetAside],
+    exit_code: u8,
+) -> Result<String, LakeError> {
+    let lake = Lake::at(&fleet.lake)?;
+    let mut aside = set_aside.iter().peekable();
+    let mut sessions = Vec::new();
+    for (place, (own, ending)) in fleet.pieces().iter().zip(endings).enumerate() {
+        while let Some(before) = aside.next_if(|aside| aside.before <= place) {
+            sessions.push(of_aside(before));
+        }
+        sessions.push(session(&lake, own, ending)?);
+    }
+    sessions.extend(aside.map(of_aside));
+    let document = json!({
+        "version": VERSION,
+        "lake": fleet.lake.to_string(),
+        "exit_code": exit_code,
+        "totals": Totals::of(endings, set_aside),
+        "sessions": sessions,
+    });
+    Ok(format!("{document:#}\n"))
+}
+
+fn of_aside(aside: &SetAside) -> Value {
+    json!({ "session": aside.session, "state": aside.state(), "reason": aside.why.reason() })
+}
+
+fn session(lake: &Lake, own: &FleetPiece<'_>, ending: &Ending) -> Result<Value, LakeError> {
+    let mut said = match ending {
+        Ending::Done(done) => finished(lake, done)?,
+        Ending::OfStage(done) => json!({ "run": done.run, "words": done.words }),
+        Ending::Failed(failure) => {
+            json!({ "reason": failure.reason, "because_of": failure.session })
+        }
+        Ending::Stopped | Ending::NotStarted => Value::Object(Map::new()),
+    };
+    said["session"] = json!(own.label());
+    said["state"] = json!(ending.state());
+    Ok(said)
+}
+
+fn finished(lake: &Lake, done: &Done) -> Result<Value, LakeError> {
+    let key = RunKey::new(&done.robot, &done.session, &done.run);
+    let row = RunRow::read(&lake.read(RunRow::TABLE, &key)?).pop();
+    let ending = row.map(|row| row.ending).unwrap_or_default();
+    let summary = done.summary.as_ref();
+    Ok(json!({
+        "robot": done.robot,
+        "run": done.run,
+        "verdict": ending.verdict.word(),
+        "verdict_of": ending.verdict_of.map(VerdictOf::word),
+        "statement": ending.statement,
+        "reason": ending.reason,
+        "bound_mm": ending.bound_mm,
+        "mean_before_mm": ending.mean_before_mm,
+        "mean_after_mm": ending.mean_after_mm,
+        "means_of": ending.means_of,
+        "held_out": ending.held_out,
+        "visits": ending.visits,
+        "stations_covered_share": ending.stations_covered_share,
+        "rejected_beyond": done.rejected,
+        "warnings": summary.map(|own| &own.warnings),
+        "table": done.corrects.as_ref().map(ToString::to_string),
+        "page": done.page.as_ref().map(ToString::to_string),
+    }))
+}

@@ -1,0 +1,71 @@
+//! `posegrid init`: from files of a session to a pipeline file that `check` accepts; and the summary for programs.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::cell::{Cell, ended, posegrid};
+
+#[test]
+fn logs_give_a_pipeline_file_that_checks_with_the_ready_robot_of_their_metadata() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("cell.toml");
+    let init = || {
+        let logs = Path::new("tests/recordings/quickstart");
+        ended(posegrid().arg("init").arg(logs).arg("--out").arg(&out))
+    };
+    let made = init();
+    made.expect(
+        0,
+        &["kr210-r2700-extra.toml is the ready robot", "# to state: ", "posegrid check"],
+    );
+    let written = fs::read_to_string(&out).expect("written");
+    ended(posegrid().arg("check").arg(&out)).expect(0, &["quickstart: learns from quickstart"]);
+    init().expect(2, &["is there already, and is not replaced"]);
+    assert_eq!(fs::read_to_string(&out).expect("there"), written);
+}
+
+#[test]
+fn a_table_gives_a_pipeline_file_and_tables_of_two_kinds_none() {
+    let flags = ["--grid-step", "360", "--size", "720,720,360", "--table"];
+    let cell = Cell::new().with_simulated("mon", &flags);
+    let at = |name: &str| cell.session("mon").join(name);
+    fs::write(at("b.csv"), "q1,q2,q3,q4,q5,q6,x,y,z\n1,2,3,4,5,6,7,8,9\n").expect("writable");
+    let init = |files: &[&str], out: &str| {
+        let files = files.iter().map(|name| at(name));
+        ended(posegrid().arg("init").args(files).arg("--out").arg(at(out)))
+    };
+    init(&["stations.csv"], "one.toml").expect(0, &["is written"]);
+    init(&["stations.csv", "b.csv"], "two.toml").expect(2, &["b.csv"]);
+    assert!(!at("two.toml").exists());
+    init(&["c.csv"], "three.toml").expect(2, &["c.csv"]);
+}
+
+#[test]
+fn the_summary_for_programs_has_every_session_and_the_figures_of_its_run() {
+    let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
+    fs::write(cell.session("tue").join("tracker.mcap"), "no log").expect("writable");
+    let document = |flags: &[&str]| -> Value {
+        let ended = cell.run(flags);
+        assert_eq!(ended.code, 1, "{}", ended.messages);
+        serde_json::from_str(&ended.results).expect("one document")
+    };
+    let first = document(&["--format", "json"]);
+    let [mon, tue] = [0, 1].map(|place| &first["sessions"][place]);
+    assert_eq!((&mon["session"], &mon["state"]), (&"mon".into(), &"done".into()));
+    assert_eq!((&tue["session"], &tue["state"]), (&"tue".into(), &"failed".into()));
+    assert!(tue["reason"].as_str().is_some_and(|words| words.contains("tracker.mcap")), "{tue}");
+    assert_eq!((&first["exit_code"], &first["totals"]["failed"]), (&1.into(), &1.into()));
+    let runs = cell.table("runs", "mon");
+    for figure in ["bound_mm", "mean_before_mm", "mean_after_mm"] {
+        assert_eq!(mon[figure].as_f64(), Some(runs.f64(figure).value(0)), "{figure}");
+    }
+    // What the lake had already is told with the same figures.
+    let mut again = document(&["--format", "json"])["sessions"][0].clone();
+    assert_eq!(again["state"], "done-before");
+    for own in ["state", "table", "warnings"] {
+        again[own] = mon[own].clone();
+    }
+    assert_eq!(&again, mon);
+}
