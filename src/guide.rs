@@ -15,6 +15,7 @@
 //! | [`station_tables`] | How is a table of stations read, where there are no logs? | `inspect` |
 //! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
 //! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
+//! | [`questions`] | What does an analyst ask the tables, and how? | |
 //! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
 //! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
 //! | [`driven_session`] | Did the correction work? | `run` |
@@ -61,6 +62,8 @@ pub mod cameras {}
 #[doc = include_str!("guide/tables.md")]
 pub mod tables {}
 
+#[doc = include_str!("guide/questions.md")]
+pub mod questions {}
 #[doc = include_str!("guide/figures.md")]
 pub mod figures {}
 

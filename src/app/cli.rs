@@ -58,6 +58,9 @@ struct Arguments {
     /// Format of the messages on stderr
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
     log_format: LogFormat,
+    /// Errors alone on stderr, and no progress bars
+    #[arg(short, long, global = true, conflicts_with = "log_format")]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -126,8 +129,9 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(answer) => return ExitCode::from(answered(&with_remedy(answer))),
     };
-    let bars = &Bars::new(arguments.log_format);
-    messages::start(arguments.log_format, bars);
+    let format = if arguments.quiet { LogFormat::Errors } else { arguments.log_format };
+    let bars = &Bars::new(format);
+    messages::start(format, bars);
     ExitCode::from(match arguments.command {
         Command::Run(args) => run::run(&args, bars),
         Command::Tasks(args) => tasks::list(&args, bars),

@@ -25,7 +25,10 @@ mod tests {
         let known = ["topic", "time", "unit", "tracker_from_base"];
         assert_eq!(did_you_mean("untit", known), " (did you mean \"unit\"?)");
         assert_eq!(did_you_mean("Unit", known), " (did you mean \"unit\"?)");
-        assert_eq!(did_you_mean("trackr_from_bse", known), " (did you mean \"tracker_from_base\"?)");
+        assert_eq!(
+            did_you_mean("trackr_from_bse", known),
+            " (did you mean \"tracker_from_base\"?)"
+        );
         assert_eq!(did_you_mean("tracker", known), " (did you mean \"tracker_from_base\"?)");
         assert_eq!(did_you_mean("robot", known), "");
         assert_eq!(did_you_mean("x", []), "");

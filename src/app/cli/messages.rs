@@ -7,7 +7,7 @@ use std::io::{self, IsTerminal as _, Write};
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::{ParseError, filter_fn};
+use tracing_subscriber::filter::{LevelFilter, ParseError, filter_fn};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
@@ -19,6 +19,9 @@ use crate::io::store::without_secrets;
 pub enum LogFormat {
     /// For people: one line a message
     Text,
+    /// For people: errors alone, and no progress bars
+    #[value(skip)]
+    Errors,
     /// For schedulers: one JSON object a message, with its time; no progress bars
     Json,
 }
@@ -27,9 +30,10 @@ pub enum LogFormat {
 /// credentials.
 pub fn start(format: LogFormat, bars: &Bars) {
     let asked = env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
-    let (filter, unread) = match filter(&asked) {
+    let least = if format == LogFormat::Errors { LevelFilter::ERROR } else { LevelFilter::INFO };
+    let (filter, unread) = match filter(&asked, least) {
         Ok(filter) => (filter, None),
-        Err(error) => (filter("").expect("nothing asked for"), Some(error)),
+        Err(error) => (filter("", least).expect("nothing asked for"), Some(error)),
     };
     let ours = filter_fn(|message| message.target().starts_with("posegrid"));
     let bars = bars.clone();
@@ -39,10 +43,10 @@ pub fn start(format: LogFormat, bars: &Bars) {
         .log_internal_errors(false)
         .with_writer(move || Beside(bars.clone()));
     match format {
-        LogFormat::Text => messages
+        LogFormat::Text | LogFormat::Errors => messages
             .without_time()
             .with_target(false)
-            .with_ansi(io::stderr().is_terminal())
+            .with_ansi(io::stderr().is_terminal() && !is_plain())
             .finish()
             .with(ours)
             .init(),
@@ -53,10 +57,13 @@ pub fn start(format: LogFormat, bars: &Bars) {
     }
 }
 
-fn filter(asked: &str) -> Result<EnvFilter, ParseError> {
-    EnvFilter::builder()
-        .with_default_directive(tracing::level_filters::LevelFilter::INFO.into())
-        .parse(asked)
+fn filter(asked: &str, least: LevelFilter) -> Result<EnvFilter, ParseError> {
+    EnvFilter::builder().with_default_directive(least.into()).parse(asked)
+}
+
+/// Whether colours are not wanted: <https://no-color.org>.
+fn is_plain() -> bool {
+    env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
 }
 
 /// Writes to stderr without tearing a progress bar; what stderr refuses is lost.
@@ -146,8 +153,9 @@ mod tests {
 
     #[test]
     fn a_message_filter_that_cannot_be_read_is_an_error_and_prints_nothing() {
-        assert!(filter("").is_ok() && filter("posegrid=debug").is_ok());
-        assert!(filter("posegrid=loudly").is_err());
+        let read = |asked| filter(asked, LevelFilter::INFO);
+        assert!(read("").is_ok() && read("posegrid=debug").is_ok());
+        assert!(read("posegrid=loudly").is_err());
     }
 
     #[test]

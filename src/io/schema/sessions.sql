@@ -7,3 +7,9 @@ QUALIFY row_number() OVER (PARTITION BY r.robot, r.session ORDER BY coalesce(a.n
 CREATE VIEW sessions AS                                     -- one row a session: what people ask first
 SELECT session_started, robot, session, mean_before_mm AS before_mm, mean_after_mm AS after_mm, means_of, bound_mm, verdict, verdict_of, run
 FROM current_runs WHERE verdict_of IS DISTINCT FROM 'sampling_plan';
+CREATE MACRO current(name) AS TABLE                         -- the rows of a table that are of current runs: FROM current('stations')
+SELECT t.* FROM (SELECT * FROM read_parquet('lake/' || name || '/*/*/*.parquet', filename = true, union_by_name = true)
+                 WHERE stands_where(filename, robot, session, run)) AS t SEMI JOIN current_runs USING (robot, session, run);
+CREATE MACRO figures() AS TABLE                             -- errors of positions at stations that took no part: a row a figure
+SELECT robot, session, of_session AS judged_by, model, angles, point, evidence, name AS figure, value AS mm, expanded_uncertainty AS u_mm, n
+FROM current('accuracy') WHERE quantity = 'position_error' AND role <> 'training' AND base_refit = 'none' AND pose IS NULL;
