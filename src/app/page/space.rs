@@ -31,6 +31,9 @@ fn at_tip(content: &Content) -> Option<[f64; 2]> {
     Some([mean(Model::RawCommand)?, mean(Model::Table)?])
 }
 
+/// Errors of a smaller share of those before are too short to be seen on the same scale.
+const SMALL: f64 = 0.25;
+
 /// Errors before and after, measured or predicted.
 fn shown(content: &Content, compared: &Compared) -> Option<Markup> {
     let evidence = if compared.is_measured { "measured" } else { "predicted" };
@@ -58,6 +61,10 @@ fn shown(content: &Content, compared: &Compared) -> Option<Markup> {
             }
         }
         (vectors(&sets, &scene)?)
+        @if after.max < SMALL * before.max {
+            p { "The errors after once more, on a scale of their own:" }
+            (vectors(&[Vectors { name: "After, larger".to_owned(), ..sets[1].clone() }], &scene)?)
+        }
         div.pair {
             figure { (distribution(content, &both)) figcaption { "Distribution of these errors." } }
             figure { (order(&both)) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
