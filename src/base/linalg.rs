@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector, Dyn};
 use rayon::prelude::*;
 
 /// Width of a block: three of them fit into a core's fast cache.
@@ -28,17 +28,47 @@ impl Cholesky {
             let width = WIDE.min(size - first);
             let end = first + width;
             let corner = matrix.view((first, first), (width, width)).into_owned();
-            let corner = factored(corner, &mut diagonal_inverses)?;
-            let own = &diagonal_inverses[first / BLOCK..];
-            let panel = behind(&matrix.view((end, first), (size - end, width)), &corner, own);
-            matrix.view_mut((first, first), (width, width)).copy_from(&corner);
+            let corner = Self::of_few_blocks(corner)?;
+            let panel = corner.panel(&matrix.view((end, first), (size - end, width)));
+            matrix.view_mut((first, first), (width, width)).copy_from(&corner.lower);
             for (place, part) in panel.iter().enumerate() {
                 let to = (end + place * WIDE, first);
                 matrix.view_mut(to, part.shape()).copy_from(part);
             }
             subtract_outer(&mut matrix, end, &panel);
+            diagonal_inverses.extend(corner.diagonal_inverses);
         }
         Some(Self { lower: matrix, diagonal_inverses })
+    }
+
+    fn of_few_blocks(mut matrix: DMatrix<f64>) -> Option<Self> {
+        let size = matrix.nrows();
+        let mut diagonal_inverses = Vec::new();
+        for first in (0..size).step_by(BLOCK) {
+            let width = BLOCK.min(size - first);
+            let end = first + width;
+            let block = small_cholesky(matrix.view((first, first), (width, width)).into_owned())?;
+            let inverse = small_inverse(&block);
+            let below = matrix.view((end, first), (size - end, width)) * turned(&inverse);
+            let mut own = matrix.view_mut((first, first), (width, width));
+            own.copy_from(&block);
+            let mut own = matrix.view_mut((end, first), (size - end, width));
+            own.copy_from(&below);
+            let mut rest = matrix.view_mut((end, end), (size - end, size - end));
+            rest.gemm(-1.0, &below, &turned(&below), 1.0);
+            diagonal_inverses.push(inverse);
+        }
+        Some(Self { lower: matrix, diagonal_inverses })
+    }
+
+    /// `P L⁻ᵀ`, [`WIDE`] rows after each other.
+    fn panel(&self, columns: &DMatrixView<'_, f64>) -> Vec<DMatrix<f64>> {
+        let tops: Vec<usize> = (0..columns.nrows()).step_by(WIDE).collect();
+        let of_rows = |&top: &usize| {
+            let height = WIDE.min(columns.nrows() - top);
+            self.behind(columns.rows(top, height).into_owned(), 0)
+        };
+        tops.par_iter().map(of_rows).collect()
     }
 
     /// The factorisation with this factor, of which the lower triangle is read; `None` unless the diagonal is positive.
@@ -73,34 +103,37 @@ impl Cholesky {
     }
 
     pub fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
-        let columns = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
-        let half = self.forward(columns, 0);
-        self.backward(half.column(0).into_owned())
+        let half = self.lower.solve_lower_triangular(right);
+        self.backward(half.expect("a factor has no zero pivot"))
     }
 
-    /// `L⁻¹ B`, L without its rows and columns before `first`, which is the first of a block.
-    pub fn forward(&self, right: DMatrix<f64>, first: usize) -> DMatrix<f64> {
+    /// `L⁻¹ B`.
+    pub fn forward(&self, right: &DMatrix<f64>) -> DMatrix<f64> {
+        transposed(&self.behind(transposed(&right.as_view()), 0).as_view())
+    }
+
+    /// `P L⁻ᵀ`, L without its rows and columns before `first`, which is the first of a block.
+    pub fn behind(&self, mut rows: DMatrix<f64>, first: usize) -> DMatrix<f64> {
         let size = self.size();
-        let mut solved = right;
-        for top in (first..size).step_by(WIDE) {
-            let bottom = (top + WIDE).min(size);
-            self.subtract_before(&mut solved, first, first..top, top..bottom);
-            for row in (top..bottom).step_by(BLOCK) {
-                let inverse = &self.diagonal_inverses[row / BLOCK];
+        for left in (first..size).step_by(WIDE) {
+            let right = (left + WIDE).min(size);
+            self.subtract_before(&mut rows, first, first..left, left..right);
+            for column in (left..right).step_by(BLOCK) {
+                let inverse = &self.diagonal_inverses[column / BLOCK];
                 let width = inverse.nrows();
-                self.subtract_before(&mut solved, first, top..row, row..row + width);
-                let mut own = solved.rows_mut(row - first, width);
-                own.copy_from(&(inverse * &own));
+                self.subtract_before(&mut rows, first, left..column, column..column + width);
+                let mut own = rows.columns_mut(column - first, width);
+                own.copy_from(&(&own * turned(inverse)));
             }
         }
-        solved
+        rows
     }
 
-    /// Subtracts from the rows `own` of a right-hand side that starts at row `first` what those of `before`, which are
-    /// solved, explain.
+    /// Subtracts from the columns `own` of rows that start at column `first` what those of `before`, which are divided,
+    /// explain.
     fn subtract_before(
         &self,
-        solved: &mut DMatrix<f64>,
+        rows: &mut DMatrix<f64>,
         first: usize,
         before: Range<usize>,
         own: Range<usize>,
@@ -108,29 +141,29 @@ impl Cholesky {
         if before.is_empty() {
             return;
         }
-        let lower = self.lower.view((own.start, before.start), (own.len(), before.len()));
-        let (done, mut rest) = solved.rows_range_pair_mut(
+        let place = (own.start, before.start);
+        let lower = turned_block(&self.lower, place, (own.len(), before.len()));
+        let (done, mut rest) = rows.columns_range_pair_mut(
             before.start - first..before.end - first,
             own.start - first..own.end - first,
         );
-        rest.gemm(-1.0, &lower, &done, 1.0);
+        rest.gemm(-1.0, &done, &lower, 1.0);
     }
 
-    /// `L⁻¹`, for variances: the diagonal of `A⁻¹` is the squared norms of its columns.
-    pub fn inverse_lower(&self) -> DMatrix<f64> {
+    /// `L⁻ᵀ`, an upper triangle, for variances: the diagonal of `A⁻¹` is the squared norms of its rows.
+    pub fn inverse_upper(&self) -> DMatrix<f64> {
         let size = self.size();
+        let firsts: Vec<usize> = (0..size).step_by(WIDE).collect();
+        let of_rows = |&first: &usize| {
+            let mut identity = DMatrix::zeros(WIDE.min(size - first), size - first);
+            identity.fill_diagonal(1.0);
+            self.behind(identity, first)
+        };
+        let parts: Vec<_> = firsts.par_iter().map(of_rows).collect();
         let mut inverse = DMatrix::zeros(size, size);
-        inverse.as_mut_slice().par_chunks_mut(size * WIDE).enumerate().for_each(
-            |(block, columns)| {
-                let first = block * WIDE;
-                let width = columns.len() / size;
-                let mut right = DMatrix::zeros(size - first, width);
-                right.fill_diagonal(1.0);
-                let solved = self.forward(right, first);
-                let mut view = DMatrixViewMut::from_slice(columns, size, width);
-                view.rows_mut(first, size - first).copy_from(&solved);
-            },
-        );
+        for (first, part) in firsts.into_iter().zip(parts) {
+            inverse.view_mut((first, first), part.shape()).copy_from(&part);
+        }
         inverse
     }
 
@@ -164,50 +197,25 @@ pub fn stacked<'m>(
     stacked
 }
 
-/// The lower factor of a few blocks; the inverses of the diagonal blocks are appended. `None` unless positive definite.
-fn factored(mut matrix: DMatrix<f64>, inverses: &mut Vec<DMatrix<f64>>) -> Option<DMatrix<f64>> {
-    let size = matrix.nrows();
-    for first in (0..size).step_by(BLOCK) {
-        let width = BLOCK.min(size - first);
-        let end = first + width;
-        let block = small_cholesky(matrix.view((first, first), (width, width)).into_owned())?;
-        let inverse = small_inverse(&block);
-        let below = matrix.view((end, first), (size - end, width)) * inverse.transpose();
-        let mut own = matrix.view_mut((first, first), (width, width));
-        own.copy_from(&block);
-        let mut own = matrix.view_mut((end, first), (size - end, width));
-        own.copy_from(&below);
-        let mut rest = matrix.view_mut((end, end), (size - end, size - end));
-        rest.gemm(-1.0, &below, &below.transpose(), 1.0);
-        inverses.push(inverse);
-    }
-    Some(matrix)
+/// A matrix transposed where it stands: as the second factor of a product it is packed faster than with its entries in order.
+pub fn turned(matrix: &DMatrix<f64>) -> DMatrixView<'_, f64, Dyn, Dyn> {
+    turned_block(matrix, (0, 0), matrix.shape())
 }
 
-/// `P L⁻ᵀ` for the columns P below the factor L of a few blocks, [`WIDE`] rows after each other.
-fn behind(
-    columns: &DMatrixView<'_, f64>,
-    lower: &DMatrix<f64>,
-    inverses: &[DMatrix<f64>],
-) -> Vec<DMatrix<f64>> {
-    let tops: Vec<usize> = (0..columns.nrows()).step_by(WIDE).collect();
-    let of_rows = |&top: &usize| {
-        let height = WIDE.min(columns.nrows() - top);
-        let mut own = columns.rows(top, height).into_owned();
-        let mut first = 0;
-        for inverse in inverses {
-            let width = inverse.nrows();
-            let (done, mut rest) = own.columns_range_pair_mut(..first, first..first + width);
-            if first > 0 {
-                let across = lower.view((first, 0), (width, first)).transpose();
-                rest.gemm(-1.0, &done, &across, 1.0);
-            }
-            rest.copy_from(&(&rest * inverse.transpose()));
-            first += width;
-        }
-        own
-    };
-    tops.par_iter().map(of_rows).collect()
+fn turned_block(
+    matrix: &DMatrix<f64>,
+    (row, column): (usize, usize),
+    (height, width): (usize, usize),
+) -> DMatrixView<'_, f64, Dyn, Dyn> {
+    let stride = matrix.nrows();
+    let entries = &matrix.as_slice()[stride * column + row..];
+    DMatrixView::from_slice_with_strides_generic(
+        entries,
+        Dyn(width),
+        Dyn(height),
+        Dyn(stride),
+        Dyn(1),
+    )
 }
 
 /// `A_22 −= P Pᵀ` on and below the diagonal and somewhat above, for P in parts of [`WIDE`] rows.
@@ -220,7 +228,7 @@ fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &[DMatrix<f64>])
         |(block, columns)| {
             let width = columns.len() / size;
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
-            let right = panel[block].transpose();
+            let right = turned(&panel[block]);
             for (place, part) in panel.iter().enumerate().skip(block) {
                 view.rows_mut(end + place * WIDE, part.nrows()).gemm(-1.0, part, &right, 1.0);
             }
@@ -294,49 +302,53 @@ fn subtract(from: &mut [f64], share: f64, taken: &[f64]) {
 
 /// `Σ_rows Hᵀ H` of stacked rows, lower and upper triangle, panels of columns in parallel.
 pub fn gram(rows: &DMatrixView<'_, f64>) -> DMatrix<f64> {
-    gram_of_both(rows, &transposed(rows).as_view())
+    gram_of_columns(&transposed(rows))
 }
 
 /// [`gram`] of rows that stand as columns.
-pub fn gram_of_columns(columns: &DMatrixView<'_, f64>) -> DMatrix<f64> {
-    gram_of_both(&transposed(columns).as_view(), columns)
-}
-
-fn gram_of_both(rows: &DMatrixView<'_, f64>, columns: &DMatrixView<'_, f64>) -> DMatrix<f64> {
-    let size = rows.ncols();
+pub fn gram_of_columns(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = columns.nrows();
     let mut gram = DMatrix::zeros(size, size);
-    add_products(&mut gram, 1.0, (rows, columns), size, |_| 0);
+    add_products(&mut gram, 1.0, columns, size, |_| 0);
     mirror(&mut gram);
     gram
 }
 
 /// Subtracts `Hᵀ H` of stacked rows from a symmetric matrix, of which only the lower triangle is then right.
 pub fn subtract_gram(matrix: &mut DMatrix<f64>, rows: &DMatrix<f64>) {
-    let rows = rows.as_view();
-    let columns = transposed(&rows);
-    add_products(matrix, -1.0, (&rows, &columns.as_view()), rows.ncols(), |_| 0);
+    add_products(matrix, -1.0, &transposed(&rows.as_view()), rows.ncols(), |_| 0);
 }
 
-/// `Lᵀ L` of a lower triangular matrix, whose entries above the diagonal are zero.
-pub fn gram_of_lower(lower: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut gram = DMatrix::zeros(lower.ncols(), lower.ncols());
-    let (rows, columns) = (lower.as_view(), transposed(&lower.as_view()));
-    let both = (&rows, &columns.as_view());
-    add_products(&mut gram, 1.0, both, WIDE, |column| column);
+/// `U Uᵀ` of an upper triangular matrix, whose entries below the diagonal are zero.
+pub fn gram_of_upper(upper: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut gram = DMatrix::zeros(upper.nrows(), upper.nrows());
+    add_products(&mut gram, 1.0, upper, WIDE, |row| row);
     mirror(&mut gram);
     gram
 }
 
-/// Adds `share` times `Hᵀ H` to the lower triangle of `sum`, for H and its transpose, where the columns from one on
-/// have no entry before its `first_row`; below the diagonal at most `tall` rows at once.
+/// The squared norm of each row.
+pub fn row_squares(matrix: &DMatrix<f64>) -> DVector<f64> {
+    let mut squares = DVector::zeros(matrix.nrows());
+    for column in matrix.column_iter() {
+        squares.zip_apply(&column, |sum, entry| *sum += entry * entry);
+    }
+    squares
+}
+
+/// Adds `share` times `H Hᵀ` to the lower triangle of `sum`, for H whose rows from one on have no entry before its
+/// `first_column`; below the diagonal at most `tall` rows at once.
 fn add_products(
     sum: &mut DMatrix<f64>,
     share: f64,
-    (rows, transposed): (&DMatrixView<'_, f64>, &DMatrixView<'_, f64>),
+    rows: &DMatrix<f64>,
     tall: usize,
-    first_row: impl Fn(usize) -> usize + Sync,
+    first_column: impl Fn(usize) -> usize + Sync,
 ) {
-    let size = rows.ncols();
+    let (size, length) = rows.shape();
+    if length == 0 {
+        return;
+    }
     sum.as_mut_slice().par_chunks_mut((size * WIDE).max(1)).enumerate().for_each(
         |(block, columns)| {
             let first = block * WIDE;
@@ -344,12 +356,12 @@ fn add_products(
             let mut view = DMatrixViewMut::from_slice(columns, size, width);
             let mut put = |left: Range<usize>, right: Range<usize>| {
                 let own = (left.start, right.start - first);
-                let from = first_row(left.start);
-                let count = rows.nrows() - from;
+                let from = first_column(left.start);
+                let count = length - from;
                 view.view_mut(own, (left.len(), right.len())).gemm(
                     share,
-                    &transposed.view((left.start, from), (left.len(), count)),
-                    &rows.view((from, right.start), (count, right.len())),
+                    &rows.view((left.start, from), (left.len(), count)),
+                    &turned_block(rows, (right.start, from), (right.len(), count)),
                     1.0,
                 );
             };
@@ -399,7 +411,7 @@ pub fn mirror(matrix: &mut DMatrix<f64>) {
         corner.fill_upper_triangle_with_lower_triangle();
         for below in (first + width..size).step_by(BLOCK) {
             let height = BLOCK.min(size - below);
-            let block = matrix.view((below, first), (height, width)).transpose();
+            let block = transposed(&matrix.view((below, first), (height, width)));
             let mut above = matrix.view_mut((first, below), (width, height));
             above.copy_from(&block);
         }
@@ -434,7 +446,7 @@ mod tests {
             assert!(apart < 1e-9 * (1.0 + right.norm()), "size {size}: {apart}");
             let ln_determinant = 2.0 * theirs.l().diagonal().map(f64::ln).sum();
             assert!((ours.ln_determinant() - ln_determinant).abs() < 1e-9 * size as f64);
-            let inverse = ours.inverse_lower();
+            let inverse = ours.inverse_upper().transpose();
             assert!(
                 (inverse.transpose() * &inverse * matrix - DMatrix::identity(size, size))
                     .abs()
@@ -459,7 +471,7 @@ mod tests {
     fn products_of_a_triangle_are_the_plain_ones() {
         for size in [5, 64, 300, 600] {
             let lower = matrix(size).lower_triangle();
-            let apart = gram_of_lower(&lower) - gram(&lower.as_view());
+            let apart = gram_of_upper(&lower.transpose()) - gram(&lower.as_view());
             assert!(apart.norm() < 1e-9 * lower.norm_squared(), "size {size}");
         }
     }

@@ -253,7 +253,7 @@ impl<'a> Small<'a> {
         let units = arm.joints().iter().map(Joint::per_radian).collect();
         let rows = with_drift(kept.transposed, &steps.rows(0, 6).as_view(), &stations);
         let sums = Sums {
-            information: gram_of_columns(&rows.as_view()),
+            information: gram_of_columns(&rows),
             moment: &rows * &values,
             square: values.norm_squared(),
             ln_noise: 0.0,
@@ -319,7 +319,8 @@ impl<'a> Small<'a> {
                 }
             });
             let posterior = divided(&sums, noise, self.values.len()).posterior(&variances)?;
-            let (squares, determined) = (posterior.whitened.map(|u| u * u), posterior.determined());
+            let squares = posterior.whitened.map(|u| u * u);
+            let determined = posterior.determined(&posterior.inverse());
             let of_model = |all: &DVector<f64>| all.rows(0, columns).into_owned();
             components.update(&of_model(&squares), &of_model(&determined), &own);
             for (turns, size) in drift.iter_mut().enumerate() {

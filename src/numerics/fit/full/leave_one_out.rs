@@ -14,7 +14,7 @@ use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
 use super::noise::{NoiseEvidence, StationNoise};
 use super::partition::Seen;
-use super::regression::Posterior;
+use super::regression::{Inverse, Posterior};
 use super::rows::{Around, Coefficients, Row, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
@@ -69,10 +69,11 @@ pub(super) fn leave_one_out(
     around: &Around<'_>,
     prior_mean: &DVector<f64>,
     posterior: &Posterior,
+    inverse: Inverse,
 ) -> Vec<LeftOut> {
     let mean = posterior.mean() + prior_mean;
-    let open = posterior.open_of_rows();
-    let covariances = open.is_none().then(|| posterior.by_session());
+    let open = posterior.open_of_rows(&inverse);
+    let covariances = open.is_none().then(|| posterior.by_session(inverse));
     let (mut left_out, mut first) = (Vec::with_capacity(around.count()), 0);
     for (session, stations) in around.batches() {
         let (seen, rows) = (around.seen(session), around.rows(&stations));
@@ -191,7 +192,7 @@ pub(super) fn left_open(
     posterior: &Posterior,
     covariances: &[DMatrix<f64>],
 ) -> Option<DMatrix<f64>> {
-    let mut open = posterior.open_of_rows()?;
+    let mut open = posterior.open_of_rows(&posterior.inverse())?;
     let mut first = 0;
     for noise in covariances {
         let (place, own) = (first, coloured(&open, noise, &mut first));

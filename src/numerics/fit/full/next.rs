@@ -27,7 +27,7 @@ use crate::fit::problem::{Freedom, KnownGauge, KnownTarget, Owner, Prior, Proble
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, Motion, Parameter};
-use crate::linalg::{Cholesky, gram};
+use crate::linalg::{Cholesky, gram_of_columns};
 
 /// Rounds of rows, posterior and weights: the base's start is within a millimetre, so the second is exact to micrometres.
 const ROUNDS: usize = 3;
@@ -304,9 +304,9 @@ impl FullModel {
                     (past[(places[other], places[from])] + own) / (scale[row] * scale[column]);
             }
         }
-        let half = Cholesky::new(whitened)?.inverse_lower();
+        let half = Cholesky::new(whitened)?.inverse_upper();
         let posterior = Posterior {
-            root: Root::Columns(Cholesky::new(gram(&half.as_view()))?),
+            root: Root::Columns(Cholesky::new(gram_of_columns(&half))?),
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
             log_evidence: 0.0,
             scale,
@@ -435,7 +435,7 @@ impl FullModel {
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
         unknowns -= &state.offsets - &self.offsets;
         let posterior = sums(&around, &expected).posterior_after(&self.posterior)?;
-        let left_out = leave_one_out(&around, &expected, &posterior);
+        let left_out = leave_one_out(&around, &expected, &posterior, posterior.inverse());
         Some((posterior, expected, left_out))
     }
 

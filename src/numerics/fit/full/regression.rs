@@ -11,7 +11,7 @@ use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
+use crate::linalg::{Cholesky, gram, gram_of_upper, row_squares, transposed};
 use few_rows::{FewRoot, FewRows};
 use sessions::{Arrow, SessionSums};
 
@@ -60,7 +60,7 @@ impl Root {
     /// `Rᵀ B`, where `R Rᵀ = M⁻¹`.
     fn half(&self, right: DMatrix<f64>) -> DMatrix<f64> {
         match self {
-            Self::Columns(factor) => factor.forward(right, 0),
+            Self::Columns(factor) => factor.forward(&right),
             Self::Rows(rows) => rows.half(right),
             Self::Sessions(arrow) => arrow.half(&right),
         }
@@ -69,7 +69,7 @@ impl Root {
     /// `Rᵀ` at some columns.
     fn half_of(&self, columns: &[usize]) -> DMatrix<f64> {
         match self {
-            Self::Columns(factor) => factor.forward(chosen(factor.size(), columns), 0),
+            Self::Columns(factor) => factor.forward(&chosen(factor.size(), columns)),
             Self::Rows(rows) => rows.half_of(columns),
             Self::Sessions(arrow) => arrow.half_of(columns),
         }
@@ -192,18 +192,21 @@ impl Posterior {
         self.whitened.component_mul(&self.scale)
     }
 
+    pub(super) fn inverse(&self) -> Inverse {
+        match &self.root {
+            Root::Columns(factor) => Inverse::of(factor),
+            Root::Rows(rows) => Inverse::of(&rows.factor),
+            Root::Sessions(arrow) => arrow.inverse(),
+        }
+    }
+
     /// `1 − Σ_kk/v_k`: the share of each column that the rows determined.
-    pub fn determined(&self) -> DVector<f64> {
-        let factor = match &self.root {
-            Root::Columns(factor) => factor,
-            Root::Rows(rows) => return rows.determined(&self.scale),
-            Root::Sessions(arrow) => return arrow.determined(),
-        };
-        let inverse = factor.inverse_lower();
-        DVector::from_iterator(
-            inverse.ncols(),
-            inverse.column_iter().map(|column| 1.0 - column.norm_squared()),
-        )
+    pub(super) fn determined(&self, inverse: &Inverse) -> DVector<f64> {
+        match &self.root {
+            Root::Columns(_) => row_squares(&inverse.shared).map(|own| 1.0 - own),
+            Root::Rows(rows) => rows.determined(&self.scale, &inverse.shared),
+            Root::Sessions(arrow) => arrow.determined(inverse),
+        }
     }
 
     /// Cholesky factor of M, of the size of the columns.
@@ -215,13 +218,15 @@ impl Posterior {
         }
     }
 
-    pub(super) fn by_session(&self) -> BySession<'_> {
-        let shared = match &self.root {
-            Root::Sessions(arrow) => arrow.of_shared(),
-            Root::Columns(factor) => gram_of_lower(&factor.inverse_lower()),
-            Root::Rows(rows) => gram_of_lower(&rows.of_columns().inverse_lower()),
-        };
-        BySession { posterior: self, shared }
+    /// Covariances of what each session sees; of rows that were summed.
+    pub(super) fn by_session(&self, mut inverse: Inverse) -> BySession<'_> {
+        if !matches!(self.root, Root::Sessions(_)) {
+            // With the prior's standard deviations in its rows, the square is the covariance itself.
+            for mut column in inverse.shared.column_iter_mut() {
+                column.component_mul_assign(&self.scale);
+            }
+        }
+        BySession { posterior: self, shared: gram_of_upper(&inverse.shared), inverse }
     }
 
     /// The prior standard deviations with those of `columns` at zero.
@@ -233,12 +238,12 @@ impl Posterior {
         scale
     }
 
-    /// A square root `OᵀO` of the covariance that the model leaves open of its own whitened rows, a column for each row; `None` where
-    /// the rows were summed.
-    pub(super) fn open_of_rows(&self) -> Option<DMatrix<f64>> {
+    /// A square root `OᵀO` of the covariance that the model leaves open of its own whitened rows, a column for each row: of the rows as
+    /// shares of their noise it is `L⁻¹`. `None` where the rows were summed.
+    pub(super) fn open_of_rows(&self, inverse: &Inverse) -> Option<DMatrix<f64>> {
         match &self.root {
             Root::Columns(_) | Root::Sessions(_) => None,
-            Root::Rows(rows) => Some(rows.open()),
+            Root::Rows(_) => Some(transposed(&inverse.shared.as_view())),
         }
     }
 
@@ -293,25 +298,40 @@ impl Posterior {
     }
 }
 
+/// The inverse of a posterior's factor, which both sizes and leave-one-out residuals follow from.
+pub(super) struct Inverse {
+    /// `L_s⁻ᵀ` of each session's own columns, where there are several.
+    own: Vec<DMatrix<f64>>,
+    /// `L⁻ᵀ` of all columns, or of those that sessions share; of the rows where they are few.
+    shared: DMatrix<f64>,
+}
+
+impl Inverse {
+    fn of(factor: &Cholesky) -> Self {
+        Self { own: Vec::new(), shared: factor.inverse_upper() }
+    }
+}
+
 pub(super) struct BySession<'p> {
     posterior: &'p Posterior,
-    /// That of the shared columns, over their prior's standard deviations.
+    inverse: Inverse,
+    /// The covariance of the shared columns: over their prior's standard deviations where there are several sessions.
     shared: DMatrix<f64>,
 }
 
 impl BySession<'_> {
     /// The covariance of `columns`, which are the own ones of `session` and then the shared ones.
-    pub(super) fn of(&self, session: usize, columns: &[usize]) -> DMatrix<f64> {
-        let mut covariance = match &self.posterior.root {
-            Root::Sessions(arrow) => arrow.of_session(session, &self.shared),
-            Root::Columns(_) | Root::Rows(_) => self.shared.clone(),
+    pub(super) fn of(&self, session: usize, columns: &[usize]) -> Cow<'_, DMatrix<f64>> {
+        let Root::Sessions(arrow) = &self.posterior.root else {
+            return Cow::Borrowed(&self.shared);
         };
+        let mut covariance = arrow.of_session(session, &self.inverse.own[session], &self.shared);
         let scale = self.posterior.scale.select_rows(columns);
         for (mut column, own) in covariance.column_iter_mut().zip(&scale) {
             column.component_mul_assign(&scale);
             column *= *own;
         }
-        covariance
+        Cow::Owned(covariance)
     }
 }
 

@@ -10,15 +10,13 @@ use super::CHUNK;
 use super::partition::Seen;
 use super::regression::sessions::Adding;
 use super::rows::Row;
-use crate::linalg::{gram_of_columns, transposed};
+use crate::linalg::{gram_of_columns, turned};
 
 pub(super) struct Summing<'s> {
     seen: &'s Seen,
     stations: &'s [Whitened],
     /// The numbers of each joint's shapes: a column for each station.
     shapes: Vec<DMatrix<f64>>,
-    /// `shapes` transposed: a row for each station.
-    by_station: Vec<DMatrix<f64>>,
     /// The products of the motions of two joints: a row for each station, a column for each [pair](pairs).
     weights: DMatrix<f64>,
 }
@@ -39,8 +37,7 @@ impl<'s> Summing<'s> {
                 *weight = own.joints.column(j).dot(&own.joints.column(l));
             }
         }
-        let by_station = shapes.par_iter().map(|own| transposed(&own.as_view()));
-        Self { by_station: by_station.collect(), seen, stations, shapes, weights }
+        Self { seen, stations, shapes, weights }
     }
 
     /// Adds the sums, of which the lower triangles are right.
@@ -65,7 +62,7 @@ impl<'s> Summing<'s> {
         let values = DVector::from_vec(values.collect::<Vec<_>>().concat());
         let width = self.seen.plain.len();
         let rows = DMatrix::from_vec(width, values.len(), rows.collect::<Vec<_>>().concat());
-        sums.block(plain, plain, &gram_of_columns(&rows.as_view()));
+        sums.block(plain, plain, &gram_of_columns(&rows));
         sums.values(plain, &(rows * &values));
         let ln_noise = self.stations.iter().map(|own| own.ln_noise).sum();
         sums.squares(values.norm_squared(), ln_noise);
@@ -74,12 +71,11 @@ impl<'s> Summing<'s> {
     fn of_joints(&self, pair: usize, j: usize, l: usize) -> DMatrix<f64> {
         let stations = self.stations.len();
         let weights = &self.weights.as_slice()[pair * stations..][..stations];
-        let mut weighed = self.by_station[l].clone();
-        for column in weighed.as_mut_slice().chunks_exact_mut(stations) {
-            let entries = column.iter_mut().zip(weights);
-            entries.for_each(|(own, weight)| *own *= weight);
+        let mut weighed = self.shapes[l].clone();
+        for (mut own, weight) in weighed.column_iter_mut().zip(weights) {
+            own *= *weight;
         }
-        &self.shapes[j] * weighed
+        &self.shapes[j] * turned(&weighed)
     }
 
     /// The motion of each station's rows by each joint along the plain columns: the columns of a station's joints beside each other.
@@ -100,7 +96,7 @@ impl<'s> Summing<'s> {
         let pulls = self.stations.iter();
         let pulls = pulls.map(|own| own.joints.column(joint).dot(&own.values));
         let pulls = DVector::from_iterator(stations, pulls);
-        (along * &self.by_station[joint], &self.shapes[joint] * pulls)
+        (along * turned(&self.shapes[joint]), &self.shapes[joint] * pulls)
     }
 }
 

@@ -55,7 +55,7 @@ impl Settled {
         up: Option<Vector3<f64>>,
     ) -> Vec<LeftOut> {
         let around = Around::new(problem, &self.state, up);
-        leave_one_out(&around, &self.prior_mean, &self.posterior)
+        leave_one_out(&around, &self.prior_mean, &self.posterior, self.posterior.inverse())
     }
 
     /// Trains a model with fewer parts on the same stations: it starts where this one ended, but for the sizes.
@@ -92,7 +92,7 @@ fn settled(
             state.components = components;
             return Some(Settled { state, evidence, posterior, prior_mean });
         }
-        let left_out = leave_one_out(&around, &prior_mean, &posterior);
+        let left_out = leave_one_out(&around, &prior_mean, &posterior, posterior.inverse());
         state.components = components;
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
         state.repeatability.update(&noise, &expected);
@@ -169,7 +169,8 @@ pub(super) fn settle(
     for _ in 0..steps {
         let variances = components.variances();
         let posterior = evidence.posterior(&variances)?;
-        components.update(&posterior.whitened.map(|u| u * u), &posterior.determined(), &variances);
+        let squares = posterior.whitened.map(|u| u * u);
+        components.update(&squares, &posterior.determined(&posterior.inverse()), &variances);
     }
     evidence.posterior(&components.variances())
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::{Posterior, Root};
-use crate::linalg::{Cholesky, gram, transposed};
+use crate::linalg::{Cholesky, gram, gram_of_columns, transposed};
 pub use by_motion::{ByMotion, Shapes};
 
 /// Combinations of columns from which on products with a transpose and an inverse repay what these cost: nalgebra multiplies by a
@@ -39,7 +39,7 @@ pub struct FewRoot {
     /// `Sᵀ`: a row of the regression in each column.
     transposed: DMatrix<f64>,
     columns: Arc<ByMotion>,
-    factor: Cholesky,
+    pub(super) factor: Cholesky,
 }
 
 impl FewRows {
@@ -80,8 +80,8 @@ impl FewRows {
 
 impl FewRoot {
     /// `1 − Σ_kk/v_k` of each column, at the prior's standard deviations in its rows.
-    pub(super) fn determined(&self, scale: &DVector<f64>) -> DVector<f64> {
-        self.columns.squares(&self.transposed, scale, &self.factor)
+    pub(super) fn determined(&self, scale: &DVector<f64>, inverse: &DMatrix<f64>) -> DVector<f64> {
+        self.columns.squares(&self.transposed, scale, &self.factor, inverse)
     }
 
     /// `Tᵀ B`.
@@ -103,12 +103,12 @@ impl FewRoot {
     /// `Tᵀ B` from `B` and `S B`.
     fn less_explained(&self, right: DMatrix<f64>, shown: DMatrix<f64>) -> DMatrix<f64> {
         let is_wide = right.ncols() >= WIDE;
-        let mut shown = self.factor.forward(shown, 0);
+        let mut shown = self.factor.forward(&shown);
         let mut raised = self.factor.lower().clone();
         (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);
         if is_wide {
             let raised = Cholesky::from_lower(raised).expect("a factor's diagonal is positive");
-            shown = transposed(&raised.inverse_lower().as_view()) * shown;
+            shown = raised.inverse_upper() * shown;
         } else {
             let solved = raised.tr_solve_lower_triangular_mut(&mut shown);
             assert!(solved, "a factor's diagonal is positive");
@@ -121,13 +121,8 @@ impl FewRoot {
     /// The block of `M⁻¹` of some columns: `I − ZᵀZ` with `Z = L⁻¹ S`.
     pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
         let own = self.transposed.select_rows(columns);
-        let explained = self.factor.forward(own.transpose(), 0);
-        DMatrix::identity(columns.len(), columns.len()) - gram(&explained.as_view())
-    }
-
-    /// `L⁻¹`: the products of its columns are what the model leaves open of its rows, as shares of their noise.
-    pub(super) fn open(&self) -> DMatrix<f64> {
-        self.factor.inverse_lower()
+        let explained = self.factor.behind(own, 0);
+        DMatrix::identity(columns.len(), columns.len()) - gram_of_columns(&explained)
     }
 
     /// Cholesky factor of M. Rounding cannot make `S` below the identity rank-deficient, so where it makes their sum of squares
@@ -225,7 +220,8 @@ mod tests {
         let by_columns = summed(few, scale);
         let apart = (by_rows.mean() - by_columns.mean()).amax();
         assert!(apart < 1e-7, "{size:?}: means {apart}");
-        let apart = (by_rows.determined() - by_columns.determined()).amax();
+        let determined = |own: &Posterior| own.determined(&own.inverse());
+        let apart = (determined(&by_rows) - determined(&by_columns)).amax();
         assert!(apart < 1e-8, "{size:?}: determined {apart}");
         let apart = by_rows.log_evidence - by_columns.log_evidence;
         assert!(apart.abs() < 1e-6, "{size:?}: evidence {apart}");
@@ -272,7 +268,7 @@ mod tests {
         let (few, scale) = few(9, 40);
         let posterior = few.posterior_at(scale).expect("positive definite");
         let half = posterior.half(&few.transposed.transpose());
-        let open = posterior.open_of_rows().expect("few rows");
+        let open = posterior.open_of_rows(&posterior.inverse()).expect("few rows");
         let explained = DMatrix::identity(9, 9) - open.tr_mul(&open);
         assert!((explained - half.tr_mul(&half)).amax() < 1e-8);
     }

@@ -15,10 +15,12 @@
 use nalgebra::{DMatrix, DMatrixView, DVector};
 use rayon::prelude::*;
 
-use super::{Posterior, Root, Sums, add_one};
+use super::{Inverse, Posterior, Root, Sums, add_one};
 use crate::fit::full::partition::Partition;
 use crate::fit::full::shapes::{Run, runs};
-use crate::linalg::{Cholesky, gram, gram_of_lower, mirror, subtract_gram, transposed};
+use crate::linalg::{
+    Cholesky, gram, gram_of_upper, mirror, row_squares, subtract_gram, transposed,
+};
 
 #[derive(Debug, Clone)]
 pub struct SessionSums {
@@ -210,7 +212,7 @@ impl OwnSums {
             column.component_mul_assign(own);
             column *= *shared;
         }
-        let across = factor.forward(across, 0);
+        let across = factor.forward(&across);
         Some(OwnRoot { factor, across })
     }
 }
@@ -251,11 +253,11 @@ impl Arrow {
             if own.iter().all(|entry| *entry == 0.0) {
                 continue;
             }
-            let own = root.factor.forward(own, 0);
+            let own = root.factor.forward(&own);
             shared.gemm(-1.0, &transposed(&root.across.as_view()), &own, 1.0);
             put_rows(&mut half, places, &own);
         }
-        put_rows(&mut half, &self.partition.common, &self.common.forward(shared, 0));
+        put_rows(&mut half, &self.partition.common, &self.common.forward(&shared));
         half
     }
 
@@ -277,40 +279,34 @@ impl Arrow {
     }
 
     /// `1 − Σ_kk/v_k` of each column: with `K = L_s⁻¹` the variances of a session are those of `Kᵀ K + Kᵀ W S⁻¹ Wᵀ K`.
-    pub(super) fn determined(&self) -> DVector<f64> {
-        let left = |norms: &dyn Fn(usize) -> f64, count: usize| {
-            DVector::from_iterator(count, (0..count).map(|column| 1.0 - norms(column)))
-        };
-        let own = self.own.par_iter().map(|root| {
-            let inverse = root.factor.inverse_lower();
-            let onto = transposed(&root.across.as_view()) * &inverse;
-            let shared = self.common.forward(onto, 0);
-            let norms = |column: usize| {
-                inverse.column(column).norm_squared() + shared.column(column).norm_squared()
-            };
-            left(&norms, inverse.ncols())
+    pub(super) fn determined(&self, inverse: &Inverse) -> DVector<f64> {
+        let own = self.own.par_iter().zip(&inverse.own).map(|(root, inverse)| {
+            let shared = self.common.behind(inverse * &root.across, 0);
+            (row_squares(inverse) + row_squares(&shared)).map(|own| 1.0 - own)
         });
         let own: Vec<DVector<f64>> = own.collect();
-        let inverse = self.common.inverse_lower();
-        let norms = |column: usize| inverse.column(column).norm_squared();
-        let shared = left(&norms, inverse.ncols());
+        let shared = row_squares(&inverse.shared).map(|own| 1.0 - own);
         self.partition.gathered(&own, &shared)
     }
 
-    /// `S⁻¹`: the covariance of the shared columns.
-    pub(super) fn of_shared(&self) -> DMatrix<f64> {
-        gram_of_lower(&self.common.inverse_lower())
+    pub(super) fn inverse(&self) -> Inverse {
+        let own = self.own.par_iter().map(|root| root.factor.inverse_upper());
+        Inverse { own: own.collect(), shared: self.common.inverse_upper() }
     }
 
-    /// The covariance of a session's own columns, then the shared ones, from that of the shared ones.
-    pub(super) fn of_session(&self, session: usize, shared: &DMatrix<f64>) -> DMatrix<f64> {
+    /// The covariance of a session's own columns, then the shared ones, from that of the shared ones and the own ones' `L_s⁻ᵀ`.
+    pub(super) fn of_session(
+        &self,
+        session: usize,
+        inverse: &DMatrix<f64>,
+        shared: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
         let root = &self.own[session];
         let (own, common) = root.across.shape();
-        let inverse = root.factor.inverse_lower();
-        let onto = transposed(&inverse.as_view()) * &root.across;
+        let onto = inverse * &root.across;
         let across = -(&onto * shared);
         let mut covariance = DMatrix::zeros(own + common, own + common);
-        let of_own = gram_of_lower(&inverse) - &across * transposed(&onto.as_view());
+        let of_own = gram_of_upper(inverse) - &across * transposed(&onto.as_view());
         covariance.view_mut((0, 0), (own, own)).copy_from(&of_own);
         let mut corner = covariance.view_mut((0, own), (own, common));
         corner.copy_from(&across);

@@ -8,7 +8,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::linalg::{Cholesky, gram, gram_of_lower, transposed};
+use crate::linalg::{Cholesky, gram, gram_of_upper, row_squares, transposed};
 
 /// The columns of few rows: shapes of joints, which every station sees through the joint's motion, and others.
 #[derive(Debug, Clone, Default)]
@@ -65,23 +65,24 @@ impl ByMotion {
         product
     }
 
-    /// The diagonal of `Sᵀ K⁻¹ S`, for `Sᵀ`, the scale in it and the factor of K.
+    /// The diagonal of `Sᵀ K⁻¹ S`, for `Sᵀ`, the scale in it, the factor of K and that one's `L⁻ᵀ`.
     pub(super) fn squares(
         &self,
         of_rows: &DMatrix<f64>,
         scale: &DVector<f64>,
         factor: &Cholesky,
+        inverse: &DMatrix<f64>,
     ) -> DVector<f64> {
         let mut squares = DVector::zeros(scale.len());
         // Where a base is hardly expected somewhere its column is far longer than one; its square is the norm of `L⁻¹ S`.
-        let plain = factor.forward(of_rows.select_rows(&self.plain).transpose(), 0);
-        for (&column, half) in self.plain.iter().zip(plain.column_iter()) {
-            squares[column] = half.norm_squared();
+        let plain = row_squares(&factor.behind(of_rows.select_rows(&self.plain), 0));
+        for (&column, square) in self.plain.iter().zip(&plain) {
+            squares[column] = *square;
         }
         if self.joints.is_empty() {
             return squares;
         }
-        let covariance = gram_of_lower(&factor.inverse_lower());
+        let covariance = gram_of_upper(inverse);
         let of_joint = |own: &Shapes| {
             let count = self.stations.len();
             let across = DMatrix::from_fn(count, count, |station, other| {
