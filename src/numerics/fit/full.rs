@@ -22,6 +22,7 @@ pub mod knocks;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;
+mod narrow;
 pub mod next;
 pub mod noise;
 mod partition;

@@ -196,12 +196,11 @@ pub(super) fn local_cells(
             let of = |axis: usize, f: f64| if axes >> axis & 1 == 1 { 1.0 - f } else { f };
             Vector3::from_fn(|axis, _| of(axis, fraction[axis]))
         };
-        let mut places = (0..8).map(mirrored);
-        let served = places.find_map(|fraction| Some((fraction, vertices(&fraction).ok()?)));
-        let (fraction, vertices) = served.map_or_else(
-            || (fraction, vertices(&fraction)),
-            |(fraction, vertices)| (fraction, Ok(vertices)),
-        );
+        let first = vertices(&fraction);
+        let others = if first.is_ok() { 1..1 } else { 1..8 };
+        let served = |own: Vector3<f64>| Some((own, Ok(vertices(&own).ok()?)));
+        let (fraction, vertices) =
+            others.map(mirrored).find_map(served).unwrap_or((fraction, first));
         let errors = vertices.and_then(|vertices| {
             let error =
                 |joints: &Vec<f64>| folds[own.fold].error(joints).map_err(|gap| gap.refusal());

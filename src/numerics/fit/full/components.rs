@@ -104,6 +104,13 @@ impl Components {
         }
     }
 
+    /// Takes the sizes of the same components of another layout.
+    pub(super) fn take_sizes(&mut self, other: &Self) {
+        for (own, other) in self.all.iter_mut().zip(&other.all) {
+            own.size = other.size;
+        }
+    }
+
     pub fn size(&self, part: Part) -> Option<f64> {
         self.all.iter().find(|component| component.part == part).map(|component| component.size)
     }

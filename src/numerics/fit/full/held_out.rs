@@ -18,7 +18,7 @@ use super::train::{Settled, train};
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::model::PartEvidence;
 use crate::fit::problem::Problem;
-use crate::linalg::gram;
+use crate::linalg::{Cholesky, gram};
 
 /// Number of blocks that suffice where they all say the same clearly.
 const CLEAR: usize = 3;
@@ -99,7 +99,7 @@ impl Settled {
     /// What leaving out any block needs of all rows; `None` where they are few and their covariance cannot be found.
     fn known(&self, around: &Around<'_>) -> Option<Known> {
         let all: Vec<usize> = (0..around.count()).collect();
-        let rows = around.rows(&all);
+        let rows = around.rows(&all).into_owned();
         let noise = covariances(around.state, &rows, &all);
         let open = match self.evidence {
             Evidence::Rows(_) => Some(left_open(&self.posterior, &noise)?),
@@ -133,7 +133,7 @@ impl Settled {
             Some(open) => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
             None => &noise - gram(&self.half_of(around, rows, block).as_view()),
         };
-        let residual = noise * open.cholesky()?.solve(&left);
+        let residual = noise * Cholesky::new(open)?.solve(&left);
         first = 0;
         let away = block.iter().map(|&place| {
             let size = rows[place].value.len();

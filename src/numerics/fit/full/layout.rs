@@ -208,6 +208,15 @@ impl Layout {
         self.size += columns;
     }
 
+    /// This layout with blocks of other numbers of columns.
+    pub(super) fn resized(&self, columns: impl Fn(Block, Range<usize>) -> usize) -> Self {
+        let mut resized = Self { blocks: Vec::new(), size: 0, ..self.clone() };
+        for (block, own) in self.blocks() {
+            resized.push(block, columns(block, own));
+        }
+        resized
+    }
+
     pub const fn size(&self) -> usize {
         self.size
     }

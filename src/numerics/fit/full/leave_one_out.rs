@@ -86,13 +86,13 @@ pub(super) fn leave_one_out(
             (None, None) => Vec::new(),
         };
         let expected = Coefficients::of(seen, &mean);
-        let rows = rows.into_par_iter().zip(noise.par_iter().zip(explained));
+        let rows = rows.par_iter().zip(noise.par_iter().zip(explained));
         let each = stations.par_iter().zip(rows).with_min_len(CHUNK);
         let each = each.map(|(&place, (row, (noise, explained)))| {
             let share = around.state.tails.information(row.value.len() as f64);
             let left = &row.value - row.times(&expected);
             let weight = around.state.weights[place];
-            left_out_of(row.noise, left, noise, explained, weight, share)
+            left_out_of(row.noise.clone(), left, noise, explained, weight, share)
         });
         left_out.par_extend(each);
     }

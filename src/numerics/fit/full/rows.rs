@@ -4,7 +4,9 @@
 //! correlated ([`super::noise`]): their rows stand one below the other, and are whitened
 //! ([`super::whitening`]), weighted and left out together.
 
+use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -43,6 +45,7 @@ pub struct State {
     pub middles: Vec<Point3<f64>>,
 }
 
+#[derive(Debug, Clone)]
 pub struct Row {
     /// Unwhitened rows of the columns in [`Seen::plain`].
     pub plain: DMatrix<f64>,
@@ -143,7 +146,7 @@ pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
 
 /// The stations of a training and the values that the rows of all of them have in common.
 ///
-/// Rows are made when they are asked for and not kept: a pool's would fill the memory.
+/// Rows are made when they are asked for; kept are those of one batch that has all, as a pool's would fill the memory.
 pub(super) struct Around<'p> {
     pub problem: &'p Problem<'p>,
     pub state: &'p State,
@@ -153,6 +156,7 @@ pub(super) struct Around<'p> {
     stations: Vec<Range<usize>>,
     pub partition: Partition,
     seen: Vec<Seen>,
+    all: OnceLock<Vec<Row>>,
 }
 
 impl<'p> Around<'p> {
@@ -167,6 +171,7 @@ impl<'p> Around<'p> {
             chains: problem.held(&state.offsets),
             stations: stations(problem.observations()),
             seen: (0..sessions).map(seen).collect(),
+            all: OnceLock::new(),
             partition,
             problem,
             state,
@@ -203,13 +208,16 @@ impl<'p> Around<'p> {
         with_session.collect()
     }
 
-    pub fn rows(&self, stations: &[usize]) -> Vec<Row> {
-        let places = stations.par_iter().with_min_len(CHUNK);
+    pub fn rows(&self, stations: &[usize]) -> Cow<'_, [Row]> {
         let row = |&place: &usize| {
             let own = self.stations[place].clone();
             self.station(&self.problem.observations()[own])
         };
-        places.map(row).collect()
+        let made = || stations.par_iter().with_min_len(CHUNK).map(row).collect();
+        if stations.len() == self.count() && self.count() <= AT_ONCE {
+            return Cow::Borrowed(self.all.get_or_init(made));
+        }
+        Cow::Owned(made())
     }
 }
 

@@ -1,8 +1,9 @@
 //! Training: rounds of linear regression, in which sizes, noise, weights and gear lines converge.
 //!
-//! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix, of the columns or, where
-//! they are fewer, of the rows; a few steps of the variance components on it; leave-one-out residuals; from them the noise, the
-//! weights and new gear lines.
+//! Each round: rows at the current geometry, without harmonics that add next to nothing; whitened by the current
+//! noise and weights; one Gram matrix, of the columns or, where they are fewer, of the rows; one factor with its inverse, from which
+//! follow a step of the variance components and leave-one-out residuals; from these the noise, the weights and new gear lines. The
+//! last round has all columns and a few steps more of the sizes.
 
 use std::ops::Range;
 
@@ -14,7 +15,7 @@ use super::layout::Block;
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::{Repeatability, of_length};
-use super::regression::{Evidence, Posterior};
+use super::regression::{Evidence, Inverse, Posterior};
 use super::rows::{Around, State, prior_mean, stations};
 use super::settings::FullSettings;
 use super::student::Tails;
@@ -22,10 +23,12 @@ use super::whitening::evidence;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
-/// Steps of the variance components in each round; the last round only converges.
-const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
+/// Rounds before the last, which only converges.
+const ROUNDS: usize = 4;
 /// Those of a training that starts where another with more parts ended.
-const FEWER_STEPS: [usize; 3] = [1, 1, 2];
+const FEWER_ROUNDS: usize = 2;
+/// Steps of the sizes in the last round.
+const LAST_STEPS: usize = 2;
 const LINE_ROUNDS: usize = 3;
 
 #[derive(Debug, Clone)]
@@ -45,7 +48,7 @@ pub fn train(
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
     let state = State::expected(problem, start, settings, up.is_some());
-    settled(problem, state, settings, up, &STEPS)
+    settled(problem, state, settings, up, ROUNDS)
 }
 
 impl Settled {
@@ -68,7 +71,7 @@ impl Settled {
         let start = self.state.offsets.clone();
         let mut state = State::expected(problem, start, settings, up.is_some());
         state.weights.clone_from(&self.state.weights);
-        settled(problem, state, settings, up, &FEWER_STEPS)
+        settled(problem, state, settings, up, FEWER_ROUNDS)
     }
 }
 
@@ -77,23 +80,19 @@ fn settled(
     mut state: State,
     settings: &FullSettings,
     up: Option<Vector3<f64>>,
-    rounds: &[usize],
+    rounds: usize,
 ) -> Option<Settled> {
     let expected = state.repeatability.clone();
     let misfit_mm = problem.misfit_mm(&state.offsets);
     state.repeatability.start_from(misfit_mm);
-    for (round, &steps) in rounds.iter().enumerate() {
-        let prior_mean = prior_mean(problem, &state);
-        let around = Around::new(problem, &state, up);
-        let evidence = evidence(&around, &prior_mean);
-        let mut components = state.components.clone();
-        let posterior = settle(&mut components, &evidence, steps)?;
-        if round + 1 == rounds.len() {
-            state.components = components;
-            return Some(Settled { state, evidence, posterior, prior_mean });
-        }
-        let left_out = leave_one_out(&around, &prior_mean, &posterior, posterior.inverse());
-        state.components = components;
+    for round in 0..rounds {
+        let narrow = state.narrowed(&Around::new(problem, &state, up), settings);
+        let prior_mean = prior_mean(problem, &narrow);
+        let around = Around::new(problem, &narrow, up);
+        let mut components = narrow.components.clone();
+        let (posterior, inverse) = components.step(&evidence(&around, &prior_mean))?;
+        let left_out = leave_one_out(&around, &prior_mean, &posterior, inverse);
+        state.components.take_sizes(&components);
         let noise: Vec<_> = left_out.iter().map(|own| &own.noise).collect();
         state.repeatability.update(&noise, &expected);
         if settings.student_t > 0.0 {
@@ -108,7 +107,13 @@ fn settled(
         let moved = posterior.mean() + prior_mean;
         state.offsets += moved.rows(0, state.offsets.len());
     }
-    None
+    let prior_mean = prior_mean(problem, &state);
+    let evidence = evidence(&Around::new(problem, &state, up), &prior_mean);
+    for _ in 0..LAST_STEPS {
+        state.components.step(&evidence)?;
+    }
+    let posterior = evidence.posterior(&state.components.variances())?;
+    Some(Settled { state, evidence, posterior, prior_mean })
 }
 
 impl State {
@@ -160,17 +165,14 @@ fn has_several(observations: &[Observation]) -> bool {
     stations(observations).iter().any(|own| places(own) > 1)
 }
 
-/// Makes `steps` steps of the sizes on the rows of one round; returns the posterior at their end.
-pub(super) fn settle(
-    components: &mut Components,
-    evidence: &Evidence,
-    steps: usize,
-) -> Option<Posterior> {
-    for _ in 0..steps {
-        let variances = components.variances();
+impl Components {
+    /// Makes a step of the sizes on the rows of one round; returns the posterior before it and its inverse. `None` if a factorisation fails.
+    fn step(&mut self, evidence: &Evidence) -> Option<(Posterior, Inverse)> {
+        let variances = self.variances();
         let posterior = evidence.posterior(&variances)?;
+        let inverse = posterior.inverse();
         let squares = posterior.whitened.map(|u| u * u);
-        components.update(&squares, &posterior.determined(&posterior.inverse()), &variances);
+        self.update(&squares, &posterior.determined(&inverse), &variances);
+        Some((posterior, inverse))
     }
-    evidence.posterior(&components.variances())
 }

@@ -91,19 +91,19 @@ impl FewRoot {
         } else {
             self.transposed.tr_mul(&right)
         };
-        self.less_explained(right, shown)
+        self.less_explained(right, &shown)
     }
 
     /// `Tᵀ` at some columns.
     pub(super) fn half_of(&self, columns: &[usize]) -> DMatrix<f64> {
         let shown = self.transposed.select_rows(columns).transpose();
-        self.less_explained(super::chosen(self.transposed.nrows(), columns), shown)
+        self.less_explained(super::chosen(self.transposed.nrows(), columns), &shown)
     }
 
     /// `Tᵀ B` from `B` and `S B`.
-    fn less_explained(&self, right: DMatrix<f64>, shown: DMatrix<f64>) -> DMatrix<f64> {
+    fn less_explained(&self, right: DMatrix<f64>, shown: &DMatrix<f64>) -> DMatrix<f64> {
         let is_wide = right.ncols() >= WIDE;
-        let mut shown = self.factor.forward(&shown);
+        let mut shown = self.factor.forward(shown);
         let mut raised = self.factor.lower().clone();
         (0..raised.nrows()).for_each(|row| raised[(row, row)] += 1.0);
         if is_wide {
