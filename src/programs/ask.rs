@@ -8,8 +8,9 @@ use crate::flow::{Known, Setting};
 use crate::frame::{Cell, Chain};
 use crate::krl::abc;
 use crate::program::{Position, Programs, Shape, Stated, Turn, Use};
-use crate::rapid::quaternion;
+use crate::rapid::{is_module, quaternion};
 use crate::refusal::Refusal;
+use crate::taught::{Taught, TaughtFrame};
 use crate::value::Number;
 
 /// What a position asks of the arm.
@@ -17,17 +18,21 @@ use crate::value::Number;
 pub struct Asked {
     /// Its index among the positions.
     pub position: usize,
-    /// The tool in the flange frame, mm.
+    /// The tool in the flange frame, where it really is, mm.
     pub flange_from_tool: Isometry3<f64>,
+    /// The tool as the controller has it.
+    pub stated_tool: Isometry3<f64>,
     pub wanted: Wanted,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Wanted {
     Pose {
-        /// The frame that the position's numbers are in, in the arm's base, mm.
+        /// The frame that the position's numbers are in as the controller has it, in the arm's base, mm.
         base_from_frame: Isometry3<f64>,
-        /// The tool in the arm's base, mm.
+        /// The tool in the arm's base as the controller has the position now, mm.
+        programmed: Isometry3<f64>,
+        /// Where the tool is wanted in the arm's base, mm: by the frame where that really is.
         base_from_tool: Isometry3<f64>,
         /// Of each of its motions one; all have to agree.
         branches: Vec<Branch>,
@@ -62,18 +67,53 @@ impl Programs {
             return Err(Refusal::ExternalAxis { name: name.clone(), value: value.clone() });
         }
         let first = agreed(position, shape)?;
-        let flange_from_tool = chain(&first.tool)?.resolved(cell)?;
+        let tool = chain(&first.tool)?.on_flange(cell)?;
         let wanted = match shape {
             Shape::Joints(joints) => Wanted::Joints(values(joints)),
             Shape::Pose { xyz, turn, .. } => {
-                let root = self.roots[position.file].resolved(cell)?;
-                let base_from_frame = root.inverse() * chain(&first.base)?.resolved(cell)?;
-                let base_from_tool = base_from_frame * pose(xyz, turn)?;
-                let branches = self.branches(index)?;
-                Wanted::Pose { base_from_frame, base_from_tool, branches }
+                let base = chain(&first.base)?.in_arm(&self.roots[position.file], cell)?;
+                let pose = pose(xyz, turn)?;
+                Wanted::Pose {
+                    base_from_frame: base.stated,
+                    programmed: base.stated * pose,
+                    base_from_tool: base.actual * pose,
+                    branches: self.branches(index)?,
+                }
             }
         };
-        Ok(Asked { position: index, flange_from_tool, wanted })
+        let (flange_from_tool, stated_tool) = (tool.actual, tool.stated);
+        Ok(Asked { position: index, flange_from_tool, stated_tool, wanted })
+    }
+
+    /// The frames of motions that the cell says were taught, each once.
+    pub fn taught(&self, cell: &Cell) -> Vec<TaughtFrame> {
+        let mut found: Vec<TaughtFrame> = Vec::new();
+        if !cell.frames.values().any(|frame| frame.taught_with.is_some()) {
+            return found;
+        }
+        let mut add = |frame: TaughtFrame| {
+            let is_one = |own: &TaughtFrame| own.name == frame.name && own.stated == frame.stated;
+            if !found.iter().any(is_one) {
+                found.push(frame);
+            }
+        };
+        for own in self.positions.iter().flat_map(|position| &position.uses) {
+            let is_rapid = is_module(&self.files[own.file]);
+            let mut of = |known: &Known, from: Isometry3<f64>, kind: Taught| {
+                let Ok(chain) = chain(known) else {
+                    return;
+                };
+                chain.each_taught(cell, from, |name, stated| {
+                    add(TaughtFrame { name: name.to_owned(), stated: *stated, kind });
+                });
+            };
+            of(&own.tool, Isometry3::identity(), Taught::Tool);
+            if let Ok(world_from_base) = self.roots[own.file].stated(cell) {
+                let kind = Taught::Base { world_from_base, is_rapid };
+                of(&own.base, world_from_base.inverse(), kind);
+            }
+        }
+        found
     }
 
     /// The arm configurations in which its motions reach a position, each once.

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 
 use crate::geometry::{Placement, PlacementError};
 use nalgebra::Isometry3;
 use serde::Deserialize;
+use thiserror::Error;
 
 use crate::refusal::Refusal;
 
@@ -27,11 +29,71 @@ impl Chain {
         Self(vec![Frame { name: name.into(), value }])
     }
 
-    /// The product of its frames, each of which the cell knows.
-    pub fn resolved(&self, cell: &Cell) -> Result<Isometry3<f64>, Refusal> {
-        let mut frames = self.0.iter().map(|frame| cell.resolved(frame));
+    /// The last of its frames in the arm's base, whose own place in the world `root` has.
+    pub(crate) fn in_arm(&self, root: &Self, cell: &Cell) -> Result<Placed, Refusal> {
+        let stated = root.stated(cell)?.inverse();
+        let actual = root.placed(cell, Isometry3::identity(), Ok(Isometry3::identity()));
+        self.placed(cell, stated, actual.map(|root| root.actual.inverse()))
+    }
+
+    /// A tool in the flange frame.
+    pub(crate) fn on_flange(&self, cell: &Cell) -> Result<Placed, Refusal> {
+        self.placed(cell, Isometry3::identity(), Ok(Isometry3::identity()))
+    }
+
+    /// The product of its frames as the controller has them.
+    pub(crate) fn stated(&self, cell: &Cell) -> Result<Isometry3<f64>, Refusal> {
+        let mut frames = self.0.iter().map(|frame| cell.value(frame));
         frames.try_fold(Isometry3::identity(), |chain, frame| Ok(chain * frame?))
     }
+
+    /// The last of its frames behind one that stands at `stated`, and really at `actual`. Where a taught frame stands was touched, so that
+    /// nothing has to be known of those before it.
+    fn placed(
+        &self,
+        cell: &Cell,
+        mut stated: Isometry3<f64>,
+        mut actual: Result<Isometry3<f64>, Refusal>,
+    ) -> Result<Placed, Refusal> {
+        for frame in &self.0 {
+            let value = cell.value(frame)?;
+            stated *= value;
+            let name = || frame.name.clone();
+            actual = match cell.frame(&frame.name) {
+                Some(own) if own.is_taught() => cell.true_place(&frame.name, &stated),
+                Some(own) if own.found.is_some() => actual.map(|before| before * value),
+                _ if value == Isometry3::identity() => actual,
+                _ => Err(Refusal::NotFound { name: name() }),
+            };
+        }
+        Ok(Placed { stated, actual: actual? })
+    }
+
+    /// Calls `each` with the taught frames of the chain and where the controller has them behind `from`.
+    pub(crate) fn each_taught(
+        &self,
+        cell: &Cell,
+        from: Isometry3<f64>,
+        mut each: impl FnMut(&str, &Isometry3<f64>),
+    ) {
+        let mut stated = from;
+        for frame in &self.0 {
+            let Ok(value) = cell.value(frame) else {
+                return;
+            };
+            stated *= value;
+            if cell.frame(&frame.name).is_some_and(CellFrame::is_taught) {
+                each(&frame.name, &stated);
+            }
+        }
+    }
+}
+
+/// A frame as the controller has it, and where it really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Placed {
+    pub(crate) stated: Isometry3<f64>,
+    pub(crate) actual: Isometry3<f64>,
 }
 
 impl fmt::Display for Chain {
@@ -54,13 +116,60 @@ pub enum Found {
     Taught,
 }
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct CellFrame {
-    pub found: Found,
+    pub found: Option<Found>,
+    /// Of a taught frame the file of table `calibrations` of the arm that touched it, as the arm was then.
+    pub taught_with: Option<PathBuf>,
+    /// The tool that touched a base, in the flange frame.
+    pub tool: Option<Placement>,
+    /// The points that were touched: of a base two on its x-axis and one of its xy-plane, of a tool four poses or more with its tip at one
+    /// point.
+    pub points: Vec<TaughtPoint>,
     /// Its value, where no file of the program has it.
-    #[serde(default)]
     pub place: Option<Placement>,
+}
+
+impl CellFrame {
+    fn is_taught(&self) -> bool {
+        self.found == Some(Found::Taught) || self.taught_with.is_some()
+    }
+}
+
+/// Where the controller stood while a point was touched: its joints, or the tool in the world with the arm configuration.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TaughtPoint {
+    /// mm of a joint that slides.
+    pub joints_deg: Option<Vec<f64>>,
+    pub pose: Option<Placement>,
+    /// S of KUKA.
+    pub status: Option<u8>,
+    /// cf1, cf4, cf6 and cfx of ABB.
+    pub cf: Option<[i32; 4]>,
+}
+
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CellError {
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    #[error("[frames.{name:?}] is found = \"surveyed\" and taught_with an arm; one of them holds")]
+    Both { name: String },
+    #[error(
+        "[frames.{name:?}]: a point is stated by joints_deg, or by pose with status (S of KUKA) or cf (cf1, cf4, cf6, cfx of ABB)"
+    )]
+    Point { name: String },
+}
+
+/// Where a taught frame really is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruePlace {
+    pub name: String,
+    /// Where the controller has it: a base in the arm's, a tool in the flange frame.
+    pub stated: Isometry3<f64>,
+    /// Likewise; otherwise why that is not known.
+    pub actual: Result<Isometry3<f64>, String>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -82,34 +191,57 @@ pub struct Cell {
     /// Motion instructions of one's own, each like one of the controller's.
     #[serde(default)]
     pub motions: BTreeMap<String, String>,
+    /// Of the frames that are taught; the file of the cell does not state them.
+    #[serde(skip)]
+    pub true_places: Vec<TruePlace>,
 }
 
 impl Cell {
-    pub fn check(&self) -> Result<(), PlacementError> {
-        let placed = self.frames.values().filter_map(|frame| frame.place.as_ref());
-        placed.map(Placement::isometry).try_for_each(|place| place.map(|_| ()))
+    pub fn check(&self) -> Result<(), CellError> {
+        for (name, frame) in &self.frames {
+            let poses = frame.points.iter().filter_map(|point| point.pose.as_ref());
+            for place in frame.place.iter().chain(&frame.tool).chain(poses) {
+                place.isometry()?;
+            }
+            if frame.found == Some(Found::Surveyed) && frame.taught_with.is_some() {
+                return Err(CellError::Both { name: name.clone() });
+            }
+            if !frame.points.iter().all(TaughtPoint::is_stated_once) {
+                return Err(CellError::Point { name: name.clone() });
+            }
+        }
+        Ok(())
     }
 
-    fn frame(&self, name: &str) -> Option<&CellFrame> {
+    pub fn frame(&self, name: &str) -> Option<&CellFrame> {
         let mut frames = self.frames.iter();
         frames.find(|(own, _)| own.eq_ignore_ascii_case(name)).map(|(_, frame)| frame)
     }
 
-    /// The frame's place: that of the files where they have one. A frame at its parent's place needs no survey.
-    fn resolved(&self, frame: &Frame) -> Result<Isometry3<f64>, Refusal> {
-        let cell = self.frame(&frame.name);
-        let stated = cell.and_then(|cell| cell.place.as_ref()?.isometry().ok());
-        let place = match (&frame.value, stated) {
-            (Ok(place), _) => *place,
-            (Err(Refusal::NotGiven { .. }), Some(place)) => place,
-            (Err(why), _) => return Err(why.clone()),
-        };
-        let name = || frame.name.clone();
-        match cell.map(|cell| cell.found) {
-            Some(Found::Surveyed) => Ok(place),
-            Some(Found::Taught) => Err(Refusal::Taught { name: name() }),
-            None if place == Isometry3::identity() => Ok(place),
-            None => Err(Refusal::NotFound { name: name() }),
+    /// A frame's value as the controller has it: that of the files where they have one.
+    fn value(&self, frame: &Frame) -> Result<Isometry3<f64>, Refusal> {
+        let stated = || self.frame(&frame.name)?.place.as_ref()?.isometry().ok();
+        match &frame.value {
+            Err(why @ Refusal::NotGiven { .. }) => stated().ok_or_else(|| why.clone()),
+            value => value.clone(),
+        }
+    }
+
+    fn true_place(&self, name: &str, stated: &Isometry3<f64>) -> Result<Isometry3<f64>, Refusal> {
+        let taught = || Refusal::Taught { name: name.to_owned() };
+        let mut places = self.true_places.iter();
+        let place = places.find(|own| own.name == name && own.stated == *stated);
+        let told = |why| Refusal::Other(format!("{name} is taught with an arm: {why}"));
+        place.ok_or_else(taught)?.actual.clone().map_err(told)
+    }
+}
+
+impl TaughtPoint {
+    const fn is_stated_once(&self) -> bool {
+        match (&self.joints_deg, &self.pose, &self.status, &self.cf) {
+            (Some(_), None, None, None) => true,
+            (None, Some(_), status, cf) => status.is_some() != cf.is_some(),
+            _ => false,
         }
     }
 }

@@ -7,6 +7,7 @@
 //! ```
 //! 1. [`read`] gives every position that a motion uses, with the frames that hold at the motion.
 //! 2. [`Programs::ask`] makes a pose in the arm's base of a position, or says why it is not corrected.
+//!    A frame that was touched with an arm holds its errors: [`taught`] finds where it really is.
 //! 3. [`write::edits`] puts corrected poses back: every byte but the numbers of positions stays, and but marks. [`record`] says what
 //!    was there, and gives the original back.
 //!
@@ -30,6 +31,7 @@ mod rapid;
 mod reading;
 pub mod record;
 mod refusal;
+pub mod taught;
 mod value;
 pub mod write;
 
@@ -37,7 +39,7 @@ pub mod write;
 use posegrid_arm::geometry;
 
 pub use ask::{Asked, Branch, Wanted};
-pub use frame::{Cell, CellFrame, ExternalAxes, Found};
+pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use program::{Computed, File, Path, Position, Programs, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};

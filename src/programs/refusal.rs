@@ -36,7 +36,9 @@ pub enum Refusal {
     #[error("nothing says how {name} was found; say whether it is surveyed or taught in the file of the cell: [frames.{key}] found = \"surveyed\"", key = quoted(name))]
     NotFound { name: String },
     #[error(
-        "{name} is taught with an arm, so it holds that arm's errors already; survey it, and say so in the file of the cell"
+        "{name} is taught with an arm, so it holds that arm's errors already; give in the file of the cell taught_with (table calibrations \
+         of the arm that touched it, as it was then) and points (joints_deg of the three points of a base with the tool that touched, of \
+         four poses or more for a tool), or survey it"
     )]
     Taught { name: String },
     #[error(

@@ -77,7 +77,8 @@ fn text() -> impl Strategy<Value = Vec<u8>> {
 /// A cell that knows where an arm's base is.
 fn cell() -> Cell {
     let place = posegrid_arm::geometry::Placement::of(&nalgebra::Isometry3::identity());
-    let frame = CellFrame { found: Found::Surveyed, place: Some(place) };
+    let frame =
+        CellFrame { found: Some(Found::Surveyed), place: Some(place), ..CellFrame::default() };
     let names = ["$ROBROOT", "base_frame"].map(|name| (name.to_owned(), frame.clone()));
     Cell { frames: names.into_iter().collect(), ..Cell::default() }
 }

@@ -1,7 +1,8 @@
 //! `posegrid compensate` of whole robot programs: the positions that motions use are corrected where they stand, each under the
 //! base and tool of its motions.
 //!
-//! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found.
+//! 1. The files of the program are read ([`crate::programs`]), and the cell says how its frames were found; of those that were touched
+//!    with an arm it says where the arm stood, and where they really are follows from that (`taught`).
 //! 2. Each position becomes a target of the identified arm, and that its command (`solve`).
 //! 3. The commands go back into the files; the report names every position that motions use (`report`), and how far the arm leaves the
 //!    wanted path between them (`path`).
@@ -11,6 +12,7 @@
 mod path;
 mod report;
 mod solve;
+mod taught;
 pub(super) mod undo;
 mod write;
 
@@ -46,7 +48,8 @@ pub struct ProgramArgs {
     /// More files of the same program, or the folder of a backup
     #[arg(value_name = "PROGRAM")]
     pub more: Vec<PathBuf>,
-    /// A TOML file that says how each frame and tool was found: [frames.NAME] found = "surveyed", and its place where no file has it
+    /// A TOML file that says how each frame and tool was found: [frames.NAME] found = "surveyed", or `taught_with`, tool and points of one that
+    /// was touched with an arm, and its place where no file has it
     #[arg(long, value_name = "FILE")]
     pub cell: Option<PathBuf>,
     /// Where the positions come from: wishes of an off-line system, or taught on the robot
@@ -232,14 +235,15 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let Source::Arm(arm) = &source else {
         return Err(ProgramError::Table.into());
     };
-    let cell = args.cell()?;
+    let mut cell = args.cell()?;
     let (files, unread) = args.files()?;
     let programs = crate::programs::read(files, &cell);
+    let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
     let asked = asked(args, taught_on.as_ref(), &programs, &cell);
     let Changes { outcomes, commands, edits } = corrected(&programs, &asked, &solver);
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
-    let report = Report::of(&programs, outcomes, deviations, solver.turns(), unread);
+    let report = Report::of(&programs, outcomes, deviations, solver.turns(), unread, frames);
     write(&programs, &edits, &out, arm)?;
     Ok((report, source))
 }

@@ -23,19 +23,19 @@ const STEP: f64 = 1e-3;
 const NO_LENGTH_MM: f64 = 1e-9;
 
 /// Why nothing is stated of a motion.
-type NotStated = &'static str;
+pub(super) type NotStated = &'static str;
 
 /// A position with what it asks for, and its command.
-type Stop<'p> = (&'p Asked, &'p Command);
+pub(super) type Stop<'p> = (&'p Asked, &'p Command);
 
 /// The way of the program's tool in the arm's base, mm.
-enum Course {
+pub(super) enum Course {
     /// Joint values at the ends, and the tool in the flange frame.
     Joints([Vec<f64>; 2], Isometry3<f64>),
     Tool([Isometry3<f64>; 2], Option<Circle>),
 }
 
-struct Circle {
+pub(super) struct Circle {
     centre: Point3<f64>,
     axis: Unit<Vector3<f64>>,
     angle: f64,
@@ -96,10 +96,11 @@ impl Solver<'_> {
     }
 
     /// The wanted way, or the commanded one; `None` where it is neither by joints nor straight nor a circle.
-    fn course(&self, way: Way, stops: &[Stop<'_>], is_command: bool) -> Option<Course> {
+    pub(super) fn course(&self, way: Way, stops: &[Stop<'_>], is_command: bool) -> Option<Course> {
         let stands = stops.iter().map(|stop| self.stand(stop, is_command));
         let stands: Vec<_> = stands.collect::<Option<_>>()?;
-        let tool = stops.last()?.0.flange_from_tool;
+        let last = stops.last()?.0;
+        let tool = if is_command { last.stated_tool } else { last.flange_from_tool };
         match (way, stands.as_slice()) {
             (Way::Joints, [(_, from), (_, to)]) => {
                 Some(Course::Joints([from.clone(), to.clone()], tool))
@@ -124,13 +125,17 @@ impl Solver<'_> {
     ) -> Option<(Isometry3<f64>, Vec<f64>)> {
         let shown = &command.joints.as_ref()?[usize::from(is_command)];
         let joints = self.joints(shown).ok()?.angles;
+        let tool = if is_command { &asked.stated_tool } else { &asked.flange_from_tool };
         let base_from_tool = match &asked.wanted {
             Wanted::Pose { base_from_tool, .. } if !is_command => Some(*base_from_tool),
             _ => command.base_from_tool.filter(|_| is_command),
         };
-        let from_tool = |pose| pose * asked.flange_from_tool.inverse();
-        let flange = || *self.arm.arm.flange(&joints).isometry();
-        Some((base_from_tool.map_or_else(flange, from_tool), joints))
+        let Some(base_from_tool) = base_from_tool else {
+            return Some((*self.arm.arm.flange(&joints).isometry(), joints));
+        };
+        let pose = base_from_tool * self.own_tool_in(tool);
+        let joints = if is_command { joints } else { self.inverse.joints(&pose, &joints).ok()? };
+        Some((base_from_tool * tool.inverse(), joints))
     }
 
     fn places(
@@ -142,14 +147,15 @@ impl Solver<'_> {
         let [first, .., last] = stops else {
             return None;
         };
-        let own_from_tool = self.own_tool().isometry().inverse() * last.0.flange_from_tool;
+        let own_from_tool = self.own_tool_in(&last.0.flange_from_tool).inverse();
+        let tool_from_own = self.own_tool_in(&last.0.stated_tool);
         let mut joints = self.stand(first, true)?.1;
         let mut place = |number: u32| {
             let share = f64::from(number) / f64::from(PLACES + 1);
             joints = match commanded {
                 Course::Joints(ends, _) => between(ends, share),
                 Course::Tool(..) => {
-                    let pose = self.on(commanded, share)? * own_from_tool.inverse();
+                    let pose = self.on(commanded, share)? * tool_from_own;
                     self.inverse.joints(&pose, &joints).ok()?
                 }
             };
@@ -161,7 +167,7 @@ impl Solver<'_> {
     }
 
     /// The tool in the arm's base at a share of the way; `None` where its orientation may turn either way.
-    fn on(&self, course: &Course, share: f64) -> Option<Isometry3<f64>> {
+    pub(super) fn on(&self, course: &Course, share: f64) -> Option<Isometry3<f64>> {
         let (from, to, circle) = match course {
             Course::Joints(ends, tool) => {
                 return Some(self.arm.arm.flange(&between(ends, share)).isometry() * tool);

@@ -5,6 +5,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::taught::FoundFrame;
 use crate::programs::Programs;
 
 /// What became of a position.
@@ -53,6 +54,8 @@ pub struct Report {
     orientations_corrected: bool,
     /// Files of programs that are not read.
     unread: Vec<String>,
+    /// Those that were touched with an arm.
+    taught_frames: Vec<FoundFrame>,
     lines: Vec<Entry>,
     motions: Vec<Motion>,
 }
@@ -65,6 +68,7 @@ impl Report {
         deviations: Vec<Result<f64, &'static str>>,
         orientations_corrected: bool,
         unread: Vec<String>,
+        taught_frames: Vec<FoundFrame>,
     ) -> Self {
         let name = |file: usize| programs.files[file].name.clone();
         let computed = programs.computed.iter().map(|own| Entry {
@@ -103,6 +107,7 @@ impl Report {
             crossed: 0,
             orientations_corrected,
             unread,
+            taught_frames,
             lines: Vec::new(),
             motions,
         };
@@ -175,6 +180,9 @@ impl fmt::Display for Report {
         }
         for name in &self.unread {
             writeln!(f, "{name}: not read: programs of this dialect are not corrected")?;
+        }
+        for frame in &self.taught_frames {
+            writeln!(f, "{frame}")?;
         }
         self.write_motions(f)?;
         write!(

@@ -167,12 +167,12 @@ impl<'a> Solver<'a> {
             let mut attained = (*asked).clone();
             match (&mut attained.wanted, solved?.command) {
                 (
-                    Wanted::Pose { base_from_tool, .. },
+                    Wanted::Pose { base_from_tool, programmed, .. },
                     Command { base_from_tool: Some(command), .. },
                 ) => {
-                    let behind = base_from_tool.translation.vector - command.translation.vector;
+                    let behind = programmed.translation.vector - command.translation.vector;
                     base_from_tool.translation.vector += behind;
-                    let turn = base_from_tool.rotation * command.rotation.inverse();
+                    let turn = programmed.rotation * command.rotation.inverse();
                     base_from_tool.rotation = turn * base_from_tool.rotation;
                 }
                 (Wanted::Joints(joints), Command { joints: Some([from, to]), .. }) => {
@@ -194,14 +194,16 @@ impl<'a> Solver<'a> {
         ways: &mut Ways,
     ) -> Result<Target, String> {
         self.same_tool(&asked.flange_from_tool)?;
-        let (base_from_tool, branches) = match &asked.wanted {
+        let (base_from_tool, programmed, branches) = match &asked.wanted {
             Wanted::Joints(joints) => {
                 let joints = Some(self.joints(joints)?);
                 return Ok(Target { joints, ..Target::default() });
             }
-            Wanted::Pose { base_from_tool, branches, .. } => (base_from_tool, branches),
+            Wanted::Pose { base_from_tool, programmed, branches, .. } => {
+                (base_from_tool, programmed, branches)
+            }
         };
-        let own = base_from_tool * self.program_from_own_tool(asked);
+        let own = base_from_tool * self.own_tool_in(&asked.flange_from_tool);
         let pose = self.arm.command_from_base.isometry() * own;
         let target = Target {
             position: Some(Position::claim(Point3::from(pose.translation.vector))),
@@ -209,7 +211,10 @@ impl<'a> Solver<'a> {
             ..Target::default()
         };
         if branches.iter().any(|branch| matches!(branch, Branch::Quadrants { .. })) {
-            let angles = self.only_joints(&own, branches, anywhere, ways)?;
+            // The quarter turns are those of the position as the controller has it.
+            let programmed = programmed * self.own_tool_in(&asked.stated_tool);
+            let angles = self.only_joints(&programmed, branches, anywhere, ways)?;
+            let angles = self.inverse.joints(&own, &angles).map_err(|why| why.to_string())?;
             let joints = Some(TargetJoints { angles, ..TargetJoints::default() });
             return Ok(Target { joints, ..target });
         }
@@ -258,9 +263,9 @@ impl<'a> Solver<'a> {
         ways.near(pose).iter().filter_map(from).collect()
     }
 
-    /// The calibrated tool in the frame of the program's tool.
-    fn program_from_own_tool(&self, asked: &Asked) -> Isometry3<f64> {
-        asked.flange_from_tool.inverse() * self.own_tool().isometry()
+    /// The calibrated tool in the frame of another one.
+    pub(super) fn own_tool_in(&self, flange_from_tool: &Isometry3<f64>) -> Isometry3<f64> {
+        flange_from_tool.inverse() * self.own_tool().isometry()
     }
 
     pub(super) const fn own_tool(&self) -> &Transform<crate::geometry::Flange, Tool> {
@@ -292,7 +297,7 @@ impl<'a> Solver<'a> {
         Ok(TargetJoints { angles, ..TargetJoints::default() })
     }
 
-    fn shown(&self, joints: &[f64]) -> Vec<f64> {
+    pub(super) fn shown(&self, joints: &[f64]) -> Vec<f64> {
         let pairs = self.arm.arm.joints().iter().zip(joints);
         pairs.map(|(joint, value)| joint.shown(*value)).collect()
     }
@@ -358,7 +363,8 @@ impl<'a> Solver<'a> {
         let Wanted::Pose { branches, .. } = &asked.wanted else {
             return Ok(None);
         };
-        let own = done.joints.as_ref().map(|joints| joints.target.clone()).unwrap_or_default();
+        let wanted = done.joints.as_ref().map(|joints| joints.target.clone()).unwrap_or_default();
+        let own = self.programmed(asked, &wanted)?;
         let mut all = branches.iter();
         let turned = all.try_fold(own.clone(), |joints, branch| self.agrees(branch, &joints));
         let turned = turned.ok_or_else(|| {
@@ -367,18 +373,27 @@ impl<'a> Solver<'a> {
         if own.iter().zip(&turned).all(|(own, turned)| (own - turned).abs() < SAME_RAD) {
             return Ok(None);
         }
-        let joints = Some(TargetJoints { angles: turned, ..TargetJoints::default() });
+        let by = turned.iter().zip(&own).map(|(turned, own)| turned - own);
+        let angles = wanted.iter().zip(by).map(|(wanted, by)| wanted + by).collect();
+        let joints = Some(TargetJoints { angles, ..TargetJoints::default() });
         Ok(Some(Target { joints, ..target.clone() }))
+    }
+
+    /// Joint angles at which the controller has a position now, near those at which it is wanted.
+    fn programmed(&self, asked: &Asked, wanted: &[f64]) -> Result<Vec<f64>, String> {
+        match &asked.wanted {
+            Wanted::Pose { programmed, base_from_tool, .. }
+                if programmed != base_from_tool || asked.stated_tool != asked.flange_from_tool =>
+            {
+                let pose = programmed * self.own_tool_in(&asked.stated_tool);
+                self.inverse.joints(&pose, wanted).map_err(|why| why.to_string())
+            }
+            _ => Ok(wanted.to_vec()),
+        }
     }
 
     fn done(&self, asked: &Asked, done: &Corrected) -> Solved {
         let joints = done.joints.as_ref().ok_or_else(|| "it has no joint angles".to_owned())?;
-        let correction_mm = done.correction.norm();
-        if let Some(largest) = self.largest_mm.filter(|largest| correction_mm > *largest) {
-            return Err(format!(
-                "its correction is {correction_mm:.3} mm, more than --largest {largest}"
-            ));
-        }
         if self.configuration(&joints.target) != self.configuration(&joints.command) {
             return Err("its command is in another arm configuration than the position".to_owned());
         }
@@ -388,14 +403,22 @@ impl<'a> Solver<'a> {
             let command = Isometry3::from_parts(at.into(), rotation);
             Some(self.arm.command_from_base.isometry().inverse() * command)
         };
-        let base_from_tool = match &asked.wanted {
-            Wanted::Joints(_) => None,
-            Wanted::Pose { .. } => {
+        let (base_from_tool, correction_mm) = match &asked.wanted {
+            Wanted::Joints(_) => (None, done.correction.norm()),
+            Wanted::Pose { programmed, .. } => {
                 let own = base_from_own(done).ok_or_else(|| "it has no orientation".to_owned())?;
-                Some(own * self.program_from_own_tool(asked).inverse())
+                let command = own * self.own_tool_in(&asked.stated_tool).inverse();
+                let moved = command.translation.vector - programmed.translation.vector;
+                (Some(command), moved.norm())
             }
         };
-        let joints = Some([self.shown(&joints.target), self.shown(&joints.command)]);
+        if let Some(largest) = self.largest_mm.filter(|largest| correction_mm > *largest) {
+            return Err(format!(
+                "its correction is {correction_mm:.3} mm, more than --largest {largest}"
+            ));
+        }
+        let programmed = self.programmed(asked, &joints.target)?;
+        let joints = Some([self.shown(&programmed), self.shown(&joints.command)]);
         Ok(Done { command: Command { base_from_tool, joints }, correction_mm })
     }
 }
