@@ -47,6 +47,8 @@ pub(crate) struct Reading<'f> {
     any_fixed_tool: bool,
     /// Whether anything lets a sensor move the arm.
     any_sensor: bool,
+    /// Whether a TRIGGER stands before the next motion.
+    triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
     interrupts: Vec<(String, Place)>,
 }
@@ -67,6 +69,7 @@ pub(crate) fn read(files: &[File]) -> (Used, Chain) {
         private: BTreeSet::new(),
         any_fixed_tool: false,
         any_sensor: false,
+        triggers: false,
         interrupts: Vec::new(),
     };
     // What holds a frame everywhere is known as such without the list that declares it.

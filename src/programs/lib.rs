@@ -23,6 +23,7 @@
 mod ask;
 mod flow;
 mod frame;
+mod further;
 mod krl;
 mod lex;
 mod names;
@@ -40,7 +41,8 @@ use posegrid_arm::geometry;
 
 pub use ask::{Asked, Branch, Wanted};
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
-pub use program::{Computed, File, Path, Position, Programs, Way};
+pub use further::{ADDED, Further};
+pub use program::{Computed, File, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};
 

@@ -138,6 +138,19 @@ pub struct Path {
     pub from: Option<usize>,
     /// Its own positions, the end last; `None` where one is computed, or the motion leads beside it.
     pub through: Option<Vec<usize>>,
+    /// Where further points may be written; otherwise why none may.
+    pub split: Result<Split, &'static str>,
+}
+
+/// A straight motion before which further ones may be written: it is alone in its line and starts nothing but itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Split {
+    /// The begin of its line.
+    pub line_start: usize,
+    /// From its word on, without the sign that ends it.
+    pub statement: Range<usize>,
+    /// Its position.
+    pub target: Range<usize>,
 }
 
 /// Files with everything that was read of them.
@@ -178,6 +191,7 @@ pub(crate) struct Motion {
     pub(crate) reads: Reads,
     pub(crate) way: Way,
     pub(crate) is_blended: bool,
+    pub(crate) split: Result<Split, &'static str>,
     /// What forbids to correct its positions.
     pub(crate) obstacle: Option<Arc<Refusal>>,
 }
@@ -303,6 +317,7 @@ impl crate::flow::Motions for Recorder<'_> {
             is_blended: motion.is_blended,
             from: from.and_then(|place| place.position()),
             through: motion.through(),
+            split: motion.split.clone(),
         });
         let mut state = state.clone();
         for (slot, to) in &motion.own {

@@ -60,6 +60,8 @@ pub(crate) struct Reading<'f> {
     any_displacement: bool,
     any_offset: bool,
     any_conf_off: [bool; 2],
+    /// Whether the instruction that is read stands in a compact IF.
+    is_in_if: bool,
 }
 
 /// Positions, motions and the arm's base of the RAPID modules among `files`, behind those that are found already.
@@ -81,6 +83,7 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         any_displacement: false,
         any_offset: false,
         any_conf_off: [false; 2],
+        is_in_if: false,
     };
     reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
     // What functions change of their parameters is known once all bodies are read.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::flow::{Others, Routine, State, Step, Summaries, walk};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
-use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Target};
+use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
 use crate::refusal::{Place, Refusal};
 use crate::value::{Cursor, Value};
 
@@ -327,6 +327,27 @@ pub(crate) fn beside(target: Target) -> Option<Target> {
         Target::Literal { positions, .. } => Some(Target::Literal { positions, is_beside: true }),
         Target::Computed(_) => None,
     }
+}
+
+/// Why other motions get no further points.
+pub(crate) const NOT_SPLIT: &str = "only LIN and MoveL get further points";
+
+/// Where points may be written before a straight motion, by what follows its word and by its position.
+pub(crate) fn split(
+    word: &str,
+    rest: Cursor<'_>,
+    target: Option<&Cursor<'_>>,
+) -> Result<Split, &'static str> {
+    let begin = rest.span().start;
+    let line_end = rest.bytes[..begin].iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
+    let line_start = line_end.map_or(0, |place| place + 1);
+    let before = &rest.bytes[line_start..begin];
+    let indent = before.len() - before.trim_ascii_start().len();
+    if !before.trim_ascii().eq_ignore_ascii_case(word.as_bytes()) {
+        return Err("it is not alone in its line");
+    }
+    let target = target.ok_or("it has no position")?.span();
+    Ok(Split { line_start, statement: line_start + indent..rest.span().end, target })
 }
 
 /// The text of an expression, shortened.

@@ -110,6 +110,12 @@ proptest! {
             };
             all[position.file].extend(edits(position, &asked, &command).all);
         }
+        for path in &programs.paths {
+            let point = Further { frame_from_tool: nalgebra::Isometry3::identity(), joints: vec![0.0; 6] };
+            if programs.may_split(path).is_ok() {
+                all[path.file].extend(programs.added(path, &[point.clone(), point]));
+            }
+        }
         for (file, edits) in files.iter().zip(&all) {
             let mut edits = edits.clone();
             edits.extend(marks(file, "table t", "t"));

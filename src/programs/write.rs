@@ -22,7 +22,7 @@ use crate::value::Number;
 pub const MM_DECIMALS: usize = 4;
 /// 1e-5° at 2 m is a third of a micrometre.
 pub const DEGREE_DECIMALS: usize = 5;
-const QUATERNION_DECIMALS: usize = 8;
+pub(crate) const QUATERNION_DECIMALS: usize = 8;
 /// An orientation that is turned by less is not turned, rad.
 const UNTURNED: f64 = 1e-8;
 
@@ -152,7 +152,7 @@ impl Edits {
 }
 
 /// A, B, C of a rotation, degrees: of all that make it, those nearest to others.
-fn abc_near(rotation: &UnitQuaternion<f64>, near: [f64; 3]) -> [f64; 3] {
+pub(crate) fn abc_near(rotation: &UnitQuaternion<f64>, near: [f64; 3]) -> [f64; 3] {
     let [c, b, a] = rpy(rotation).map(f64::to_degrees);
     let half = 180.0;
     let mut all = vec![[a, b, c], [a + half, half - b, c + half]];
@@ -193,7 +193,7 @@ fn is_of(rotation: &UnitQuaternion<f64>, own: &[f64; 3]) -> bool {
 }
 
 /// Four numbers of a rotation, real part first, of the sign of others and of norm 1 after rounding.
-fn quaternion_near(rotation: &UnitQuaternion<f64>, near: [f64; 4]) -> [f64; 4] {
+pub(crate) fn quaternion_near(rotation: &UnitQuaternion<f64>, near: [f64; 4]) -> [f64; 4] {
     let own = rotation.quaternion();
     let mut parts = [own.w, own.i, own.j, own.k];
     let along: f64 = parts.iter().zip(near).map(|(own, near)| own * near).sum();
@@ -333,7 +333,7 @@ fn before_end_of_list(file: &File, tokens: &[Token]) -> Option<usize> {
 }
 
 /// The ends of a file's lines: those of its first.
-fn line_end(bytes: &[u8]) -> &'static str {
+pub(crate) fn line_end(bytes: &[u8]) -> &'static str {
     match bytes.iter().position(|byte| *byte == b'\n') {
         Some(place) if place > 0 && bytes[place - 1] == b'\r' => "\r\n",
         Some(_) => "\n",

@@ -4,7 +4,7 @@ use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, unknown};
 use crate::names::{Scope, parts};
 use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
-use crate::reading::{Common, Here, Shaped, beside, shown};
+use crate::reading::{Common, Here, NOT_SPLIT, Shaped, beside, shown, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
@@ -81,6 +81,13 @@ impl Reading<'_> {
         let targets = given.iter().take(used).map(target).collect();
         // An angle behind the positions reads names as any expression does.
         given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
+        let is_triggering = std::mem::take(&mut self.triggers);
+        let split = match word {
+            "LIN" if is_triggering => Err("a TRIGGER before it is for its begin or its end"),
+            "LIN" if with.is_empty() && given.len() == 1 => split(word, rest, given.first()),
+            "LIN" => Err("it has settings of its own"),
+            _ => Err(NOT_SPLIT),
+        };
         steps.push(self.common.moves(Motion {
             file: here.file,
             line: here.line,
@@ -90,6 +97,7 @@ impl Reading<'_> {
             reads: *reads,
             way: if given.len() > used { Way::Other } else { way(word) },
             is_blended: place_of(rest, is_blend) < rest.tokens.len(),
+            split,
             obstacle: None,
         }));
     }

@@ -127,7 +127,10 @@ impl Reading<'_> {
             "BAS" => self.bas(here, rest, steps),
             // What a trigger calls moves nothing, and runs at some later time.
             "INTERRUPT" | "GLOBAL" => self.interrupt(here, rest, true),
-            "TRIGGER" => self.interrupt(here, rest, false),
+            "TRIGGER" => {
+                self.triggers = true;
+                self.interrupt(here, rest, false);
+            }
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);

@@ -1,6 +1,6 @@
 use crate::tests::undone;
 use crate::write::{Command, applied, edits, marks};
-use crate::{Asked, Branch, Cell, File, Programs, Wanted, Way, read};
+use crate::{Asked, Branch, Cell, File, Further, Programs, Wanted, Way, read};
 
 const CONFIG: &str = "DEFDAT $CONFIG\nBASE_DATA[1]={X 1000.0,Y 0.0,Z 500.0,A 90.0,B 0.0,C 0.0}\n\
 BASE_DATA[2]={X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nTOOL_DATA[3]={X 0.0,Y 0.0,Z 200.0,A 0.0,B 0.0,C 0.0}\n\
@@ -363,4 +363,33 @@ fn a_motion_begins_where_the_one_before_it_ended() {
     ];
     let data = "DECL E6POS XP9={X 10.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35}";
     assert_eq!(courses(&programs(&source, data)), expected);
+}
+
+#[test]
+fn further_points_are_lines_before_a_straight_motion_with_its_own_text() {
+    let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n  LIN XP2 C_DIS ; weld\r\n\
+                  TRIGGER WHEN DISTANCE=1 DELAY=0 DO FOO=TRUE\r\nLIN XP1\r\nCIRC XP1,XP2\r\nSLIN XP2";
+    let second = "DECL E6POS XP2={X 400.0,Y 20.0,Z 30.0,A 170.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}";
+    let programs = programs(source, &format!("{POINT}\r\n{second}"));
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    let trigger = "a TRIGGER before it is for its begin or its end";
+    let other = "only LIN and MoveL get further points";
+    assert_eq!(told, [Err(other), Ok(()), Err(trigger), Err(other), Err(other)]);
+    let at = |x: f64| Further {
+        frame_from_tool: nalgebra::Isometry3::from_parts(
+            [x, 20.25, 30.0].into(),
+            crate::krl::abc([-175.0, 0.0, 180.0]),
+        ),
+        joints: vec![0.0; 6],
+    };
+    let edit = programs.added(&programs.paths[1], &[at(100.0), at(200.0)]).unwrap();
+    let source = &programs.files[2];
+    let written = applied(&source.bytes, std::slice::from_ref(&edit));
+    let line = |x: u32| {
+        format!("  LIN {{X {x},Y 20.2500,Z 30,A -175,B 0,C 180}} C_DIS ; added by posegrid\r\n")
+    };
+    let text = String::from_utf8(written.clone()).unwrap();
+    let expected = format!("PTP XP1\r\n{}{}  LIN XP2 C_DIS ; weld\r\n", line(100), line(200));
+    assert!(text.replace(".00000", "").replace(".0000", "").contains(&expected), "{text}");
+    assert_eq!(undone(&written, &source.bytes, &[edit]), source.bytes);
 }

@@ -9,7 +9,7 @@ use crate::flow::{Known, Setting, Slot, Step, known, unknown};
 use crate::frame::Chain;
 use crate::names::{Scope, parts};
 use crate::program::{Computed, Motion, Reads, Shape, Stated, Target, Turn, Way};
-use crate::reading::{Common, Here, Shaped, beside, shown};
+use crate::reading::{Common, Here, NOT_SPLIT, Shaped, beside, shown, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
@@ -157,6 +157,14 @@ impl Reading<'_> {
         let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
         let places = instruction.positions.iter().filter_map(|place| valued.get(*place));
         let targets = places.map(|own| self.target(here, word, own.value)).collect();
+        let mut options = all.iter().flat_map(|own| &own.options);
+        let is_plain = options.all(|(name, _)| crate::reading::has("V Z INPOS WOBJ TLOAD", name));
+        let split = match word {
+            "MOVEL" if self.is_in_if => Err("an IF decides on it"),
+            "MOVEL" if is_plain => split(word, rest, valued.first().map(|own| &own.value)),
+            "MOVEL" => Err("it has options that are for it alone"),
+            _ => Err(NOT_SPLIT),
+        };
         let motion = Motion {
             file: here.file,
             line: here.line,
@@ -166,6 +174,7 @@ impl Reading<'_> {
             reads: instruction.reads,
             way: instruction.way(),
             is_blended: instruction.is_blended(&valued),
+            split,
             obstacle: self.obstacle(here, word, instruction, &all),
         };
         steps.push(self.common.moves(motion));

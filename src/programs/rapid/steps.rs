@@ -128,7 +128,9 @@ impl Reading<'_> {
         } else if let Some((_, value)) = assignment(inner) {
             self.common.reads(here, value);
         } else if !inner.peek_name().is_some_and(|word| is_word(&word)) {
+            self.is_in_if = true;
             self.call(here, inner, steps);
+            self.is_in_if = false;
         }
         steps.push(Step::EndIf);
     }

@@ -1,6 +1,6 @@
 use crate::tests::undone;
 use crate::write::{Command, applied, edits, marks};
-use crate::{Branch, Cell, File, Programs, Wanted, Way, read};
+use crate::{Branch, Cell, File, Further, Programs, Wanted, Way, read};
 
 fn cell() -> Cell {
     let text = "[frames]\nbase_frame = { found = \"surveyed\", place = { xyz_mm = [0.0, 0.0, 100.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] } }\n\
@@ -309,4 +309,33 @@ fn a_motion_leads_as_its_instruction_and_its_zone_say() {
     ];
     assert_eq!(found, expected);
     assert!(programs.paths[1..].iter().all(|path| path.from.is_some()));
+}
+
+#[test]
+fn further_points_have_the_turns_of_their_joints_and_the_axes_of_the_end() {
+    let other = "[[400,20,30],[0,0,1,0],[0,0,2,1],[9E9,9E+09,9E9,9E9,9E9,9E9]]";
+    let body = format!(
+        "MoveJ p10,v100,fine,tool1\\WObj:=wobj1;\r\n    MoveL {},v100\\V:=5,z10,tool1\\WObj:=wobj1; ! weld\r\n\
+         IF a\r\n MoveL p10,v100,z10,tool1\\WObj:=wobj1;\r\nMoveL p10\\ID:=5,v100,z10,tool1\\WObj:=wobj1;\r\n\
+         MoveL {other},v100,z10,tool1\\WObj:=wobj1;\r\nMoveL p10,v100,z10,tool1\\WObj:=wobj1;",
+        other.replace(",1],[9E9", ",0],[9E9")
+    );
+    let programs = programs(&body, "");
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    let options = "it has options that are for it alone";
+    assert_eq!(told[1..4], [Ok(()), Err("an IF decides on it"), Err(options)]);
+    assert_eq!(told[5], Err("cfx is another at its begin"));
+    let point = Further {
+        frame_from_tool: nalgebra::Isometry3::from_parts(
+            [200.0, 20.5, 30.0].into(),
+            crate::rapid::quaternion([0.0, 0.0, 1.0, 0.0]).unwrap(),
+        ),
+        joints: vec![1.0, 0.0, 0.0, -0.5, 0.0, 200.0],
+    };
+    let edit = programs.added(&programs.paths[1], &[point]).unwrap();
+    let expected = "    MoveL [[200.0000,20.5000,30.0000],[0.00000000,0.00000000,1.00000000,0.00000000],[0,-1,2,0],\
+                    [9E9,9E+09,9E9,9E9,9E9,9E9]],v100\\V:=5,z10,tool1\\WObj:=wobj1; ! added by posegrid\r\n";
+    assert_eq!(edit.text, expected);
+    let written = applied(&programs.files[0].bytes, std::slice::from_ref(&edit));
+    assert_eq!(undone(&written, &programs.files[0].bytes, &[edit]), programs.files[0].bytes);
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::commands::{compensate, file_of, lake, text_of};
+use super::commands::{Ended, compensate, file_of, lake, text_of};
 
 const PROGRAM: &[u8] = b"&ACCESS RVP\r\nDEF t()\r\n;gr\xfc\xdfe\r\n\
     $BASE = {X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}\r\n$TOOL = {X 25.0, Y -40.0, Z 100.0, A 0.0, B 0.0, C 0.0}\r\n\
@@ -16,21 +16,31 @@ const MACHINE: &str =
 const CELL: &str =
     "[frames]\n\"$ROBROOT\" = { found = \"surveyed\" }\n\"$TOOL\" = { found = \"surveyed\" }\n";
 
-/// The program's folder of a backup, corrected by the quickstart's arm.
-fn corrected(folder: &Path) {
+/// A backup with a program and the file of its cell, to be corrected by the quickstart's arm.
+fn write_cell(folder: &Path, program: &[u8], cell: &str) {
     fs::create_dir_all(folder.join("backup/R1")).expect("writable");
-    fs::write(folder.join("backup/R1/t.src"), PROGRAM).expect("writable");
+    fs::write(folder.join("backup/R1/t.src"), program).expect("writable");
     fs::write(folder.join("backup/$machine.dat"), MACHINE).expect("writable");
-    fs::write(folder.join("cell.toml"), CELL).expect("writable");
+    fs::write(folder.join("cell.toml"), cell).expect("writable");
+}
+
+fn correct(folder: &Path, out: &str, more: &[&str]) -> Ended {
     let arm = text_of(&file_of(lake(), "calibrations"));
-    let [backup, cell, out] = ["backup", "cell.toml", "out"].map(|own| text_of(&folder.join(own)));
+    let [backup, cell, out] = ["backup", "cell.toml", out].map(|own| text_of(&folder.join(own)));
     let mut args = vec![arm.as_str(), &backup, "--cell", &cell, "--points", "off-line"];
     args.extend(["--out", &out, "--no-record"]);
     for term in ["tool", "payload", "mounting", "base", "controller-model", "absolute-accuracy"] {
         args.extend(["--allow", term]);
     }
     args.extend(["--allow", "temperature"]);
-    let done = compensate(&args);
+    args.extend(more);
+    compensate(&args)
+}
+
+/// The program's folder of a backup, corrected by the quickstart's arm.
+fn corrected(folder: &Path) {
+    write_cell(folder, PROGRAM, CELL);
+    let done = correct(folder, "out", &[]);
     done.expect(0, &[]);
     let told = "between positions the arm leaves the wanted path by 0.0";
     assert!(done.results.contains(told), "{}", done.results);
@@ -58,4 +68,48 @@ fn undo_gives_the_programs_back_byte_for_byte() {
     assert!(!folder.join("other").exists());
     compensate(&["--undo", &out]).expect(2, &["give --out FOLDER"]);
     compensate(&["--undo", &out, "a.src", "--out", &other]).expect(2, &["cannot be used with"]);
+}
+
+/// A base that the nominal arm has where three points were touched.
+const TOUCHED: &[u8] =
+    b"DEF t()\r\n$BASE = {X 1683.000,Y -207.000,Z 961.000,A 15.0,B -2.0,C 1.0}\r\n\
+    $TOOL = {X 25.0, Y -40.0, Z 100.0, A 0.0, B 0.0, C 0.0}\r\n\
+    PTP {X 20.000,Y 20.000,Z 0.000,A 165.26838,B 11.02218,C -158.23900,S 2,T 34}\r\n\
+    LIN {X 240.000,Y 200.000,Z 10.000,A 165.26838,B 11.02218,C -158.23900} C_DIS\r\nEND\r\n";
+
+#[test]
+fn a_base_that_was_touched_is_corrected_where_it_really_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let taught = |points: &str| {
+        let arm = text_of(&file_of(lake(), "calibrations"));
+        let tool = "{ xyz_mm = [25, -40, 100], quaternion_xyzw = [0, 0, 0, 1] }";
+        format!(
+            "{CELL}[frames.\"$BASE\"]\ntaught_with = {arm:?}\ntool = {tool}\npoints = [{points}]\n"
+        )
+    };
+    write_cell(folder, TOUCHED, &taught(""));
+    let done = correct(folder, "none", &[]);
+    done.expect(1, &[]);
+    assert!(
+        done.results.contains("$BASE is taught with an arm: give its points"),
+        "{}",
+        done.results
+    );
+    let points = "{ joints_deg = [2.103, -78.244, 104.065, 24.911, 53.454, -13.304] }, \
+                  { joints_deg = [-0.206, -67.091, 88.902, 24.154, 57.979, -13.616] }, \
+                  { joints_deg = [-6.338, -79.497, 105.298, 26.018, 56.746, -21.659] }";
+    write_cell(folder, TOUCHED, &taught(points));
+    let done = correct(folder, "out", &["--densify", "0.001"]);
+    done.expect(0, &[]);
+    for told in ["$BASE was touched with the arm: it stands ", " points added before it"] {
+        assert!(done.results.contains(told), "{told}: {}", done.results);
+    }
+    let written = fs::read_to_string(folder.join("out/R1/t.src")).expect("there");
+    assert!(written.contains("} C_DIS ; added by posegrid\r\nLIN {X "), "{written}");
+    assert!(written.contains("$BASE = {X 1683.000,Y -207.000,Z 961.000,"), "{written}");
+    let [out, back] = ["out", "back"].map(|own| text_of(&folder.join(own)));
+    compensate(&["--undo", &out, "--out", &back]).expect(0, &["1 original files"]);
+    assert_eq!(fs::read(folder.join("back/R1/t.src")).expect("there"), TOUCHED);
+    correct(folder, "other", &["--densify", "0"]).expect(2, &["a length in mm, above 0"]);
 }

@@ -9,6 +9,7 @@
 //!
 //! What was replaced is recorded beside the files, and `--undo` gives the originals back from that (`undo`).
 
+mod densify;
 mod path;
 mod report;
 mod solve;
@@ -37,6 +38,7 @@ use crate::io::whole_file;
 use crate::programs::record::{RECORD, UndoError};
 use crate::programs::write::{Command, Edit, edits};
 use crate::programs::{Asked, Cell, File, Position, Programs};
+use densify::Corrections;
 use report::{Outcome, Report};
 use solve::Solver;
 use write::write;
@@ -61,6 +63,10 @@ pub struct ProgramArgs {
     /// The largest correction, mm; a position that needs more is refused
     #[arg(long, value_name = "MM")]
     pub largest: Option<f64>,
+    /// Write further points before straight motions (LIN, `MoveL`) that leave the wanted path by more than this between two corrected
+    /// positions, mm
+    #[arg(long, value_name = "MM")]
+    pub densify: Option<f64>,
     /// The form of the report on standard output
     #[arg(long, value_enum, default_value_t)]
     pub format: Format,
@@ -70,7 +76,7 @@ pub struct ProgramArgs {
 }
 
 /// The arguments that are for correcting.
-const CORRECTS: [&str; 15] = [
+const CORRECTS: [&str; 16] = [
     "table",
     "targets",
     "more",
@@ -85,6 +91,7 @@ const CORRECTS: [&str; 15] = [
     "points",
     "taught_on",
     "largest",
+    "densify",
     "format",
 ];
 
@@ -122,10 +129,13 @@ pub enum ProgramError {
     )]
     NotTaught,
     #[error(
-        "whole programs are corrected by table calibrations, which knows the arm in every orientation; give that one, or with --lake \
-             --by calibrations"
+        "whole programs are corrected by table calibrations: table compensation states neither the arm nor where its tool sits on the \
+             flange, so a program's tools and the turns of its joints cannot be held against it; give calibrations of the same run, or with \
+             --lake --by calibrations"
     )]
     Table,
+    #[error("--densify is a length in mm, above 0: 0.05 for one")]
+    Densify,
     #[error("programs are written into a new folder: give --out FOLDER")]
     NoOut,
     #[error("cannot read {0}")]
@@ -218,6 +228,9 @@ pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
 /// Corrects a program and writes it into its new folder.
 fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError> {
     let taught_on = args.taught_on()?;
+    if args.program.densify.is_some_and(|limit_mm| !(limit_mm.is_finite() && limit_mm > 0.0)) {
+        return Err(ProgramError::Densify.into());
+    }
     let out = args.out.clone().ok_or(ProgramError::NoOut)?;
     if out.exists() {
         return Err(CompensateCommandError::Exists(out));
@@ -241,9 +254,18 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
     let asked = asked(args, taught_on.as_ref(), &programs, &cell);
-    let Changes { outcomes, commands, edits } = corrected(&programs, &asked, &solver);
+    let Changes { outcomes, commands, mut edits } = corrected(&programs, &asked, &solver);
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
-    let report = Report::of(&programs, outcomes, deviations, solver.turns(), unread, frames);
+    let further = args.program.densify.map(|limit_mm| {
+        let known = Corrections { programs: &programs, asked: &asked, commands: &commands };
+        solver.further(limit_mm, &known, &deviations)
+    });
+    for own in further.iter().flatten() {
+        edits[programs.paths[own.path].file].extend(own.lines.clone());
+    }
+    let turns = solver.turns();
+    let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
+    report.add(further.unwrap_or_default());
     write(&programs, &edits, &out, arm)?;
     Ok((report, source))
 }

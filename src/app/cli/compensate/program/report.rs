@@ -5,6 +5,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::densify::Densified;
 use super::taught::FoundFrame;
 use crate::programs::Programs;
 
@@ -39,6 +40,10 @@ struct Motion {
     blended: bool,
     deviation_mm: Option<f64>,
     not_stated: Option<&'static str>,
+    /// Further points that are written before it; `deviation_mm` is with them.
+    points_added: usize,
+    /// Why it gets none though it leaves its path by more than was asked.
+    not_split: Option<String>,
 }
 
 /// All positions that motions use, in the order of files and lines.
@@ -95,9 +100,10 @@ impl Report {
             blended: path.is_blended,
             deviation_mm: deviation.ok(),
             not_stated: deviation.err(),
+            points_added: 0,
+            not_split: None,
         });
-        let mut motions: Vec<Motion> = motions.collect();
-        motions.sort_by(|one, other| (&one.file, one.line).cmp(&(&other.file, other.line)));
+        let motions = motions.collect();
         let mut report = Self {
             positions: lines.len(),
             corrected: 0,
@@ -123,6 +129,21 @@ impl Report {
             }
         }
         Self { lines, ..report }
+    }
+
+    /// Adds the further points of motions, and puts these in the order of their files.
+    pub(super) fn add(&mut self, further: Vec<Densified>) {
+        for own in further {
+            let motion = &mut self.motions[own.path];
+            match own.points {
+                Ok((points, deviation_mm)) => {
+                    motion.points_added = points;
+                    motion.deviation_mm = Some(deviation_mm);
+                }
+                Err(why) => motion.not_split = Some(why),
+            }
+        }
+        self.motions.sort_by(|one, other| (&one.file, one.line).cmp(&(&other.file, other.line)));
     }
 
     /// 0 where every position is corrected, 1 where none is, 3 otherwise.
@@ -180,6 +201,18 @@ impl fmt::Display for Report {
         }
         for name in &self.unread {
             writeln!(f, "{name}: not read: programs of this dialect are not corrected")?;
+        }
+        for own in &self.motions {
+            let Motion { file, line, instruction, points_added, .. } = own;
+            if let Some(why) = &own.not_split {
+                writeln!(f, "{file}, line {line}: {instruction}: gets no further points: {why}")?;
+            } else if *points_added > 0 {
+                let mm = own.deviation_mm.unwrap_or_default();
+                writeln!(
+                    f,
+                    "{file}, line {line}: {instruction}: {points_added} points added before it; it leaves its path by {mm:.3} mm with them"
+                )?;
+            }
         }
         for frame in &self.taught_frames {
             writeln!(f, "{frame}")?;
