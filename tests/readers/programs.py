@@ -1,0 +1,465 @@
+"""Whole robot programs on a robot of our own: what the user of a corrected program gets along its path, by a program that shares no code with it.
+
+    python tests/readers/programs.py target/debug/posegrid --seed 1 --seed 2
+
+For each seed an arm of `independent_arm.py` is recorded and identified as there. A part lies in its box, with a base that was surveyed or
+that was touched with this wrong arm (KUKA's three points, ABB's user frame likewise), and a program in KRL and one in RAPID move over it:
+joint motions, straight ones, circles. For each dialect and each way of finding the base
+1. `posegrid compensate` corrects the program;
+2. a small interpreter runs the original and the corrected text: the controller knows the nominal arm, moves its tool straight, on a circle
+   or by joints between the poses of the text in the base of its numbers, and sends the joints to the wrong arm;
+3. what the arm attains is held against the path that the original means on the part, at places along all of its motions.
+The program in a surveyed base is corrected once more with `--densify`, and has to keep to its path with the further points too.
+
+A line is printed for each. The exit code is 1 where a position is not corrected, where fewer than 95 % of the places of all seeds lie within
+the bound that the run promises of poses and what the report states between these, or where a program is worse after its correction than before. Of a base that was touched it is shown too what a
+correction that takes it as surveyed would leave.
+"""
+
+import argparse
+import pathlib
+import re
+import sys
+
+import duckdb
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import independent_arm as cell  # noqa: E402
+
+ROOT = cell.ROOT
+PLACES = 12  # along each motion
+PARTS = 4  # places of the part in the box of each arm: what is left of an arm's error is alike over one part
+DENSIFY_MM = 0.0005  # small enough that all straight motions get further points
+ADDED = "added by posegrid"
+ALLOW = "tool payload mounting base controller-model absolute-accuracy temperature".split()
+START = cell.HOME
+RAPID_NO = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+
+
+def pose(turned, place):
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = turned, place
+    return made
+
+
+def inverse(made):
+    back = made[:3, :3].T
+    return pose(back, -back @ made[:3, 3])
+
+
+def abc(degrees):
+    """Rz(A) Ry(B) Rx(C) of KUKA."""
+    a, b, c = np.radians(degrees)
+    return cell.turn([0, 0, 1], a) @ cell.turn([0, 1, 0], b) @ cell.turn([1, 0, 0], c)
+
+
+def as_abc(turned):
+    b = np.arctan2(-turned[2, 0], np.hypot(turned[0, 0], turned[1, 0]))
+    a, c = np.arctan2(turned[1, 0], turned[0, 0]), np.arctan2(turned[2, 1], turned[2, 2])
+    return np.degrees([a, b, c])
+
+
+def as_quaternion(turned):
+    """Real part first."""
+    vector = cell.rotation_vector(turned[None])[0]
+    angle = np.linalg.norm(vector)
+    axis = vector / angle if angle > 1e-12 else np.zeros(3)
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+
+
+def nominal():
+    arm = cell.Arm()
+    arm.tool = cell.TOOL
+    return arm
+
+
+def tool_pose(arm, joints):
+    turned, place = arm.tool_pose(np.asarray(joints)[None])
+    return pose(turned[0], place[0])
+
+
+def reach(arm, wanted, near):
+    """Joint angles of an arm for a pose of its tool, by Newton's steps from others."""
+    joints = np.array(near, float)
+
+    def off(at):
+        there = tool_pose(arm, at)
+        turned = cell.rotation_vector((there[:3, :3] @ wanted[:3, :3].T)[None])[0]
+        return np.concatenate([there[:3, 3] - wanted[:3, 3], turned * 1e3])
+
+    for _ in range(60):
+        error = off(joints)
+        if np.abs(error).max() < 1e-8:
+            return joints
+        columns = [(off(joints + step) - error) / 1e-6 for step in 1e-6 * np.eye(6)]
+        step = np.linalg.solve(np.stack(columns, axis=1), error)
+        joints = joints - step * min(1, 0.3 / np.abs(step).max())
+    raise SystemExit("the arm does not reach a pose of the program")
+
+
+def between(first, second, share):
+    """The shortest turn from one orientation to another, by a share of it, and the straight line between the places."""
+    vector = cell.rotation_vector((second[:3, :3] @ first[:3, :3].T)[None])[0]
+    angle = np.linalg.norm(vector)
+    turned = cell.turn(vector / angle, share * angle) if angle > 1e-12 else np.eye(3)
+    return pose(turned @ first[:3, :3], first[:3, 3] + share * (second[:3, 3] - first[:3, 3]))
+
+
+def on_circle(first, helper, last, share):
+    """A pose on the circle through three places, its orientation turned evenly from the first to the last."""
+    a, b = helper[:3, 3] - first[:3, 3], last[:3, 3] - first[:3, 3]
+    normal = np.cross(a, b)
+    centre = first[:3, 3] + np.cross(a @ a * b - b @ b * a, normal) / (2 * normal @ normal)
+    axis = normal / np.linalg.norm(normal)
+    start, end = first[:3, 3] - centre, last[:3, 3] - centre
+    angle = np.arctan2(axis @ np.cross(start, end), start @ end) % (2 * np.pi)
+    made = between(first, last, share)
+    made[:3, 3] = centre + cell.turn(axis, share * angle) @ start
+    return made
+
+
+# What an interpreter of either dialect gives: motions (joints | straight | circle | by joints, poses in the base).
+
+
+def numbers(text):
+    return [float(number) for number in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text)]
+
+
+def fields(text):
+    found = {name.upper(): float(value) for name, value in re.findall(r"\b([A-Z]\w*)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)", text, re.I)}
+    if "A1" in found:
+        return np.radians([found[f"A{joint}"] for joint in range(1, 7)])
+    return pose(abc([found["A"], found["B"], found["C"]]), [found[axis] for axis in "XYZ"])
+
+
+def read_krl(files):
+    """Base, tool and motions of a module: declared positions, literals in motions, BASE_DATA and TOOL_DATA by BAS."""
+    values = {}
+    for text in files.values():
+        for name, value in re.findall(r"^\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:\w+\s+)?([$\w]+(?:\[\d+\])?)\s*=\s*(\{[^}]*\})", text, re.M):
+            values[name.upper()] = fields(value)
+    base, tool, motions = None, None, []
+    (source,) = (text for name, text in files.items() if name.endswith(".src"))
+    further = []
+    for line in source.splitlines():
+        is_further = ADDED in line
+        line = line.split(";")[0].strip()
+        chosen = re.match(r"BAS\s*\(\s*#(BASE|TOOL)\s*,\s*(\d+)\s*\)", line)
+        if chosen and chosen[1] == "BASE":
+            base = values[f"BASE_DATA[{chosen[2]}]"]
+        elif chosen:
+            tool = values[f"TOOL_DATA[{chosen[2]}]"]
+        moved = re.match(r"(PTP|LIN|CIRC)\s+(.*?)(?:\s+C_(?:DIS|PTP))?$", line)
+        if moved:
+            given = re.findall(r"\{[^}]*\}|\w+", moved[2])
+            given = [fields(own) if own.startswith("{") else values[own.upper()] for own in given]
+            word = {"PTP": "by joints", "LIN": "straight", "CIRC": "circle"}[moved[1]]
+            given = further + given
+            further = given if is_further else []
+            if not is_further:
+                motions.append(("joints" if given[0].ndim == 1 else word, given))
+    return base, tool, motions
+
+
+def brackets(text):
+    """Nested lists of a RAPID aggregate, as numbers."""
+    return eval(re.sub(r"\b(TRUE|FALSE)\b", lambda own: own[0].title(), text), {"__builtins__": {}})
+
+
+def of_quaternion(parts):
+    return cell.quaternion_turn(np.array([*parts[1:], parts[0]]))
+
+
+def read_rapid(files):
+    (text,) = (text for name, text in files.items() if name.endswith(".mod"))
+    text = "\n".join(line.split("!")[0] for line in text.replace(f"; ! {ADDED}", " ADDED;").splitlines())
+    values = {name.lower(): brackets(value) for name, value in re.findall(r"(?:CONST|PERS)\s+\w+\s+(\w+)\s*:=\s*(\[[^;]*\]);", text)}
+
+    def point(own):
+        own = brackets(own) if own.startswith("[") else values[own.lower()]
+        return np.radians(own[0]) if len(own) == 2 else pose(of_quaternion(own[1]), own[0])
+
+    base, tool, motions, further = None, None, [], []
+    for word, rest in re.findall(r"^\s*(MoveAbsJ|MoveJ|MoveL|MoveC)\s+([^;]*);", text, re.M):
+        is_further, rest = rest.endswith(" ADDED"), rest.removesuffix(" ADDED")
+        parts = re.split(r",(?![^\[]*\])", re.sub(r"\\WObj:=(\w+)", r",\1", rest))
+        count = 2 if word == "MoveC" else 1
+        *_, tool_name, object_name = parts
+        frame = values[tool_name.lower()][1]
+        tool = pose(of_quaternion(frame[1]), frame[0])
+        user, inner = values[object_name.lower()][3:5]
+        base = pose(of_quaternion(user[1]), user[0]) @ pose(of_quaternion(inner[1]), inner[0])
+        way = {"MoveAbsJ": "joints", "MoveJ": "by joints", "MoveL": "straight", "MoveC": "circle"}[word]
+        given = further + [point(own) for own in (rest_points(rest) if "[" in rest else parts[:count])]
+        further = given if is_further else []
+        if not is_further:
+            motions.append((way, given))
+    return base, tool, motions
+
+
+def rest_points(rest):
+    """Positions that stand in their instruction."""
+    found, depth, begin = [], 0, 0
+    for at, sign in enumerate(rest):
+        if sign == "[":
+            begin = at if depth == 0 else begin
+            depth += 1
+        elif sign == "]":
+            depth -= 1
+            if depth == 0:
+                found.append(rest[begin : at + 1])
+    return found
+
+
+def run(motions, base):
+    """Joints that the controller sends, at places along each motion: it has the nominal arm, and its base stands where `base` says."""
+    arm, joints, sent = nominal(), START, []
+    for way, points in motions:
+        first, begin = tool_pose(arm, joints), joints
+        if way == "joints":
+            end = points[0]
+        else:
+            poses = [base @ own for own in points]
+            end = reach(arm, poses[-1], joints)
+        for number in range(1, PLACES + 1):
+            share = number / PLACES
+            if way in ("joints", "by joints"):
+                joints = begin + share * (end - begin)
+            elif way == "straight":
+                # Further points cut the way into equal shares.
+                corners, along = [first, *poses], share * len(poses)
+                corner = min(int(along), len(poses) - 1)
+                joints = reach(arm, between(corners[corner], corners[corner + 1], along - corner), joints)
+            else:
+                joints = reach(arm, on_circle(first, *poses, share), joints)
+            sent.append(joints)
+    return np.array(sent)
+
+
+# Programs.
+
+
+def points(generator, part):
+    """Poses of a program in its base, mm: a frame of 240 × 240 mm on the part, its circle, and how the tool stands on it."""
+    turned = part[:3, :3].T @ cell.quaternion_turn(cell.ORIENTATION)
+    flat = [(20, 20), (240, 20), (240, 240), (130, 260), (20, 240), (60, 130), (200, 120)]
+    return [pose(turned, [x + generator.uniform(-15, 15), y + generator.uniform(-15, 15), generator.uniform(-20, 40)]) for x, y in flat]
+
+
+WAYS = [("by joints", [0]), ("straight", [1]), ("straight", [2]), ("circle", [3, 4]), ("by joints", [5]), ("straight", [6]), ("straight", [0])]
+
+
+def krl_pose(own, joints=None, decimals=3):
+    a, b, c = as_abc(own[:3, :3])
+    x, y, z = own[:3, 3]
+    text = f"X {x:.{decimals}f},Y {y:.{decimals}f},Z {z:.{decimals}f},A {a:.5f},B {b:.5f},C {c:.5f}"
+    if joints is not None:
+        # Bit 1 of S: axis 3 beyond the stretched arm; bit 2: A5 negative. T: the joints that are negative.
+        status = 2 * int(joints[2] > 0) + 4 * int(joints[4] < 0)
+        text += f",S {status},T {sum(1 << joint for joint in range(6) if joints[joint] < 0)}"
+    return "{" + text + "}"
+
+
+def write_krl(poses, base, start):
+    joints = [reach(nominal(), base @ own, START) for own in poses]
+    begin = ",".join(f"A{joint + 1} {degrees:.4f}" for joint, degrees in enumerate(np.degrees(start)))
+    lines = ["&ACCESS RVP", "DEF part( )", "BAS(#BASE,1)", "BAS(#TOOL,1)", f"PTP {{{begin}}}"]
+    for number, (way, which) in enumerate(WAYS):
+        word = {"by joints": "PTP", "straight": "LIN", "circle": "CIRC"}[way]
+        # Some positions are declared, some written out; the second visit of one is one of the declared.
+        given = [f"XP{own}" if own < 4 else krl_pose(poses[own], joints[own] if way == "by joints" else None) for own in which]
+        lines.append(f"{word} {','.join(given)}  ; motion {number}")
+    declared = [f"DECL E6POS XP{own}={krl_pose(poses[own], joints[own])}" for own in range(4)]
+    frame = lambda own: krl_pose(own, decimals=4)
+    return {
+        "part.src": "\r\n".join([*lines, "END", ""]),
+        "part.dat": "\r\n".join(["DEFDAT part", *declared, "ENDDAT", ""]),
+        "$config.dat": "\r\n".join(
+            ["DEFDAT $CONFIG", f"BASE_DATA[1]={frame(base)}", f"TOOL_DATA[1]={frame(pose(np.eye(3), cell.TOOL))}", "ENDDAT", ""]
+        ),
+        "$machine.dat": f"DEFDAT $MACHINE PUBLIC\r\n$ROBROOT={frame(np.eye(4))}\r\nENDDAT\r\n",
+    }
+
+
+def rapid_frame(own, decimals=4):
+    q = as_quaternion(own[:3, :3])
+    return f"[[{','.join(f'{x:.{decimals}f}' for x in own[:3, 3])}],[{','.join(f'{x:.8f}' for x in q)}]]"
+
+
+def rapid_pose(own, joints):
+    quarters = [int(np.floor(np.degrees(joints[joint]) / 90)) for joint in (0, 3, 5)]
+    return f"[{rapid_frame(own, 3)[1:-1]},[{','.join(map(str, quarters))},0],{RAPID_NO}]"
+
+
+def write_rapid(poses, base, start):
+    joints = [reach(nominal(), base @ own, START) for own in poses]
+    begin = f"[[{','.join(f'{degrees:.4f}' for degrees in np.degrees(start))}],{RAPID_NO}]"
+    lines = ["MODULE Part"]
+    lines.append(f"  PERS tooldata tTip:=[TRUE,{rapid_frame(pose(np.eye(3), cell.TOOL))},[1,[0,0,1],[1,0,0,0],0,0,0]];")
+    lines.append(f'  PERS wobjdata wPart:=[FALSE,TRUE,"",{rapid_frame(base)},[[0,0,0],[1,0,0,0]]];')
+    lines += [f"  CONST robtarget p{own}:={rapid_pose(poses[own], joints[own])};" for own in range(4)]
+    lines += ["  PROC main()", f"    MoveAbsJ {begin},v100,fine,tTip\\WObj:=wPart;"]
+    for way, which in WAYS:
+        word = {"by joints": "MoveJ", "straight": "MoveL", "circle": "MoveC"}[way]
+        declared = all(own < 4 for own in which)
+        given = [f"p{own}" if declared else rapid_pose(poses[own], joints[own]) for own in which]
+        lines.append(f"    {word} {','.join(given)},v100,fine,tTip\\WObj:=wPart;")
+    return {"part.mod": "\r\n".join([*lines, "  ENDPROC", "ENDMODULE", ""])}
+
+
+DIALECTS = {"KRL": (write_krl, read_krl, "BASE_DATA[1]", "TOOL_DATA[1]"), "RAPID": (write_rapid, read_rapid, "wPart.uframe", "tTip")}
+
+
+def touch(arm, part, is_rapid):
+    """The base of three points that the arm really touches: its numbers at the controller, and each point in the file of the cell: of KRL
+    by the joints that the pendant shows, of RAPID by the pose."""
+    ends = [[40, 0, 0], [260, 0, 0], [0, 240, 0]] if is_rapid else [[0, 0, 0], [260, 0, 0], [30, 240, 0]]
+    turned = cell.quaternion_turn(cell.ORIENTATION)
+    joints = [reach(arm, pose(turned, (part @ [*end, 1])[:3]), START) for end in ends]
+    one, two, three = (tool_pose(nominal(), own)[:3, 3] for own in joints)
+    x = (two - one) / np.linalg.norm(two - one)
+    z = np.cross(x, three - one)
+    z /= np.linalg.norm(z)
+    # ABB's y-axis goes through the third point.
+    origin = one + x * (x @ (three - one)) if is_rapid else one
+    written = [stated_pose(own) if is_rapid else f"{{ joints_deg = {[float(q) for q in np.round(np.degrees(own), 3)]} }}" for own in joints]
+    return pose(np.stack([x, np.cross(z, x), z], axis=1), origin), written
+
+
+def stated_pose(joints):
+    shown = tool_pose(nominal(), joints)
+    w, x, y, z = as_quaternion(shown[:3, :3])
+    place = ", ".join(f"{mm:.2f}" for mm in shown[:3, 3])
+    quarters = ", ".join(str(int(np.floor(np.degrees(joints[joint]) / 90))) for joint in (0, 3, 5))
+    return f"{{ pose = {{ xyz_mm = [{place}], quaternion_xyzw = [{x:.8f}, {y:.8f}, {z:.8f}, {w:.8f}] }}, cf = [{quarters}, 0] }}"
+
+
+def cell_file(dialect, calibration, points):
+    _, _, base, tool = DIALECTS[dialect]
+    identity = "{ xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }"
+    lines = [] if dialect == "KRL" else [f'[frames.base_frame]\nfound = "surveyed"\nplace = {identity}']
+    lines.append(f'[frames."{tool}"]\nfound = "surveyed"')
+    if points is None:
+        lines.append(f'[frames."{base}"]\nfound = "surveyed"')
+    else:
+        touched = ", ".join(points)
+        tip = f"{{ xyz_mm = {[float(x) for x in cell.TOOL]}, quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }}"
+        lines.append(f'[frames."{base}"]\ntaught_with = "{calibration}"\ntool = {tip}\npoints = [{touched}]')
+    return "\n".join(lines) + "\n"
+
+
+def corrected(binary, folder, dialect, files, calibration, touched, name, more=()):
+    """The files of the program as posegrid corrects them, and what it says."""
+    given = folder / f"{name}-given"
+    given.mkdir(parents=True)
+    for own, text in files.items():
+        (given / own).write_bytes(text.encode())
+    (folder / f"{name}.toml").write_text(cell_file(dialect, calibration, touched))
+    arguments = [binary, "compensate", calibration, given, "--cell", folder / f"{name}.toml", "--points", "off-line", "--no-record"]
+    arguments += ["--out", folder / name, *(word for own in ALLOW for word in ("--allow", own)), *more]
+    said = cell.command(arguments, {0})
+    changed = {own.name: own.read_bytes().decode() for own in (folder / name).iterdir() if own.name in files}
+    return {**files, **changed}, said
+
+
+def loop(binary, folder, seed, options):
+    """One arm: measured, identified, and its programs run. Of each dialect and base the distances from the path before and after, which of the
+    latter are within the bound, and the distances with a touched base taken as surveyed."""
+    generator = np.random.default_rng(seed)
+    arm, session = cell.Arm(generator), f"arm-{seed}"
+    cell.record(arm, generator, folder / "recordings" / session, options.pitch)
+    cell.command([binary, "run", cell.pipeline(folder, session, [])], {0, 3})
+    (calibration,) = (folder / "lake/calibrations").glob(f"*/{session}/*.parquet")
+    (bound,) = duckdb.sql(
+        f"SELECT value FROM read_parquet('{folder}/lake/accuracy/*/{session}/*.parquet') WHERE split = 'blocks' AND model = 'full' "
+        "AND angles = 'commanded' AND base_refit = 'none' AND moment = 'after' AND name = 'bound'"
+    ).fetchall()[0]
+    done = {}
+    for number in range(PARTS):
+        name = f"{session}-{number}"
+        for key, own in corrected_part(binary, folder, arm, generator, calibration, bound, name, options).items():
+            done.setdefault(key, []).append(own)
+    found = {}
+    for key, parts in done.items():
+        before, after, is_within, surveyed = found[key] = [np.concatenate(own) for own in zip(*parts)]
+        extra = "" if not len(surveyed) else f", taken as surveyed {surveyed.mean():.3f}"
+        within = f"{100 * is_within.mean():.1f} % within {bound:.3f}"
+        print(f"| {seed} | {key[0]} | {key[1]} | {before.mean():.3f} | {after.mean():.3f}{extra} | {within} |", flush=True)
+    return found
+
+
+def corrected_part(binary, folder, arm, generator, calibration, bound, name, options):
+    """Programs over a part: of each dialect and base the distances from the path before and after, which of the latter are within the bound and
+    what the report states between positions, and the distances with a touched base taken as surveyed."""
+    turned = cell.euler([generator.uniform(-3, 3), generator.uniform(-3, 3), generator.uniform(-40, 40)])
+    part = pose(turned, cell.LOW + cell.SIZE * generator.uniform([0.35, 0.3, 0.2], [0.6, 0.6, 0.8]))
+    poses = points(generator, part)
+    done = {}
+    for dialect, (write, read, *_) in DIALECTS.items():
+        touched, points_touched = touch(arm, part, dialect == "RAPID")
+        for how, base, taught in (("surveyed", part, None), ("taught", touched, points_touched)):
+            files = write(poses, base, START)
+            own_base, tool, motions = read(files)
+            assert np.allclose(tool[:3, 3], cell.TOOL)
+            # What the program means: the nominal arm with the base on the part.
+            meant = nominal().tool_pose(run(motions, part))[1]
+            off = lambda motions: np.linalg.norm(driven(arm, generator, motions, own_base) - meant, axis=1)[PLACES:]
+
+            def after(taught, name, *more):
+                text, said = corrected(binary, folder, dialect, files, calibration, taught, name, more)
+                if options.verbose:
+                    print(said)
+                base_after, _, motions_after = read(text)
+                assert np.array_equal(base_after, own_base), "the numbers of a frame changed"
+                between = float(re.search(r"leaves the wanted path by ([\d.]+) mm at most", said)[1])
+                return off(motions_after), between, sum(own.count(ADDED) for own in text.values())
+
+            own = f"{name}-{dialect}-{how}"
+            before, (left, between, _) = off(motions), after(taught, own)
+            surveyed = np.array([]) if taught is None else after(None, f"{own}-as-surveyed")[0]
+            done[dialect, how] = before, left, left <= bound + between, surveyed
+            if taught is None:
+                dense, between, added = after(None, f"{own}-dense", "--densify", DENSIFY_MM)
+                assert added, "no further points"
+                done[dialect, "densified"] = before, dense, dense <= bound + between, surveyed
+    return done
+
+
+def driven(arm, generator, motions, base):
+    """Places of the tool where the wrong arm is sent along the motions."""
+    joints = run(motions, base)
+    return arm.tool_pose(joints + generator.normal(0, cell.REPEATABILITY, joints.shape))[1]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("binary", type=pathlib.Path, help="posegrid")
+    parser.add_argument("--seed", type=int, action="append", help="an arm; may be given several times")
+    parser.add_argument("--folder", type=pathlib.Path, default=ROOT / "target/programs", help="a new folder to work in")
+    parser.add_argument("--pitch", type=float, default=120.0, help="pitch of the measured stations, mm")
+    parser.add_argument("--verbose", action="store_true", help="print what each correction says")
+    options = parser.parse_args()
+    folder = options.folder.resolve()
+    folder.mkdir(parents=True)
+    print("mean distance from the path on the part, mm")
+    print("| seed | dialect | base | before | after | along the path |")
+    seeds = options.seed or [1]
+    done = [loop(options.binary.resolve(), folder, seed, options) for seed in seeds]
+    wrong = []
+    for key in done[0]:
+        within = np.concatenate([own[key][2] for own in done]).mean()
+        print(f"{' '.join(key)}: {100 * within:.1f} % of the places along the paths of {len(seeds)} arms within their bounds")
+        if within < 0.95:
+            wrong.append(f"{' '.join(key)}: {100 * within:.1f} % of the places are within their bounds, asked 95 %")
+        for seed, own in zip(seeds, done):
+            before, after, _, surveyed = own[key]
+            if after.mean() > before.mean() or (len(surveyed) and after.mean() > surveyed.mean()):
+                wrong.append(f"seed {seed}, {' '.join(key)}: {after.mean():.3f} mm after, {before.mean():.3f} mm before")
+    for problem in wrong:
+        print(problem, file=sys.stderr)
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
