@@ -1,7 +1,7 @@
 //! The model of a training's rounds: without harmonics that add next to nothing.
 //!
 //! The prior variance of a curve's harmonics falls with their order, and a round's work grows with the cube of its columns. The highest
-//! harmonics that together add less than a hundredth of a station's noise variance are determined by no station: they move neither
+//! harmonics that together add less than half a percent of a station's noise variance are determined by no station: they move neither
 //! sizes nor residuals. They leave all rounds but the last, whose posterior has them all.
 
 use super::columns::unknown_variances;
@@ -12,7 +12,7 @@ use super::settings::FullSettings;
 use super::whitening::noise_factor;
 
 /// The share of a station's noise variance that may leave.
-const NEGLIGIBLE: f64 = 0.01;
+const NEGLIGIBLE: f64 = 0.005;
 /// Stations that show how far joints move the target, evenly chosen.
 const SHOWN: usize = 64;
 
