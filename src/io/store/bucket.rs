@@ -161,6 +161,11 @@ impl Bucket {
             if digest.as_deref() == tag || digest == before {
                 return Ok(());
             }
+            if let Some(tag) = tag
+                && whole::is_of_parts(file, listed.bytes, tag).map_err(no_temporary)?
+            {
+                return Ok(());
+            }
             before = digest;
         }
         Err(trouble::changed("read", self.place(&listed.key)))

@@ -3,8 +3,9 @@
 //! A listing that is cut, or a web page in its place, would be read as an empty one; it is asked for again, as if no answer had come.
 
 use std::fmt::Write as _;
+use std::fs::File;
 use std::future::Future;
-use std::io;
+use std::io::{self, Read as _, Seek as _};
 use std::pin::Pin;
 
 use md5::{Digest as _, Md5};
@@ -96,8 +97,39 @@ impl Digest {
     }
 }
 
+/// Parts that other programs upload in, MiB.
+const USUAL_PARTS_MIB: [u64; 12] = [5, 8, 10, 15, 16, 20, 25, 32, 50, 64, 100, 128];
+
+/// Whether `tag` is that of an object of these bytes that was put in parts of a usual size, of which it states the number.
+pub(super) fn is_of_parts(file: &mut File, bytes: u64, tag: &str) -> io::Result<bool> {
+    let Some(number) = tag.rsplit_once('-').and_then(|(_, number)| number.parse::<u64>().ok())
+    else {
+        return Ok(false);
+    };
+    let usual = USUAL_PARTS_MIB.map(|mib| mib << 20).into_iter();
+    for part in usual.filter(|part| bytes.div_ceil(*part) == number) {
+        if of_parts(file, part)?.text() == tag {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+fn of_parts(file: &mut File, part: u64) -> io::Result<Digest> {
+    let mut digest = Digest { md5: Md5::default(), parts: Some(0) };
+    let mut block = Vec::new();
+    file.rewind()?;
+    while file.by_ref().take(part).read_to_end(&mut block)? > 0 {
+        digest.add(&block);
+        block.clear();
+    }
+    Ok(digest)
+}
+
 #[cfg(test)]
 mod tests {
+    use std::io::Write as _;
+
     use super::*;
 
     #[test]
@@ -121,5 +153,21 @@ mod tests {
         assert!(judged(&[b"a", b"b"], "\"187ef4436122d1cc2f40dc2b92f0eba0\""));
         assert!(!judged(&[b"a", b"c"], "\"187ef4436122d1cc2f40dc2b92f0eba0\""));
         assert!(judged(&[b"a", b"b"], "\"96e024ba2074fe77e8e965ba43a704be-2\""));
+    }
+
+    #[test]
+    fn an_object_in_parts_of_another_program_is_known_by_its_tag() {
+        let bytes = vec![7; 11 << 20];
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(&bytes).unwrap();
+        let mut parts = Digest::like(Some("a-3"));
+        bytes.chunks(5 << 20).for_each(|part| parts.add(part));
+        let tag = parts.text();
+        let mut known = |tag: &str| is_of_parts(&mut file, 11 << 20, tag).unwrap();
+        assert!(tag.ends_with("-3") && known(&tag));
+        assert!(!known(&tag.replace("-3", "-2")) && !known("96e024ba2074fe77e8e965ba43a704be"));
+        file.rewind().unwrap();
+        file.write_all(b"8").unwrap();
+        assert!(!is_of_parts(&mut file, 11 << 20, &tag).unwrap());
     }
 }
