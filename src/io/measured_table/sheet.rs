@@ -213,8 +213,42 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
             let problem = "it states more texts than it has bytes for; save it anew";
             return Err(MeasuredTableErrorKind::Spreadsheet(problem.to_owned()));
         }
+        if name.contains("worksheets/")
+            && let Some(odd) = odd_reference(&unpacked)
+        {
+            let problem = format!("it has cells at {odd:?}, where no sheet has any; save it anew");
+            return Err(MeasuredTableErrorKind::Spreadsheet(problem));
+        }
     }
     Ok(())
+}
+
+/// The first reference of a cell, row or block that no sheet has: of more letters or digits than XFD1048576, or from an end to a start.
+fn odd_reference(part: &[u8]) -> Option<String> {
+    let after = |key: &'static [u8]| {
+        let places = part.windows(key.len()).enumerate().filter(move |(_, own)| *own == key);
+        places.map(move |(at, _)| &part[at + key.len()..])
+    };
+    let value = |rest: &[u8]| -> Vec<u8> {
+        rest.iter().copied().take(64).take_while(|byte| *byte != b'"').collect()
+    };
+    let mut references = after(b" r=\"").chain(after(b" ref=\"")).map(value);
+    let odd = references.find(|reference| {
+        let ends: Option<Vec<_>> = reference.split(|byte| *byte == b':').map(corner).collect();
+        ends.is_none_or(|ends| {
+            ends.windows(2).any(|own| own[0].0 > own[1].0 || own[0].1 > own[1].1)
+        })
+    });
+    odd.map(|odd| String::from_utf8_lossy(&odd).into_owned())
+}
+
+/// Column and row of a reference, to be compared; `None` beyond the ends of any sheet.
+fn corner(reference: &[u8]) -> Option<((usize, &[u8]), u32)> {
+    let letters = reference.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
+    let (column, row) = reference.split_at(letters);
+    let row = str::from_utf8(row).ok()?;
+    let is_within = letters <= 3 && row.len() <= 7;
+    is_within.then(|| ((letters, column), row.parse().unwrap_or(0)))
 }
 
 /// The largest number of texts that a part of a workbook states; room for so many is made before they are read.

@@ -150,6 +150,20 @@ fn dates_formulas_and_numbers_typed_as_text() {
 }
 
 #[test]
+fn cells_beyond_the_ends_of_a_sheet_are_refused_before_they_are_read() {
+    let refused = |rows: &str| {
+        let told = read(&workbook(&[("S", rows)]), &Form::default()).unwrap_err();
+        told.contains("where no sheet has any")
+    };
+    assert!(refused("<row r=\"1\"><c r=\"ZZZZZZZZZZ1\"><v>1</v></c></row>"));
+    assert!(refused("<row r=\"1\"><c r=\"A99999999999999999999\"><v>1</v></c></row>"));
+    assert!(refused("<row r=\"18446744073709551616\"><c><v>1</v></c></row>"));
+    let odd = |reference: &str| odd_reference(format!("<d ref=\"{reference}\"/>").as_bytes());
+    assert_eq!(odd("XFD1048576:A1").as_deref(), Some("XFD1048576:A1"));
+    assert_eq!([odd("A9:B10"), odd("Z1:AA1"), odd("A1"), odd("$A$1:B2")], [None, None, None, None]);
+}
+
+#[test]
 fn cells_far_away_and_packed_bombs_take_no_memory() {
     let far = "<row r=\"1\"><c r=\"A1\"><v>1</v></c><c r=\"B1\"><v>2</v></c></row>\
                <row r=\"1048576\"><c r=\"XFD1048576\"><v>1</v></c></row>";
