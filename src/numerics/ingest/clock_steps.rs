@@ -2,7 +2,8 @@
 //!
 //! 1. Successive stamps are one run while they go on as the recorder's times do, within [`SLACK_NS`]. Where a stamp goes back, or on by
 //!    more than the recorder's times, another run begins.
-//! 2. A run of few stamps that is away from the longest one by more than [`FAR_NS`] is no time: the header was not set, or is damaged.
+//! 2. A run of few stamps that is away from the longest one by more than [`FAR_NS`] is no time: the header was not set, or is damaged. So
+//!    are stamps behind which the run before them goes on, however often.
 //! 3. A later run that is ahead by another time than the run before it begins with a step of the clock. Where the recorder's times stepped
 //!    too, a step back shows in stamps that cover a time for the second time; messages that are only late cover it once.
 //!
@@ -23,6 +24,8 @@ const FAR_NS: i64 = 600_000_000_000;
 const FEW: f64 = 0.05;
 /// More runs than this are disorder, and say nothing of the clock.
 const MOST_RUNS: usize = 64;
+/// More places at which a few stamps are no times are disorder too.
+const MOST_STRAYS: usize = 1 << 12;
 /// Latest stamps that are kept to see which of them a step back covers again.
 const LATEST: usize = 1 << 16;
 /// Share of a file's rows that steps which undo each other have between them at most: those are late messages.
@@ -182,6 +185,8 @@ pub(super) struct Runs {
     last_logged: i64,
     latest: VecDeque<i64>,
     rows: u64,
+    /// Rows with stamps far from those before and behind them.
+    strays: Vec<Range<u64>>,
     is_disordered: bool,
 }
 
@@ -199,7 +204,24 @@ impl Runs {
         }
     }
 
+    /// Takes the last run out where it has few stamps, far from those before, and the run before it goes on with this row.
+    fn take_stray_out(&mut self, stamp: i64, logged: i64) {
+        let [.., before, last] = &self.all[..] else {
+            return;
+        };
+        let away = last.ahead.0.saturating_sub(before.ahead.1).saturating_abs();
+        let is_clock = before.last != 0 && before.count() > last.count();
+        let goes_on = before.is_followed(stamp, logged.saturating_sub(before.logged.1));
+        if last.count() <= OPENING && away > FAR_NS && is_clock && goes_on {
+            self.strays.push(last.rows.0..last.rows.1);
+            self.last_logged = before.logged.1;
+            self.all.pop();
+            self.is_disordered = self.strays.len() == MOST_STRAYS;
+        }
+    }
+
     fn push_row(&mut self, block: u64, stamp: i64, logged: i64) {
+        self.take_stray_out(stamp, logged);
         let before = self.all.iter().rev().nth(1).map(|run| run.last);
         let ahead = stamp.saturating_sub(logged);
         match self.all.last_mut() {
@@ -246,6 +268,7 @@ impl Runs {
         };
         let (far, times): (Vec<&Run>, Vec<&Run>) = self.all.iter().partition(is_far);
         let rows = far.into_iter().map(|run| run.rows.0..run.rows.1);
+        let rows = rows.chain(self.strays.iter().cloned());
         found.no_times = rows.map(|rows| (file.to_owned(), topic.to_owned(), rows)).collect();
         for pair in times.windows(2) {
             if let Some(by_ns) = pair[1].step_after(pair[0], (interval, is_timed)) {
@@ -336,6 +359,10 @@ mod tests {
         assert_eq!((one.steps.len(), &one.no_times[0].2), (0, &(900..901)));
         let first = found(|row| (if row < 60 { 0 } else { at(row) }, at(row) + 5));
         assert_eq!((first.steps.len(), &first.no_times[0].2), (0, &(0..60)));
+        // One message of ten, the first one too.
+        let often = found(|row| (if row % 10 == 0 { 0 } else { at(row) }, at(row) + 5));
+        assert_eq!((often.steps.len(), often.no_times.len()), (0, 200));
+        assert!(often.no_times.iter().all(|(_, _, rows)| rows.start % 10 == 0));
     }
 
     #[test]
