@@ -51,7 +51,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let (shown, none): (Vec<Of>, Vec<Of>) = subjects.into_iter().partition(has_value);
     Some(html! {
         p {
-            "Figures of ISO 9283, of poses that were commanded more than once: AP is how far the mean of the visits is from the command, "
+            "Figures of ISO 9283, of poses that were visited more than once: AP is how far the mean of the visits is from the command, "
             "RP how far visits are from each other. Where a pose has fewer visits than the standard asks for, the figure is not the "
             "standard's. Load, speed and positions of the poses are those of the session, not those that the standard asks for."
         }

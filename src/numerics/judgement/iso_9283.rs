@@ -87,27 +87,37 @@ impl Sources<'_> {
         let finds = |station: &Station| finders.is_some_and(|own| own.contains(&station.number));
         let judged = paired(session).filter(|(station, _, _)| !finds(station));
         let attained = judged.filter_map(|(station, command, reading)| {
-            let command = command?;
+            let commanded = match command {
+                Some(command) => command.position,
+                None if visits.says == Says::Repeatability => {
+                    error_frame.nominal_tool(&station.joints).translation.vector.into()
+                }
+                None => return None,
+            };
             let position = error_frame.attained_tool(&station.joints, reading)?;
+            let turn = command.and_then(|command| command.orientation);
             let orientation = error_frame.measured_flange(reading).map(|flange| Orientation {
-                commanded: command.orientation.filter(|_| session.commanded.trust.agrees()),
+                commanded: turn.filter(|_| session.commanded.trust.agrees()),
                 attained: flange * error_frame.flange_from_tool().rotation,
             });
-            Some((station.number, (command.position, position, orientation)))
+            Some((station.number, (commanded, position, orientation)))
         });
         let attained: BTreeMap<usize, At> = attained.collect();
         let visited = visits.visited(&attained);
         let figures = if visited.is_empty() {
             iso_9283::none(&visits.why_none())
         } else {
-            iso_9283::figures(&visited, Says::Everything)
+            iso_9283::figures(&visited, visits.says)
         };
         Iso9283 {
             subject: Subject {
                 split: if finders.is_some() { Split::Session } else { Split::None },
                 of_session: session.name.clone(),
                 model: Model::BaseTarget,
-                angles: Angles::Commanded,
+                angles: match visits.says {
+                    Says::Repeatability => Angles::Reported,
+                    _ => Angles::Commanded,
+                },
                 base_refit: match finders {
                     Some(_) => self.judges.settings.locate.base_refit(),
                     None => BaseRefit::None,
@@ -210,17 +220,20 @@ fn paired(
 /// The dwells of a session with the poses they went to.
 struct Visits<'s> {
     session: &'s JoinedSession,
-    /// For each station with a command the index of the first one at its pose.
+    /// For each station with a command, in a session without any for each, the index of the first one at its pose.
     poses: Vec<Option<usize>>,
+    /// What they can show: repeatability alone where no station has a command.
+    says: Says,
 }
 
 impl<'s> Visits<'s> {
     fn of(session: &'s JoinedSession) -> Self {
         let commanded = &session.commanded;
+        let has_commands = commanded.poses.iter().any(Option::is_some);
         let visits = commanded.poses.iter().zip(&commanded.visits);
-        let poses = visits.map(|(command, &pose)| command.is_some().then_some(pose));
-        let poses = poses.collect();
-        Self { session, poses }
+        let poses = visits.map(|(own, &pose)| (own.is_some() || !has_commands).then_some(pose));
+        let says = if has_commands { Says::Everything } else { Says::Repeatability };
+        Self { session, poses: poses.collect(), says }
     }
 
     /// The poses with two or more of these stations, each by its number.
@@ -253,9 +266,8 @@ impl<'s> Visits<'s> {
     /// The reason why there is no pose with two visits.
     fn why_none(&self) -> String {
         let commanded = self.poses.iter().flatten().count();
-        if commanded == 0 {
-            return "no station has a command, and visits of one pose are found by their command"
-                .to_owned();
+        if self.says == Says::Repeatability {
+            return "no station has a command, and no pose was measured twice: no two stations have joints within 0.1°".to_owned();
         }
         let firsts = self.poses.iter().enumerate();
         let poses = firsts.filter(|(place, pose)| Some(*place) == **pose).count();

@@ -138,6 +138,11 @@ impl Characteristic {
     pub const fn is_angle(self) -> bool {
         matches!(self, Self::ApA | Self::ApB | Self::ApC | Self::RpA | Self::RpB | Self::RpC)
     }
+
+    /// Whether it compares visits with one another, and none with its command.
+    const fn is_of_visits(self) -> bool {
+        matches!(self, Self::RpL | Self::RpA | Self::RpB | Self::RpC | Self::Rd | Self::VapP)
+    }
 }
 
 /// The characteristics that visits can show.
@@ -146,6 +151,8 @@ pub enum Says {
     Everything,
     /// Accuracy alone: positions are predictions of a model, and no model repeats better or worse than its arm.
     Accuracy,
+    /// Repeatability alone: the stations have no commands, and `commanded` is where the nominal arm is at the reported joints.
+    Repeatability,
 }
 
 /// The figures of poses with two visits or more, in the order of the first; empty without any.
@@ -153,7 +160,7 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     if visited.is_empty() {
         return Vec::new();
     }
-    let everything = says == Says::Everything;
+    let everything = says != Says::Accuracy;
     let of_poses = visited.iter().flat_map(|own| {
         let repeats = everything.then(|| pose::repeatability(own));
         let varies = everything.then(|| variation::of_pose(own));
@@ -170,8 +177,15 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     let told = most_visited(visited);
     let is_told = |figure: &Figure| figure.pose.is_some_and(|pose| told.contains(&pose));
     figures.extend(of_poses.into_iter().filter(is_told));
+    if says == Says::Repeatability {
+        figures.retain(|figure| figure.characteristic.is_of_visits());
+        figures.insert(0, Figure::missing(Characteristic::ApP, VISITS, UNCOMMANDED));
+    }
     figures
 }
+
+const UNCOMMANDED: &str = "no station has a command to compare the attained positions with; visits of a pose are stations whose joints agree \
+                           within 0.1°";
 
 pub fn none(remark: &str) -> Vec<Figure> {
     [Characteristic::ApP, Characteristic::RpL]
@@ -245,4 +259,34 @@ fn barycentre(visits: &[Visit]) -> Point3<f64> {
 
 fn positioning_accuracy(visits: &[Visit]) -> f64 {
     mean(visits.iter().map(Visit::error)).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visits_without_a_command_show_how_they_repeat_and_nothing_else() {
+        let visit = |(station, x): (usize, f64)| Visit {
+            station,
+            start: Stamp::from_ns(0),
+            from: None,
+            commanded: Point3::origin(),
+            attained: Point3::new(x, 0.0, 0.0),
+            orientation: None,
+        };
+        let visits = [(0, 1.0), (1, 1.2), (2, 1.1), (3, 1.1)].map(visit).to_vec();
+        let figures = figures(&[Visited { pose: 0, visits }], Says::Repeatability);
+        // The distances to 1.1 are 0.1, 0.1, 0, 0: their mean is 0.05 and S_l = √(4 · 0.05² / 3).
+        let expected = 0.05 + 3.0 * (4.0 * 0.05_f64.powi(2) / 3.0).sqrt();
+        for pose in [None, Some(0)] {
+            let own = figures.iter().find(|own| own.pose == pose && own.value.is_some());
+            let own = own.expect("of the pose, and over all");
+            assert_eq!(own.characteristic, Characteristic::RpL);
+            assert!((own.value.unwrap() - expected).abs() < 1e-12);
+        }
+        let first = &figures[0];
+        assert_eq!((first.characteristic, first.value), (Characteristic::ApP, None));
+        assert!(figures[1..].iter().all(|own| own.characteristic.is_of_visits()));
+    }
 }

@@ -21,10 +21,7 @@ pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     let Some(pair) = furthest(visited) else {
         let remark = format!("no two poses {LEAST_MM} mm apart or more were visited in turn twice");
         let missing = Figure::missing(Characteristic::AdP, VISITS, &remark);
-        return match says {
-            Says::Everything => vec![missing],
-            Says::Accuracy => Vec::new(),
-        };
+        return if says == Says::Accuracy { Vec::new() } else { vec![missing] };
     };
     let attained: Vec<f64> = pair.turns.iter().map(Turn::attained_mm).collect();
     let accuracy = pair.accuracy();
@@ -35,7 +32,7 @@ pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
         .zip(accuracy)
         .map(|(characteristic, value)| pair.figure(characteristic, value, says))
         .collect();
-    if says == Says::Everything {
+    if says != Says::Accuracy {
         let spread = Figures::of(&attained).map(|distances| 3.0 * distances.sd);
         figures.extend(spread.map(|spread| pair.figure(Characteristic::Rd, spread, says)));
     }
@@ -91,6 +88,7 @@ impl<'v> Pair<'v> {
         let known = match says {
             Says::Everything => "commanded",
             Says::Accuracy => "predicted",
+            Says::Repeatability => "by their joints",
         };
         let pair = format!(
             "between poses {} and {}, {known} {:.3} mm apart",
