@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::configuration::Configuration;
 use super::damage;
-use super::words::references;
+use super::words::{references, rounded};
 use crate::figures::expanded;
 use crate::fit::{Identifiability, Model};
 use crate::grid::{Tolerance, notices_mm};
@@ -14,7 +14,7 @@ use crate::ingest::LossKind;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
-use crate::judgement::{JoinedSession, Outcome};
+use crate::judgement::{JoinedSession, Outcome, gravity};
 use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
 use crate::report::next::Stated;
@@ -80,7 +80,20 @@ pub(super) fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<Stri
         .chain(lost)
         .chain(stamps)
         .chain(references::warned(outcome, least_mm))
+        .chain(rounded::warned(outcome, least_mm))
+        .chain(upside_down(outcome))
         .collect()
+}
+
+/// That the stated direction against gravity points the other way.
+fn upside_down(outcome: &Outcome<'_>) -> Option<String> {
+    let joints = outcome.error_frame.arm().joints();
+    let (joint, sds) = gravity::against(outcome.full.as_ref()?, joints.len())?;
+    Some(format!(
+        "[robot] up points with gravity: joint {} would yield against its load, by {sds:.0} standard deviations; write the three numbers \
+         with the opposite signs",
+        joint + 1
+    ))
 }
 
 /// The sessions, when they were measured, and their stations.

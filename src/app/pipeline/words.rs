@@ -1,6 +1,7 @@
 //! Everything that a run finds beside its summary, as lines for a person.
 
 pub(super) mod references;
+pub(super) mod rounded;
 
 use crate::figures::expanded;
 use crate::fit::Corrects;
