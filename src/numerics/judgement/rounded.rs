@@ -3,9 +3,9 @@
 //!
 //! Inputs: the joints of a session's stations, and the residuals of its models. Output: [`Rounded`], or nothing.
 //!
-//! 1. The step of a joint is the largest usual one of which nearly all its values are whole numbers: decimals of a degree, radian, gon
-//!    or minute, a turn halved many times, of joints that slide decimals of a mm. Values that many samples were averaged to lie
-//!    between steps, and have lost nothing.
+//! 1. The step of a joint is the usual one of which most of its values are whole numbers, of several the largest: decimals of a degree,
+//!    radian, gon or minute, a turn halved many times, of joints that slide decimals of a mm. A few samples on another step put the mean
+//!    of a dwell beside it; means of many lie anywhere, and have lost nothing.
 //! 2. A step s is an error of s/√12; through the arm's levers it is one of the target.
 //! 3. It counts where it is half or more of the rms that the best model of reported angles leaves. A model that leaves less than it
 //!    shows that the angles are exact: commands in whole degrees are.
@@ -21,10 +21,12 @@ use crate::report::{Angles, ResidualSet, Split};
 /// Fewest stations, and fewest different values of a joint, that show a step.
 const STATIONS: usize = 20;
 const VALUES: usize = 10;
-/// Share of the stations whose values are whole steps: others are averages of two.
-const WHOLE: f64 = 0.8;
-/// A value is whole within this many steps: decimals of a rad have digits enough for that.
-const NEAR: f64 = 0.005;
+/// Least share of the stations whose values are whole steps, within this many, and how sure it is that they are not so by chance.
+const WHOLE: f64 = 0.6;
+const NEAR: f64 = 0.1;
+const SURE: f64 = 6.0;
+/// The largest step has this share of the whole values of any.
+const AS_MANY: f64 = 0.85;
 /// The smallest step that is looked for, rad or mm.
 const LEAST_STEP: f64 = 1e-5;
 /// The rounding counts between these shares of the rms that is left.
@@ -106,8 +108,11 @@ fn steps(joints: &[&[f64]], slides: &[bool]) -> Vec<Option<f64>> {
     let step = |(joint, slides): (usize, &bool)| {
         let values: Vec<f64> = joints.iter().filter_map(|own| own.get(joint).copied()).collect();
         let usual = if *slides { &lengths } else { &turns };
-        let whole = usual.iter().copied().filter(|step| are_whole(&values, *step));
-        whole.max_by(f64::total_cmp)
+        let whole = usual.iter().filter_map(|step| Some((whole_share(&values, *step)?, *step)));
+        let whole: Vec<(f64, f64)> = whole.collect();
+        let most = whole.iter().fold(0.0, |most: f64, (share, _)| most.max(*share));
+        let as_many = whole.iter().filter(|(share, _)| *share >= AS_MANY * most);
+        as_many.map(|(_, step)| *step).max_by(f64::total_cmp)
     };
     slides.iter().enumerate().map(step).collect()
 }
@@ -121,14 +126,17 @@ fn usual(units: &[f64]) -> Vec<f64> {
     units.iter().flat_map(decimals).filter(|step| *step >= LEAST_STEP).collect()
 }
 
-fn are_whole(values: &[f64], step: f64) -> bool {
-    let counts: Vec<f64> = values.iter().map(|value| value / step).collect();
-    let is_whole = |count: &&f64| (*count - count.round()).abs() <= NEAR;
-    let mut whole: Vec<f64> = counts.iter().filter(is_whole).map(|count| count.round()).collect();
-    let are_most = whole.len() as f64 >= WHOLE * values.len() as f64;
+/// The share of values that are whole steps; `None` where it is small, or may be so by chance.
+fn whole_share(values: &[f64], step: f64) -> Option<f64> {
+    let counts = values.iter().map(|value| value / step);
+    let whole = counts.filter(|count| (count - count.round()).abs() <= NEAR);
+    let mut whole: Vec<f64> = whole.map(f64::round).collect();
+    let (found, all, by_chance) = (whole.len() as f64, values.len() as f64, 2.0 * NEAR);
+    let sure = by_chance * all + SURE * (by_chance * (1.0 - by_chance) * all).sqrt();
     whole.sort_by(f64::total_cmp);
     whole.dedup();
-    values.len() >= STATIONS && are_most && whole.len() >= VALUES
+    let are_many = values.len() >= STATIONS && whole.len() >= VALUES;
+    (are_many && found >= sure.max(WHOLE * all)).then(|| found / all)
 }
 
 #[cfg(test)]
@@ -170,10 +178,16 @@ mod tests {
         assert_eq!(step(&rounded(PI / 1800.0)[..STATIONS - 1]), None);
         let three: Vec<f64> = (0..40).map(|k| f64::from(k % 3) * 0.5).collect();
         assert_eq!(step(&three), None);
-        // A third of them are averages of samples on both sides.
-        let mut averaged = rounded(PI / 1800.0);
-        averaged.iter_mut().step_by(3).for_each(|angle| *angle += 4e-4);
-        assert_eq!(step(&averaged), None);
+        // A quarter of them are means of samples on both sides, then all.
+        let averaged = |every: usize| {
+            let mut averaged = rounded(PI / 1800.0);
+            for (place, angle) in averaged.iter_mut().enumerate().step_by(every) {
+                *angle += 8.7e-4 * (0.37 * place as f64).sin();
+            }
+            step(&averaged)
+        };
+        assert!(averaged(4).is_some_and(|found| (found - PI / 1800.0).abs() < 1e-9));
+        assert_eq!(averaged(1), None);
     }
 
     #[test]
