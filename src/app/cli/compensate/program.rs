@@ -326,10 +326,14 @@ impl CompensateArgs {
             (Some(Points::OffLine), None) => Ok(None),
             (Some(Points::OffLine), Some(_)) => Err(ProgramError::NotTaught.into()),
             (Some(Points::Taught), None) => Err(ProgramError::NoTaughtOn.into()),
-            (Some(Points::Taught), Some(path)) => match Source::read(path)? {
-                Source::Arm(arm) => Ok(Some(*arm)),
-                Source::Table(_) => Err(ProgramError::Table.into()),
-            },
+            (Some(Points::Taught), Some(path)) => {
+                let source = Source::read(path)?;
+                self.admit_verdict(path, &source)?;
+                match source {
+                    Source::Arm(arm) => Ok(Some(*arm)),
+                    Source::Table(_) => Err(ProgramError::Table.into()),
+                }
+            }
         }
     }
 

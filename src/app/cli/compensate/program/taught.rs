@@ -76,7 +76,9 @@ impl CompensateArgs {
             };
             let path = folder.join(path);
             if !arms.contains_key(&path) {
-                let Source::Arm(read) = Source::read(&path)? else {
+                let source = Source::read(&path)?;
+                self.admit_verdict(&path, &source)?;
+                let Source::Arm(read) = source else {
                     return Err(ProgramError::Table.into());
                 };
                 arms.insert(path.clone(), read);
