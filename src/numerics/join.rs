@@ -34,6 +34,7 @@ mod error;
 #[cfg(test)]
 mod fault_tests;
 mod frozen;
+mod joined;
 mod logged_lengths;
 mod logged_references;
 pub mod moved;
@@ -53,16 +54,13 @@ pub mod stationary;
 pub mod supposed;
 pub mod tabled;
 
-use std::ops::{AddAssign, Range};
-
-use nalgebra::{Point3, UnitQuaternion};
-use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 use self::decide::Decision;
 use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::{ArmDwell, TargetDwell};
 use self::logged_references::bumps::Targets;
-use self::moved::{Elsewhere, Knock};
+use self::moved::Elsewhere;
 use self::observe::Observation;
 use self::others::Other;
 use self::pattern::Relation;
@@ -77,244 +75,16 @@ pub use clock_steps::ClockStep;
 pub(crate) use courses::undo;
 pub use disposition::REPEATED;
 pub use error::JoinError;
+pub use joined::{
+    ClockEstimate, Command, JoinReject, Joined, Pairing, ReadingCounts, RowItem, RowReject,
+    Station, Thresholds, Unmeasured,
+};
 pub use logged_lengths::LengthReadings;
 pub use reading::{
     ByKind, MeanLength, MeanOrientation, MeanPoint, Reading, ReadingKind, SeveralSources, SourceId,
     TargetId, Value, one_source,
 };
 pub use settings::JoinSettings;
-
-/// The session's stations, its clocks, and all readings that did not become part of a station.
-#[derive(Debug, Clone)]
-pub struct Joined {
-    pub stations: Vec<Station>,
-    pub clock: ClockEstimate,
-    pub rejects: Vec<JoinReject>,
-    pub row_rejects: Vec<RowReject>,
-    /// The courses of references that were followed; empty where there were none.
-    pub references: Vec<tabled::ReferenceCourse>,
-    /// How often each stated reference was read; empty where none is stated.
-    pub read_references: Vec<tabled::ReadReference>,
-    /// Stretches at which the instrument or the base stood elsewhere, and no reference tells it.
-    pub elsewhere: Vec<Elsewhere>,
-    /// Motions of the instrument or the base at one time that no reference tells, taken out of the readings behind them.
-    pub knocks: Vec<Knock>,
-    pub counts: ReadingCounts,
-    /// The thresholds that were given or found from the logs.
-    pub found: Thresholds,
-}
-
-impl Joined {
-    pub fn paired(&self) -> usize {
-        let stations = self.stations.iter();
-        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
-        paired.count()
-    }
-
-    /// Takes the readings of a station for which `is_wrong` is true out of it; they count as unpaired and are named as rejects. A station
-    /// that is left without a reading has the verdict `otherwise`.
-    pub fn take_out(
-        &mut self,
-        number: usize,
-        otherwise: Unmeasured,
-        reason: &str,
-        is_wrong: impl Fn(&Reading) -> bool,
-    ) {
-        let mut stations = self.stations.iter_mut();
-        let Some(station) = stations.find(|own| own.number == number) else {
-            return;
-        };
-        let (wrong, kept): (Vec<Reading>, Vec<Reading>) =
-            station.readings.drain(..).partition(is_wrong);
-        if kept.is_empty() && !wrong.is_empty() {
-            station.pairing = Pairing::Unmeasured(otherwise);
-        }
-        station.readings = kept;
-        for reading in wrong {
-            let samples = reading.kept as u64;
-            self.counts.kept = self.counts.kept.saturating_sub(samples);
-            self.counts.unpaired += samples;
-            self.rejects.push(JoinReject {
-                start: reading.first,
-                end: reading.last,
-                readings: samples,
-                is_of_reference: false,
-                reason: reason.to_owned(),
-            });
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Thresholds {
-    pub stationary_rad: f64,
-    pub stationary_mm: f64,
-    pub settle_s: f64,
-}
-
-/// One dwell of the arm.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Station {
-    /// Number within the session, from 0, in controller time.
-    pub number: usize,
-    pub start: Stamp<Controller>,
-    /// Last stationary moment.
-    pub end: Stamp<Controller>,
-    pub joints: Vec<f64>,
-    pub joint_samples: usize,
-    /// The command in force during the dwell; absent without commands or where none fits.
-    pub command: Option<Command>,
-    /// The readings of the instruments, in the order of sources and targets; empty for a dwell that is not paired.
-    pub readings: Vec<Reading>,
-    pub pairing: Pairing,
-}
-
-impl Station {
-    /// The readings of a paired dwell; empty for any other.
-    pub fn measured(&self) -> &[Reading] {
-        match self.pairing {
-            Pairing::Paired => &self.readings,
-            Pairing::Unmeasured(_) | Pairing::Ambiguous => &[],
-        }
-    }
-
-    /// The reading of a place of a paired dwell with only one; `None` of any other dwell. Readings of one length do not count. Of a session with several targets the one that
-    /// stands for all of a dwell's is derived first ([`crate::fit::flange`]).
-    pub fn one_reading(&self) -> Option<&Reading> {
-        let mut places = self.measured().iter();
-        let mut places = places.by_ref().filter(|reading| !reading.value.kind().is_length());
-        let one = places.next()?;
-        places.next().is_none().then_some(one)
-    }
-}
-
-/// A commanded pose of the controller's own tool point, in the frame of commands.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Command {
-    pub position: Point3<f64>,
-    pub orientation: Option<UnitQuaternion<f64>>,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Pairing {
-    Paired,
-    Unmeasured(Unmeasured),
-    Ambiguous,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unmeasured {
-    NoReadings,
-    /// Readings fall into it, but too few are left after settling and outlier rejection.
-    TooFewReadings,
-    TargetMoved,
-    /// The dwell lies outside the tracker's log.
-    OutsideTrackerLog,
-    /// Its readings are far from every place that the arm can have had: a wrong reflector, a lost beam or a wrong number.
-    WrongTarget,
-    /// The instrument or the base moved, and where it stood is not known.
-    InstrumentMoved,
-    /// Its reading is of the second solution of a planar target, whose normal is mirrored.
-    FlippedView,
-}
-
-impl Unmeasured {
-    pub const ALL: [Self; 7] = [
-        Self::NoReadings,
-        Self::TooFewReadings,
-        Self::TargetMoved,
-        Self::OutsideTrackerLog,
-        Self::WrongTarget,
-        Self::InstrumentMoved,
-        Self::FlippedView,
-    ];
-
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::NoReadings => "no_readings",
-            Self::TooFewReadings => "too_few_readings",
-            Self::TargetMoved => "target_moved",
-            Self::OutsideTrackerLog => "outside_tracker_log",
-            Self::WrongTarget => "wrong_target",
-            Self::InstrumentMoved => "instrument_moved",
-            Self::FlippedView => "flipped_view",
-        }
-    }
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ClockEstimate {
-    pub model: ClockModel,
-    pub offset_se_ns: f64,
-    pub drift_se: f64,
-    /// Number of dwell edges that the refinement matched.
-    pub matched_edges: usize,
-    pub edge_rms_ns: f64,
-    pub method: String,
-    /// Steps of a clock that both logs together show, in order of time.
-    #[serde(default)]
-    pub steps: Vec<ClockStep>,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ReadingCounts {
-    /// Readings that are part of a station's mean.
-    pub kept: u64,
-    pub settling: u64,
-    pub outlier: u64,
-    pub moving: u64,
-    pub unpaired: u64,
-    /// Readings without a measurement: the zeros that some instruments write.
-    pub missing: u64,
-}
-
-impl AddAssign for ReadingCounts {
-    fn add_assign(&mut self, more: Self) {
-        self.kept += more.kept;
-        self.settling += more.settling;
-        self.outlier += more.outlier;
-        self.moving += more.moving;
-        self.unpaired += more.unpaired;
-        self.missing += more.missing;
-    }
-}
-
-/// A tracker dwell or a run of readings that belongs to no station.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct JoinReject {
-    pub start: Stamp<Tracker>,
-    pub end: Stamp<Tracker>,
-    pub readings: u64,
-    /// Whether they are readings of a reference, not of a target.
-    pub is_of_reference: bool,
-    pub reason: String,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RowReject {
-    pub kind: RowItem,
-    pub file: String,
-    pub line: u64,
-    /// The column at fault; `None` where it is none of them.
-    pub column: Option<String>,
-    /// Number of the station that the row became; `None` where it became none.
-    pub station: Option<usize>,
-    pub reason: String,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum RowItem {
-    Row,
-    Reading,
-    Reference,
-}
-
-impl RowReject {
-    /// A whole item; the file is stated once for all of a table.
-    const fn of(kind: RowItem, line: u64, station: Option<usize>, reason: String) -> Self {
-        Self { kind, file: String::new(), line, column: None, station, reason }
-    }
-}
 
 #[derive(Debug)]
 pub struct ReferenceReadings {
@@ -374,6 +144,8 @@ fn join_without(
     if !others.is_empty() && !by_edges {
         clock.model = others::centred(clock.model, &seen.arm, &seen.target, &others);
     }
+    let settling_s = || settle::settling_s(&seen, &readings, &decision.support, relation);
+    let settle_s = settings.settle_s.map_or_else(settling_s, Ok)?;
     let gate_mm = pair::gate_mm(decision.median_mm, settings);
     let elsewhere = Moves::of(&seen, &decision, gate_mm);
     let evidence = pair::Evidence {
@@ -386,56 +158,12 @@ fn join_without(
         moved: &elsewhere.spans,
         same_mm: SAME_REACH * seen.stationary_mm,
         usual_mm: seen.usual_scatter_mm(),
-        settle_s: match settings.settle_s {
-            Some(settle_s) => settle_s,
-            None => settle::settling_s(&seen, &readings, &decision.support, relation)?,
-        },
+        settle_s,
         settings,
     };
-    let mut dispositions = first_dispositions(&readings, &seen.target);
-    let mut stations = stations(
-        command::in_force(&*input.commands, &occasions)?,
-        &seen.arm,
-        &evidence,
-        &mut dispositions,
-    )?;
-    for rows in readings.missing() {
-        dispositions.set(rows, Disposition::Missing);
-    }
-    for rows in repeated {
-        dispositions.set(rows.clone(), Disposition::Repeated);
-    }
-    let (mut counts, mut rejects) =
-        (dispositions.counts(), dispositions.rejects(|row| readings.stamp(row))?);
-    let found = others::MainJoin {
-        arm: &seen.arm,
-        temperatures: &input.temperatures,
-        clock: clock.model,
-        moved: &elsewhere.spans,
-        settle_s: evidence.settle_s,
-        settings,
-    };
-    for other in &others {
-        let (own, left_out) = other.add(&found, &mut stations)?;
-        counts += own;
-        rejects.extend(left_out);
-    }
-    let joined = Joined {
-        stations,
-        clock,
-        rejects,
-        row_rejects: Vec::new(),
-        references: Vec::new(),
-        read_references: Vec::new(),
-        elsewhere: elsewhere.found,
-        knocks: Vec::new(),
-        counts,
-        found: Thresholds {
-            stationary_rad: seen.stationary_rad,
-            stationary_mm: seen.stationary_mm,
-            settle_s: evidence.settle_s,
-        },
-    };
+    let commands = command::in_force(&*input.commands, &occasions)?;
+    let paired = Paired::of(commands, &seen.arm, &evidence, repeated, &others)?;
+    let joined = paired.joined(clock, elsewhere.found, seen.thresholds(settle_s));
     let followed =
         logged_references::followed(targets.restored(joined), &input.references, settings)?;
     let mut joined = logged_lengths::added(followed, input, settings)?;
@@ -487,12 +215,9 @@ fn estimate_clock(
     let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s);
     let relation = refined.relation;
     let apart_ns = seen.first_measured.ns().saturating_sub(origin.ns());
+    let offset_ns = relation.offset_s.mul_add(NS_PER_S, apart_ns as f64);
     let estimate = ClockEstimate {
-        model: ClockModel {
-            origin,
-            offset_ns: relation.offset_s.mul_add(NS_PER_S, apart_ns as f64),
-            drift: relation.drift,
-        },
+        model: ClockModel { origin, offset_ns, drift: relation.drift },
         offset_se_ns: refined.offset_se_s * NS_PER_S,
         drift_se: refined.drift_se,
         matched_edges: refined.matched,
@@ -528,6 +253,54 @@ fn first_dispositions(readings: &Readings<'_>, dwells: &[TargetDwell]) -> Dispos
 /// A dwell by the controller's own clock, which stamps commands too.
 const fn occasion(dwell: &ArmDwell) -> command::Occasion {
     command::Occasion { start: dwell.start, end: dwell.end, flange: dwell.flange }
+}
+
+/// The stations with the readings of all targets, how many readings became what, and those that belong to no station.
+struct Paired {
+    stations: Vec<Station>,
+    counts: ReadingCounts,
+    rejects: Vec<JoinReject>,
+}
+
+impl Paired {
+    fn of(
+        commands: Vec<Option<Command>>,
+        arm: &[ArmDwell],
+        evidence: &pair::Evidence<'_>,
+        repeated: &[Range<usize>],
+        others: &[Other<'_>],
+    ) -> Result<Self, JoinError> {
+        let readings = evidence.readings;
+        let mut dispositions = first_dispositions(readings, evidence.target);
+        let mut stations = stations(commands, arm, evidence, &mut dispositions)?;
+        readings.missing().for_each(|rows| dispositions.set(rows, Disposition::Missing));
+        repeated.iter().cloned().for_each(|rows| dispositions.set(rows, Disposition::Repeated));
+        let mut counts = dispositions.counts();
+        let mut rejects = dispositions.rejects(|row| readings.stamp(row))?;
+        for other in others {
+            let (own, left_out) = other.add(arm, evidence, &mut stations)?;
+            counts += own;
+            rejects.extend(left_out);
+        }
+        Ok(Self { stations, counts, rejects })
+    }
+
+    /// The join before references and lengths.
+    fn joined(self, clock: ClockEstimate, elsewhere: Vec<Elsewhere>, found: Thresholds) -> Joined {
+        let Self { stations, counts, rejects } = self;
+        Joined {
+            stations,
+            clock,
+            rejects,
+            row_rejects: Vec::new(),
+            references: Vec::new(),
+            read_references: Vec::new(),
+            elsewhere,
+            knocks: Vec::new(),
+            counts,
+            found,
+        }
+    }
 }
 
 fn stations(

@@ -5,7 +5,7 @@ use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::Dwells;
 use super::readings::Readings;
 use super::stationary::Stationary;
-use super::{JoinError, JoinSettings};
+use super::{JoinError, JoinSettings, Thresholds};
 use crate::ingest::TemperatureSamples;
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp, Tracker};
@@ -48,6 +48,11 @@ impl Observation {
     /// The usual standard deviation of a stationary reading per axis, mm.
     pub(super) fn usual_scatter_mm(&self) -> [f64; 3] {
         usual_scatter_mm(&self.target)
+    }
+
+    pub(super) fn thresholds(&self, settle_s: f64) -> Thresholds {
+        let Self { stationary_rad, stationary_mm, .. } = *self;
+        Thresholds { stationary_rad, stationary_mm, settle_s }
     }
 }
 

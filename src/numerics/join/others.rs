@@ -7,7 +7,7 @@
 //! Where the main target's dwells showed no edges, the clocks agree only in the middles of dwells, and a target that is measured first
 //! in each dwell is in the middle of none: [`centred`] puts the readings of all targets together in the middle of the arm's dwells.
 
-use super::disposition::{Disposition, Dispositions, Why};
+use super::disposition::Disposition;
 use super::dwell::{ArmDwell, TargetDwell, target_dwells};
 use super::observe::usual_scatter_mm;
 use super::pair::{Evidence, placed};
@@ -15,26 +15,16 @@ use super::placement::ReadingAtFlange;
 use super::readings::Readings;
 use super::{
     JoinError, JoinReject, JoinSettings, Pairing, Reading, ReadingCounts, SAME_REACH, Station,
-    TargetId,
+    TargetId, first_dispositions,
 };
 use crate::figures::median;
-use crate::ingest::{Poses, TemperatureSamples};
-use crate::units::{ClockModel, Stamp, Tracker, round_ns};
+use crate::ingest::Poses;
+use crate::units::{ClockModel, Tracker, round_ns};
 
 pub(super) struct Other<'a> {
     target: TargetId,
     readings: Readings<'a>,
     dwells: Vec<TargetDwell>,
-}
-
-pub(super) struct MainJoin<'a> {
-    pub(super) arm: &'a [ArmDwell],
-    pub(super) temperatures: &'a TemperatureSamples,
-    pub(super) clock: ClockModel,
-    /// First and last moments of stretches at which the instrument or the base stood elsewhere.
-    pub(super) moved: &'a [(Stamp<Tracker>, Stamp<Tracker>)],
-    pub(super) settle_s: f64,
-    pub(super) settings: &'a JoinSettings,
 }
 
 impl<'a> Other<'a> {
@@ -51,19 +41,16 @@ impl<'a> Other<'a> {
         .collect()
     }
 
-    /// Adds this target's readings to the stations; returns how many of them are what, and those left out.
+    /// Adds this target's readings to the stations of `arm`, by the evidence of the main target; returns how many of them are what, and those left out.
     pub(super) fn add(
         &self,
-        found: &MainJoin<'_>,
+        arm: &[ArmDwell],
+        main: &Evidence<'_>,
         stations: &mut [Station],
     ) -> Result<(ReadingCounts, Vec<JoinReject>), JoinError> {
-        let mut dispositions = Dispositions::new(self.readings.count());
-        for dwell in &self.dwells {
-            let rows = dwell.stretch.first..dwell.stretch.last + 1;
-            dispositions.set(rows, Disposition::Unpaired(Why::NoArmDwell));
-        }
-        if let Some(evidence) = self.evidence(found) {
-            for (dwell, station) in found.arm.iter().zip(stations) {
+        let mut dispositions = first_dispositions(&self.readings, &self.dwells);
+        if let Some(evidence) = self.evidence(arm, main) {
+            for (dwell, station) in arm.iter().zip(stations) {
                 let (_, reading) = evidence.verdict(dwell, &mut dispositions)?;
                 if let Some(reading) = reading {
                     station.pairing = Pairing::Paired;
@@ -82,25 +69,21 @@ impl<'a> Other<'a> {
     }
 
     /// What verdicts on this target need; `None` where too few dwells place it.
-    fn evidence<'e>(&'e self, found: &'e MainJoin<'e>) -> Option<Evidence<'e>> {
+    fn evidence<'e>(&'e self, arm: &[ArmDwell], main: &'e Evidence<'e>) -> Option<Evidence<'e>> {
         let pairs = self.dwells.iter().filter_map(|own| {
-            let arm = nearest(found.arm, &found.clock, own)?;
+            let arm = nearest(arm, &main.clock, own)?;
             Some(ReadingAtFlange { flange: arm.flange, attained: own.position })
         });
         let pairs: Vec<ReadingAtFlange> = pairs.collect();
-        let (placement, gate_mm) = placed(&pairs, found.settings)?;
+        let (placement, gate_mm) = placed(&pairs, main.settings)?;
         Some(Evidence {
             readings: &self.readings,
-            temperatures: found.temperatures,
             target: &self.dwells,
-            clock: found.clock,
             placement,
             gate_mm,
-            moved: found.moved,
             same_mm: SAME_REACH * self.readings.stationary().threshold,
             usual_mm: usual_scatter_mm(&self.dwells),
-            settle_s: found.settle_s,
-            settings: found.settings,
+            ..*main
         })
     }
 }
@@ -137,9 +120,7 @@ pub(super) fn centred(
         let after = middles.partition_point(|middle| *middle < at);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
         let near = near.filter(|place| *place < middles.len());
-        let Some(place) = near.min_by_key(|place| (middles[*place] - at).abs()) else {
-            continue;
-        };
+        let Some(place) = near.min_by_key(|place| (middles[*place] - at).abs()) else { continue };
         let (first, last) = spans[place].unwrap_or((own.start.ns(), own.end.ns()));
         spans[place] = Some((first.min(own.start.ns()), last.max(own.end.ns())));
     }
