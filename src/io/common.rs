@@ -32,10 +32,14 @@ pub fn of_every_row<'r, C: Field + PartialEq>(
     let mut rows = rows.into_iter();
     let none = || CommonError::Value(At::new(path.display(), "it has no row".to_owned()));
     let first = rows.next().ok_or_else(none)?;
-    let Some(other) = rows.position(|own| own != first) else {
-        return Ok(first);
-    };
-    let row = other + 1;
+    match rows.position(|own| own != first) {
+        None => Ok(first),
+        Some(other) => Err(CommonError::NotOne(first_difference::<C>(path, table, other + 1))),
+    }
+}
+
+/// Names the first column of `C` whose cell in `row` is not that of row 0.
+fn first_difference<C: Field>(path: &Path, table: &Table, row: usize) -> At<String> {
     let batch = table.batch();
     let shown = |name: &str, row: usize| {
         let array = batch.column_by_name(name)?;
@@ -48,7 +52,7 @@ pub fn of_every_row<'r, C: Field + PartialEq>(
         Some(text) => text.to_owned(),
     });
     let problem = format!("row 0 has {one} and row {row} has {another}");
-    Err(CommonError::NotOne(in_column(path, name, problem)))
+    in_column(path, name, problem)
 }
 
 columns! {

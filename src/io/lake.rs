@@ -234,9 +234,7 @@ impl Lake {
 
     /// Removes temporaries of processes that are gone; returns their paths. On object storage there are none to see.
     pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
-        let Some(root) = self.folder() else {
-            return Ok(Vec::new());
-        };
+        let Some(root) = self.folder() else { return Ok(Vec::new()) };
         let mut folders: Vec<PathBuf> = schema::all()
             .iter()
             .map(|schema| schema.table.as_str())

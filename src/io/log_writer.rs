@@ -150,9 +150,7 @@ fn encoded(
     fill: impl FnOnce(&mut Cdr) -> Result<(), LogWriteError>,
 ) -> Result<Encoded, LogWriteError> {
     let unfit = LogWriteError::Stamp { topic: topic.to_owned(), ns };
-    let Ok(unsigned) = u64::try_from(ns) else {
-        return Err(unfit);
-    };
+    let Ok(unsigned) = u64::try_from(ns) else { return Err(unfit) };
     let (seconds, rest) = (unsigned / 1_000_000_000, unsigned % 1_000_000_000);
     let (Ok(seconds), Ok(rest)) = (i32::try_from(seconds), u32::try_from(rest)) else {
         return Err(unfit);
@@ -320,12 +318,8 @@ impl<W: Write + Seek> Log<W> {
         // A stable sort keeps the order of the topics.
         messages.sort_by_key(|(message, _)| message.ns);
         for (message, channel_id) in messages {
-            let header = MessageHeader {
-                channel_id,
-                sequence: 0,
-                log_time: message.ns.saturating_add(LATENCY_NS),
-                publish_time: message.ns,
-            };
+            let (publish_time, log_time) = (message.ns, message.ns.saturating_add(LATENCY_NS));
+            let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
             self.writer.write_to_known_channel(&header, &message.body)?;
         }
         self.writer.finish()?;

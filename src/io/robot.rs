@@ -118,12 +118,9 @@ fn rename(file: &mut RobotFile, names: &[String]) -> Result<(), RobotFault> {
         place.map(|place| names[place].clone())
     };
     for joint in &mut file.joint {
-        if let Some(mimic) = &mut joint.mimic {
-            if let Some(name) = renamed(&mimic.joint) {
-                mimic.joint = name;
-            }
-        } else if let Some(name) = renamed(&joint.name) {
-            joint.name = name;
+        let name = joint.mimic.as_mut().map_or(&mut joint.name, |mimic| &mut mimic.joint);
+        if let Some(renamed) = renamed(name) {
+            *name = renamed;
         }
     }
     Ok(())

@@ -239,13 +239,11 @@ impl Grids {
         model: &ToolErrors<'_>,
         tolerance: &Tolerance,
     ) {
-        let (Some(table), Some(chosen)) = (&self.table, self.chosen()) else {
-            return;
-        };
+        let (Some(table), Some(chosen)) = (&self.table, self.chosen()) else { return };
         let held_out = table.judged_by(stations, model);
         let shown = table.interpolation_shown(stations);
-        let tolerance = (tolerance, self.guard_mm);
-        let row = rows::session_row(chosen, session, held_out, tolerance, shown);
+        let guard_mm = self.guard_mm;
+        let row = rows::session_row(chosen, session, held_out, tolerance, guard_mm, shown);
         self.judged.push(row);
     }
 }

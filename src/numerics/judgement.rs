@@ -174,12 +174,10 @@ pub fn results<'a>(
     let unseen = unseen_sessions(&models, &tested, &locator)?;
     residuals.extend(mountings::of_one_mounting(unseen, &observed));
     let last = training.len() - 1;
-    let own = &training[last];
     let frames = main_frames(&models)?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
-    residuals.extend(raw_command(own, &error_frame, settings));
-    let semivariograms = semivariograms(own, &residuals, &settings.similarity);
-    let stations = stations(&training, &observed, &models, &error_frame);
+    residuals.extend(raw_command(&training[last], &error_frame, settings));
+    let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let judges = Judges {
         arm,
         models: &models,
@@ -189,12 +187,12 @@ pub fn results<'a>(
         test: &tested,
         locator: &locator,
         error_frame: &error_frame,
-        stations: &stations,
+        stations: &stations(&training, &observed, &models, &error_frame),
         settings,
     };
     let grids = judges.grids(&folds, known, progress)?;
-    let corrections = judges.corrections(grids, &residuals, &semivariograms)?;
-    let Corrections { grids, driven, scales, accuracy, at_tip, iso_9283, verdict } = corrections;
+    let Corrections { grids, driven, scales, accuracy, at_tip, iso_9283, verdict } =
+        judges.corrections(grids, &residuals, &semivariograms)?;
     residuals.extend(driven.iter().flat_map(Driven::sets).cloned());
     Ok(Outcome {
         best: models.best().0,

@@ -115,14 +115,8 @@ pub fn plan(
     let poses = sized(&trial, &designs, &pool, &mut rows);
     let session = Session::new(&trial, &designs, poses)?;
     let promise = session::promise(&trial, &session, &pool);
-    Ok(SamplingPlan {
-        steps,
-        step,
-        designs: rows,
-        candidates: designs.candidates.1,
-        session,
-        promise,
-    })
+    let candidates = designs.candidates.1;
+    Ok(SamplingPlan { steps, step, designs: rows, candidates, session, promise })
 }
 
 /// Poses of a region to judge robots by, in random order.
@@ -146,9 +140,7 @@ fn sized(
 ) -> usize {
     for _ in 0..BISECTIONS {
         let least = session::least_poses(trial.settings);
-        let Some(middle) = between(rows, least) else {
-            break;
-        };
+        let Some(middle) = between(rows, least) else { break };
         let size = [(session::KIND, middle)];
         rows.extend(compare::judge_sizes(trial, designs, pool, &size));
     }

@@ -245,10 +245,8 @@ fn check_instrument(settings: &SimulateSettings) -> Result<(), SimulateError> {
                 ("target_mm", own.target_mm),
                 ("distance_mm", own.distance_mm),
             ])?;
-            let corners = [("corners", f64::from(own.corners))];
-            within(&corners, 2.0, 100.0, "between 2 and 100")?;
-            let flipped = [("flipped_share", own.flipped_share)];
-            within(&flipped, 0.0, 1.0, "between 0 and 1")
+            within(&[("corners", own.corners.into())], 2.0, 100.0, "between 2 and 100")?;
+            within(&[("flipped_share", own.flipped_share)], 0.0, 1.0, "between 0 and 1")
         }
     }
 }

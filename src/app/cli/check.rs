@@ -167,19 +167,12 @@ const fn remark_on_parallel(convention: Convention) -> &'static str {
 
 /// The arm with the name and range of each joint, and the convention of its link.
 fn arm(arm: &Arm) -> String {
-    let parameters = arm.chain().parameters();
-    let mut text = format!(
-        "{}: {} joints, {} link parameters\n",
-        Printable(arm.model()),
-        arm.joints().len(),
-        parameters.len()
-    );
+    let (joints, links) = (arm.joints().len(), arm.chain().parameters().len());
+    let mut text =
+        format!("{}: {joints} joints, {links} link parameters\n", Printable(arm.model()));
     for (place, joint) in arm.joints().iter().enumerate() {
-        let remark = if arm.parallel_joints().contains(&(place + 1)) {
-            remark_on_parallel(arm.convention())
-        } else {
-            ""
-        };
+        let is_parallel = arm.parallel_joints().contains(&(place + 1));
+        let remark = if is_parallel { remark_on_parallel(arm.convention()) } else { "" };
         let unit = joint.sign_of_unit();
         let [lower, upper] = [joint.lower, joint.upper].map(|limit| joint.shown(limit));
         writeln!(
@@ -214,24 +207,22 @@ fn flange(arm: &Arm, name: &str, reported: &[f64]) -> String {
     };
     let positions: Vec<String> = arm.joints().iter().zip(reported).map(position).collect();
     let degrees_at_end = if any_slides { "" } else { "°" };
+    let positions = positions.join(", ");
+    let ([x, y, z], [roll, pitch, yaw]) = (<[f64; 3]>::from(mm), degrees);
+    format!(
+        "  flange {name} ({positions}{degrees_at_end}): [{x:.3}, {y:.3}, {z:.3}] mm, [{roll:.3}, {pitch:.3}, {yaw:.3}]° fixed-xyz{}\n",
+        beyond_limits(arm, reported)
+    )
+}
+
+fn beyond_limits(arm: &Arm, reported: &[f64]) -> String {
     let beyond = arm.joints().iter().zip(reported);
     let beyond = beyond.filter(|(joint, q)| !(joint.lower..=joint.upper).contains(q));
     let beyond: Vec<String> = beyond.map(|(joint, _)| Printable(&joint.name).to_string()).collect();
-    let limits = if beyond.is_empty() {
-        String::new()
-    } else {
-        format!(" (outside the limits of {}: it cannot be gone to)", beyond.join(", "))
-    };
-    format!(
-        "  flange {name} ({}{degrees_at_end}): [{:.3}, {:.3}, {:.3}] mm, [{:.3}, {:.3}, {:.3}]° fixed-xyz{limits}\n",
-        positions.join(", "),
-        mm.x,
-        mm.y,
-        mm.z,
-        degrees[0],
-        degrees[1],
-        degrees[2]
-    )
+    if beyond.is_empty() {
+        return String::new();
+    }
+    format!(" (outside the limits of {}: it cannot be gone to)", beyond.join(", "))
 }
 
 fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
@@ -258,18 +249,15 @@ fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
 
 fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
     let angle = format!("{:?}", stations.joint_unit).to_lowercase();
-    let joints = format!("{} in {angle}", stations.joints.join(", "));
     let pose = |position: &[String; 3], unit| {
         format!("{} in {}", position.join(", "), format!("{unit:?}").to_lowercase())
     };
-    let mut named = vec![("joints", joints)];
+    let mut named = vec![("joints", format!("{} in {angle}", stations.joints.join(", ")))];
     let targets = stations.target_names();
     for (own, target) in stations.measured.iter().zip(&targets) {
         let words = pose(&own.position, own.unit);
-        named.push((
-            "measured",
-            if targets.len() > 1 { format!("{target}: {words}") } else { words },
-        ));
+        let words = if targets.len() > 1 { format!("{target}: {words}") } else { words };
+        named.push(("measured", words));
     }
     for own in &stations.lengths {
         let unit = format!("{:?}", own.unit).to_lowercase();

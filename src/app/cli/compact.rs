@@ -61,22 +61,12 @@ fn told(done: &Compacted, bars: &Bars) -> u8 {
 }
 
 fn words(done: &Compacted) -> Vec<String> {
+    let Compacted { state, runs, added, gone, .. } = done;
+    let left_out = done.left_out.len();
     let first = if done.is_new {
-        format!(
-            "state {}: {} runs, {} new, {} gone, {} left out",
-            done.state,
-            done.runs,
-            done.added,
-            done.gone,
-            done.left_out.len()
-        )
+        format!("state {state}: {runs} runs, {added} new, {gone} gone, {left_out} left out")
     } else {
-        format!(
-            "state {} is up to date: {} runs, {} left out",
-            done.state,
-            done.runs,
-            done.left_out.len()
-        )
+        format!("state {state} is up to date: {runs} runs, {left_out} left out")
     };
     let mut lines = vec![first];
     lines.extend(TABLES.into_iter().chain([KEYS]).map(|table| of_table(done, table)));

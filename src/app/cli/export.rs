@@ -136,9 +136,7 @@ pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
     // The whole result is made first: a table that turns out wrong leaves no half of it on a pipe.
     let mut made = Vec::new();
     args.make(&mut made)?;
-    let Some(out) = &args.out else {
-        return Ok(made);
-    };
+    let Some(out) = &args.out else { return Ok(made) };
     let written = write_whole(out, |sink| sink.write_all(&made));
     written.map_err(|source| ExportErrorKind::NotWritten(source).at(out))?;
     Ok(Vec::new())

@@ -31,9 +31,7 @@ impl FolderGiven {
 impl fmt::Display for FolderGiven {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} is a folder; give {}", self.path.display(), self.wanted)?;
-        let Some(files) = &self.files else {
-            return Ok(());
-        };
+        let Some(files) = &self.files else { return Ok(()) };
         let named: Vec<String> =
             files.iter().take(FILES_NAMED).map(|file| file.display().to_string()).collect();
         let more = files.len().saturating_sub(FILES_NAMED);
@@ -67,9 +65,7 @@ pub(super) fn files_in(
 
 /// What stands in a folder, in order; nothing where it cannot be read, as this is for a message alone.
 pub(super) fn entries(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return Vec::new();
-    };
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
     paths.sort();
     paths

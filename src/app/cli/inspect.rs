@@ -81,10 +81,8 @@ fn inspect_all(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
     let of_logs = inspect_logs(&logs, bars)?;
     let of_tables = inspect_tables(&tables, &selection, &arms, bars)?;
     // Unreadable outranks damaged.
-    Ok([NO_RESULT, NOT_MET]
-        .into_iter()
-        .find(|code| [of_logs, of_tables].contains(code))
-        .unwrap_or(DONE))
+    let code = [NO_RESULT, NOT_MET].into_iter().find(|code| [of_logs, of_tables].contains(code));
+    Ok(code.unwrap_or(DONE))
 }
 
 fn inspect_logs(paths: &[&PathBuf], bars: &Bars) -> Result<u8, Undelivered> {
@@ -140,9 +138,7 @@ fn inspect_tables(
 
 /// Adds a table to those with the same settings beside it in the folder.
 fn add<'p>(guesses: &mut Vec<(Vec<&'p Path>, Guess)>, path: &'p Path, guess: Option<Guess>) {
-    let Some(guess) = guess else {
-        return;
-    };
+    let Some(guess) = guess else { return };
     let same = guesses.iter_mut().find(|(paths, own)| {
         own.settings == guess.settings && paths.iter().all(|other| other.parent() == path.parent())
     });

@@ -305,24 +305,21 @@ fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
     let count = |purpose| plan.session.count(|own| own == purpose);
     let (identify, verify) = (count(Purpose::Identify), count(Purpose::Verify));
     let checks = plan.session.visits.len() - identify - verify;
-    writeln!(
-        text,
-        "session: {identify} poses to identify, {verify} to verify, {checks} visits again for drift"
-    )
-    .expect("a string");
-    let promise = &plan.promise;
+    let (promise, robots) = (&plan.promise, plan.promise.robots);
     let asked = 100.0 * settings.robots_meet.share;
     let confidence = 100.0 * settings.robots_meet.confidence;
     let words = match (promise.mean_bound_mm, promise.bound_mm) {
         (Some(mean), Some(bound)) => format!(
             "promise: mean error below {mean:.3} mm and bound below {bound:.3} mm for {asked} % of robots, with {confidence} % \
-             confidence ({} robots that took no part in choosing poses)",
-            promise.robots
+             confidence ({robots} robots that took no part in choosing poses)"
         ),
         _ => format!(
-            "promise: none: {} robots are too few for {asked} % with {confidence} % confidence; raise whole_model_robots",
-            promise.robots
+            "promise: none: {robots} robots are too few for {asked} % with {confidence} % confidence; raise whole_model_robots"
         ),
     };
-    writeln!(text, "{words}").expect("a string");
+    writeln!(
+        text,
+        "session: {identify} poses to identify, {verify} to verify, {checks} visits again for drift\n{words}"
+    )
+    .expect("a string");
 }

@@ -119,9 +119,7 @@ fn ready_names() -> String {
 }
 
 pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
-    let Some(path) = args.file.as_deref().filter(|_| !args.list) else {
-        return Ok(list::ready());
-    };
+    let Some(path) = args.file.as_deref().filter(|_| !args.list) else { return Ok(list::ready()) };
     let text = text(path)?;
     let stated = args.stated(path, &text).map_err(|kind| kind.at(path))?;
     let Some(poses) = &args.at else {

@@ -219,7 +219,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         }
     };
     let pieces = fleet.pieces();
-    let (endings, without) = work::all(&pieces, (args.until, &known), jobs(args), bars, &stop);
+    let (endings, without) = work::all(&pieces, args.until, &known, jobs(args), bars, &stop);
     if let Err(error) = known.write() {
         tracing::warn!(
             "the index of finished work cannot be kept, the next batch digests every session: {}",

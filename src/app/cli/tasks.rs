@@ -88,9 +88,7 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
         Ok(fleet) => fleet,
         Err(error) => return unusable(&error),
     };
-    let Some(known) = known(&fleet, Known::read) else {
-        return FAULT;
-    };
+    let Some(known) = known(&fleet, Known::read) else { return FAULT };
     for aside in &fleet.set_aside {
         let how = match aside.why {
             Why::Waits(_) => "waits",
@@ -165,9 +163,7 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
         Ok(fleet) => fleet,
         Err(error) => return unusable(&error),
     };
-    let Some(known) = known(&fleet, |lake| Ok(Known::one_by_one(lake))) else {
-        return FAULT;
-    };
+    let Some(known) = known(&fleet, |lake| Ok(Known::one_by_one(lake))) else { return FAULT };
     told(&tasks::work(&fleet, &known, &id, &bars.of("task")), bars)
 }
 

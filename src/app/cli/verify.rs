@@ -151,8 +151,7 @@ fn all(
     progress.begin("runs", selected.runs.len() as u64);
     let (mut verdicts, mut shown) = (Vec::new(), BTreeSet::new());
     for run in &selected.runs {
-        let found = (&selected.register, &mut *sought);
-        let (verdict, of_stages, text) = one(run, found, lake, bars);
+        let (verdict, of_stages, text) = one(run, &selected.register, sought, lake, bars);
         messages::result(text, bars)?;
         verdicts.push(verdict);
         shown.extend(of_stages);
@@ -165,25 +164,21 @@ fn all(
 /// Verifies one run; whatever goes wrong with it stays with it. Gives its verdict, the results of stages that it shows, and it in words.
 fn one(
     run: &PastRun,
-    found: (&Register, &mut Sought),
+    register: &Register,
+    sought: &mut Sought,
     lake: &Lake,
     bars: &Bars,
 ) -> (Verdict, Vec<String>, String) {
     let claim = match &run.claim {
         Ok(claim) => claim,
         Err(wrong) => {
-            let reason = wrong.reason.clone();
-            let verdict = if wrong.is_damage {
-                Verdict::RowUnreadable(reason)
-            } else {
-                Verdict::NotRecomputed(reason)
-            };
+            let verdict = wrong.verdict();
             let text = words::line(&run.place.display().to_string(), &verdict);
             return (verdict, Vec::new(), text);
         }
     };
     let progress = bars.of(&Printable(&claim.key.session).to_string());
-    let attempt = AssertUnwindSafe(|| verify(run, claim, found, lake, &progress));
+    let attempt = AssertUnwindSafe(|| verify(run, claim, register, sought, lake, &progress));
     if let Ok(verified) = panic::catch_unwind(attempt) {
         let verdict = verified.verdict();
         let text = paragraph(&verified, &verdict);

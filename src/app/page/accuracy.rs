@@ -88,9 +88,8 @@ fn stations(subject: &Subject, moment: Moment) -> String {
 }
 
 fn row(figures: &[AccuracyRow], subject: &Subject) -> Markup {
-    let figure = |name: FigureName| {
-        figures.iter().find(|figure| figure.name == name && figure.subject == *subject)
-    };
+    let own = || figures.iter().filter(|figure| figure.subject == *subject);
+    let figure = |name: FigureName| own().find(|figure| figure.name == name);
     let value = |name: FigureName| figure(name).and_then(|figure| figure.value);
     let bound = figure(FigureName::Bound);
     let moment = bound.map_or(Moment::After, |bound| bound.evidence);

@@ -208,13 +208,9 @@ fn judgement(content: &Content) -> Judgement {
 }
 
 fn chart(content: &Content, chosen: &StepRow) -> Markup {
-    let drawn: Vec<&StepRow> = content
-        .steps
-        .iter()
-        .filter(|step| step.split == Split::Blocks && step.judgement == judgement(content))
-        .collect();
-    let (own, others): (Vec<&StepRow>, Vec<&StepRow>) =
-        drawn.into_iter().partition(|step| is_alike(step, chosen));
+    let of_blocks = content.steps.iter().filter(|step| step.split == Split::Blocks);
+    let drawn = of_blocks.filter(|step| step.judgement == judgement(content));
+    let (own, others): (Vec<&StepRow>, Vec<_>) = drawn.partition(|step| is_alike(step, chosen));
     let is_chosen = |step: &StepRow| (step.step_mm - chosen.step_mm).abs() < 1e-9;
     let at = points(&own, |step| step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step)));
     let mut series = own_series(&own, chosen.expanded_uncertainty_mm.unwrap_or(0.0));

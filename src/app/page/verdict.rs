@@ -112,8 +112,7 @@ fn remarks(judges: &[Judge]) -> Markup {
 fn sentence(content: &Content, verdict: &Verdict) -> Markup {
     let tolerance = &content.tolerance;
     let headline = content.verdict.headline();
-    let bound =
-        headline.figure().and_then(|figure| Some((figure.bound?, figure.expanded_uncertainty_mm)));
+    let bound = headline.figure().and_then(|own| Some((own.bound?, own.expanded_uncertainty_mm)));
     let stations = headline.decides().map(|judge| judge.stations.words());
     match (verdict, bound) {
         (Verdict::NotShown(reason), _) => html! {

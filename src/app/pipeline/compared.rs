@@ -75,11 +75,9 @@ fn predicted(outcome: &Outcome<'_>) -> Option<Compared> {
 fn compared(outcome: &Outcome<'_>, figure: &Accuracy, stations: String) -> Option<Compared> {
     let subject = &figure.subject;
     let session = named(outcome, subject)?;
-    let of_table = |left: &LeftAt| ErrorPair {
-        station: left.station,
-        at: left.at,
-        before: left.before,
-        after: left.error,
+    let of_table = |left: &LeftAt| {
+        let (before, after) = (left.before, left.error);
+        ErrorPair { station: left.station, at: left.at, before, after }
     };
     let (before, errors) = if subject.model == Model::Table {
         let left = &table(outcome, subject)?.held_out.left;
@@ -101,9 +99,8 @@ fn compared(outcome: &Outcome<'_>, figure: &Accuracy, stations: String) -> Optio
 fn measured(outcome: &Outcome<'_>) -> Option<Compared> {
     let driven = outcome.driven.as_ref()?;
     let measured = driven.measured.as_ref()?;
-    let after = measured.after.judged();
-    let after: BTreeMap<usize, Vector3<f64>> =
-        after.map(|own| (own.station, own.residual)).collect();
+    let after = measured.after.judged().map(|own| (own.station, own.residual));
+    let after: BTreeMap<usize, Vector3<f64>> = after.collect();
     let pair = |own: &Residual| {
         Some(ErrorPair {
             station: own.station,
@@ -203,9 +200,7 @@ fn carry_to_commands(outcome: &Outcome<'_>, session: &JoinedSession, errors: &mu
         })
         .collect();
     errors.retain(|station, (at, error)| {
-        let Some(by) = sent.get(station) else {
-            return false;
-        };
+        let Some(by) = sent.get(station) else { return false };
         *at += by;
         *error -= by;
         true

@@ -172,7 +172,7 @@ impl Configuration {
         let settings = serde_json::to_value(&file).map_err(ManifestError::from)?;
         let join_settings = manifest::canonical(&join_settings(&settings))?;
         let listed = if overrides.from_joined {
-            joined_sessions(path, &file, (&robot_file, &join_settings), &lake, overrides)?
+            joined_sessions(path, &file, &robot_file, &join_settings, &lake, overrides)?
         } else {
             let found = found.map_or_else(|| look(path, &tree, &folder, &file), Ok)?;
             sessions::list(&found, &folder, &file.input, overrides)?
@@ -208,17 +208,15 @@ impl Configuration {
 fn joined_sessions(
     path: &Path,
     file: &PipelineFile,
-    (robot_file, settings): (&Path, &str),
+    robot_file: &Path,
+    settings: &str,
     lake: &Place,
     overrides: &Overrides,
 ) -> Result<Listed, ConfigurationError> {
     if file.output.logs {
-        let setting = ConfigurationErrorKind::setting(
-            "[output] logs",
-            true,
-            "false: decoded samples are published from logs, and --from estimate reads none",
-        );
-        return Err(setting.at(path));
+        let wanted =
+            "false: decoded samples are published from logs, and --from estimate reads none";
+        return Err(ConfigurationErrorKind::setting("[output] logs", true, wanted).at(path));
     }
     let unread = |source| {
         let robot = robot_file.to_owned();

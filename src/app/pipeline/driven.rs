@@ -41,9 +41,7 @@ pub(super) fn driven_by(
     stations: &[Station],
     limits: Limits,
 ) -> Result<Option<DrivenBy>, RunError> {
-    let Some(path) = &files.corrected else {
-        return Ok(None);
-    };
+    let Some(path) = &files.corrected else { return Ok(None) };
     let file = driving::read(path, Bound::of(limits)).map_err(|source| RunError::Driving {
         session: files.name.clone(),
         source: Box::new(source),
@@ -102,9 +100,7 @@ pub(super) fn words(
 
 /// The number of stations at each kind of place, as text.
 fn went(driven: &Driven, session: &JoinedSession) -> String {
-    let Some(by) = &session.driven_by else {
-        return "no targets".to_owned();
-    };
+    let Some(by) = &session.driven_by else { return "no targets".to_owned() };
     let departed =
         driven.stations.iter().filter(|station| station.departure_mm() > NOT_THE_FILES_MM).count();
     let mut words = format!(

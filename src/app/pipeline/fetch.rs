@@ -93,9 +93,7 @@ fn ending(path: &Path) -> &'static str {
 }
 
 fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError> {
-    let Tree::Listed { store, files } = tree else {
-        return Ok(address.to_owned());
-    };
+    let Tree::Listed { store, files } = tree else { return Ok(address.to_owned()) };
     let listed = files.get(address).expect("a log that was listed");
     let file = File::options().write(true).create_new(true).open(copy);
     store.copy_to(listed, file.map_err(wrong(address))?)?;

@@ -186,9 +186,7 @@ impl Planning {
         key: &RunKey,
     ) -> Result<Commit, PlanningError> {
         let replaces = lake.current(key)?;
-        let Some(mut run) = lake.start(key)? else {
-            return Ok(Commit::AlreadyThere);
-        };
+        let Some(mut run) = lake.start(key)? else { return Ok(Commit::AlreadyThere) };
         let frame = &self.command_from_base;
         let visits = sampling_plan::rows(plan, &self.settings, &self.arm, frame);
         let visits = VisitRow::table(visits, key).map_err(PublishError::from)?;
@@ -227,10 +225,8 @@ impl Stated {
     fn read(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self, PlanningError> {
         let read = files::read(path, robot)?;
         let file = &read.file;
-        let missing = ConfigurationErrorKind::missing(
-            "[plan]",
-            "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base",
-        );
+        let content = "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base";
+        let missing = ConfigurationErrorKind::missing("[plan]", content);
         let section = file.plan.clone().ok_or_else(|| missing.at(path))?;
         check(path, &section, read.arm.joints().len())?;
         let settings = Placed::new(path, file, &section)?.settings(&read.arm, file, &section)?;
@@ -265,20 +261,15 @@ fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
 
 fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
     let promise = &plan.promise;
-    let verdict = match promise.bound_mm {
-        _ if plan.is_met() => TableVerdict::Met,
-        Some(_) => TableVerdict::NotMet,
-        None => TableVerdict::NotShown,
+    let (verdict, word) = match promise.bound_mm {
+        _ if plan.is_met() => (TableVerdict::Met, "met"),
+        Some(_) => (TableVerdict::NotMet, "not met"),
+        None => (TableVerdict::NotShown, "not shown to be met"),
     };
     let why = format!(
         "{} of {} simulated robots meet the tolerance: at least {:.3} of all, {:.3} are asked for",
         promise.meet, promise.robots, promise.share_at_least, promise.share_asked
     );
-    let word = match verdict {
-        TableVerdict::Met => "met",
-        TableVerdict::NotMet => "not met",
-        TableVerdict::NotShown => "not shown to be met",
-    };
     let ending = Ending {
         verdict,
         verdict_of: Some(VerdictOf::SamplingPlan),

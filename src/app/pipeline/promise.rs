@@ -49,12 +49,8 @@ pub(super) fn held(
     lake: &Lake,
     robot: &str,
 ) -> Result<Promised, LakeError> {
-    let Some(session) = outcome.training.last() else {
-        return Ok(Promised::NoPlan);
-    };
-    let Some(plan) = named.or(session.sampling_plan.as_ref()) else {
-        return Ok(Promised::NoPlan);
-    };
+    let Some(session) = outcome.training.last() else { return Ok(Promised::NoPlan) };
+    let Some(plan) = named.or(session.sampling_plan.as_ref()) else { return Ok(Promised::NoPlan) };
     let key = RunKey::new(robot, SESSION, plan);
     if !lake.exists(&key)? || !lake.has("sampling_plan", &key)? {
         return Ok(Promised::Unknown(plan.clone()));

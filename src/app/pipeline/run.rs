@@ -16,8 +16,6 @@ mod took;
 
 use std::time::Instant;
 
-use nalgebra::Isometry3;
-
 use super::compared::pairs;
 use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
@@ -207,9 +205,7 @@ fn run_local(
     let results = Results::of(configuration, piece, progress)?;
     let Results { work, lake, .. } = &results;
     let key = work.key();
-    let Some(mut run) = lake.start(&key)? else {
-        return already_there(configuration, lake, &key);
-    };
+    let Some(mut run) = lake.start(&key)? else { return already_there(configuration, lake, &key) };
     let sessions = results.sessions(piece, Some(&mut run))?;
     let made_of = sessions.made_of.clone();
     let estimate = results.estimate(sessions)?;
@@ -230,7 +226,7 @@ fn run_local(
     let rows = RunRows::of(&outcome, &context, &key)?;
     let parameters = &rows.parameters.rows;
     let summary = summary(&outcome, configuration, parameters, &context.pairs, state.as_deref());
-    let said = said(configuration, &outcome, &remarks, (state, context.pairs.clone()))?;
+    let said = said(configuration, &outcome, &remarks, state, context.pairs.clone())?;
     let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, rows, &context, run, work, &said)?;
     let done = Done {
@@ -253,7 +249,8 @@ fn said(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
     remarks: &[String],
-    (table_state, pairs): (Option<String>, Pairs),
+    table_state: Option<String>,
+    pairs: Pairs,
 ) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
@@ -320,12 +317,9 @@ fn context<'a>(
     outcome: &Outcome<'_>,
     replaces: Option<Replaced>,
 ) -> PublishContext<'a> {
-    let base_from_command = configuration
-        .command_frames
-        .map_or_else(Isometry3::identity, |frames| frames.base_from_command);
     PublishContext {
         arm: &configuration.arm,
-        command_from_base: Transform::claim(base_from_command.inverse()),
+        command_from_base: Transform::claim(configuration.stages.base_from_command.inverse()),
         fit: &configuration.stages.fit,
         full: &configuration.stages.full,
         tolerance: configuration.stages.tolerance,
@@ -373,8 +367,7 @@ fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> Str
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
 fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
     let session = outcome.training.last()?;
-    let stated = &session.stated_sizes;
-    let noise = configuration.stages.noise.with_stated(stated);
+    let noise = configuration.stages.noise.with_stated(&session.stated_sizes);
     let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
     let stations = &session.joined.stations;
     let variances: Vec<f64> = stations

@@ -44,18 +44,9 @@ pub(super) fn summary(
     findings.push(format!("tolerance {} mm: {}", tolerance.mm, verdict.statement()));
     findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
-    Summary {
-        read: read(outcome),
-        warnings: warnings(outcome, tolerance),
-        findings,
-        next: Next::of(
-            verdict,
-            &outcome.frame,
-            tolerance,
-            Stated::of(&configuration.arm),
-            outcome.doubts_set_up(),
-        ),
-    }
+    let (stated, doubts) = (Stated::of(&configuration.arm), outcome.doubts_set_up());
+    let next = Next::of(verdict, &outcome.frame, tolerance, stated, doubts);
+    Summary { read: read(outcome), warnings: warnings(outcome, tolerance), findings, next }
 }
 
 /// What has to be known of a run before anything else: that its frame is not fixed, where its logs disagree with the stated set-up, and

@@ -113,9 +113,7 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
         let state = known.state_now(own.configuration, own.piece);
         state.as_deref() == Some(id)
     };
-    let Some(own) = fleet.pieces().into_iter().find(is_it) else {
-        return no_such(id);
-    };
+    let Some(own) = fleet.pieces().into_iter().find(is_it) else { return no_such(id) };
     if known.settled_state(own.configuration, own.piece).as_deref() != Some(id) {
         return no_such(id);
     }
@@ -123,13 +121,10 @@ pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> 
         return ended(id, &done);
     }
     match run_piece(own.configuration, own.piece, progress) {
-        Ok(done) => {
-            let piece = (own.configuration, own.piece);
-            match known.keep_alone(id, piece, &done) {
-                Ok(()) => ended(id, &done),
-                Err(error) => failed(id, Some(own), How::Fault, error.to_string()),
-            }
-        }
+        Ok(done) => match known.keep_alone(id, own.configuration, own.piece, &done) {
+            Ok(()) => ended(id, &done),
+            Err(error) => failed(id, Some(own), How::Fault, error.to_string()),
+        },
         Err(error) => {
             let how = if error.is_fault() { How::Fault } else { How::Failed };
             failed(id, Some(own), how, error.to_string())

@@ -115,7 +115,8 @@ impl Verified {
 pub fn verify(
     run: &PastRun,
     claim: &Claim,
-    (register, sought): (&Register, &mut Sought),
+    register: &Register,
+    sought: &mut Sought,
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Verified {
@@ -134,10 +135,7 @@ pub fn verify(
         recomputed: Recomputed::OtherWork,
     };
     verified.recomputed = match &run.pipeline {
-        Some(pipeline) => {
-            let found = (register, sought);
-            recomputed(&mut verified, pipeline, found, lake, progress)
-        }
+        Some(pipeline) => recomputed(&mut verified, pipeline, register, sought, lake, progress),
         None => Recomputed::No(format!(
             "it was made by the pipeline file {:?}: give that file with --pipeline",
             claim.run.pipeline
@@ -149,7 +147,8 @@ pub fn verify(
 fn recomputed(
     verified: &mut Verified,
     pipeline: &Path,
-    (register, sought): (&Register, &mut Sought),
+    register: &Register,
+    sought: &mut Sought,
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Recomputed {
@@ -161,7 +160,7 @@ fn recomputed(
     let known_arm = cited::known_arm(&claim, register);
     let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
     let known_arm = known_arm.as_ref().and_then(Place::as_path);
-    let source = Source::find(&claim, (pipeline, &mut *sought), known_arm, temporary.path());
+    let source = Source::find(&claim, pipeline, sought, known_arm, temporary.path());
     let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
         Ok((work, source)) => (source, work),
         Err(NoSource::Missing(lost, reason)) => {

@@ -65,15 +65,11 @@ fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
     let words = |own: &FoundSize| {
         let session = &outcome.training[own.session].name;
         let (size, error) = (&own.size, &own.standard_error);
-        let turns = if own.is_apart {
-            format!(
-                " of positions, {:.2} ± {:.2} times of orientations",
-                size.orientation,
-                expanded(error.orientation)
-            )
-        } else {
-            String::new()
+        let of_turns = || {
+            let expanded = expanded(error.orientation);
+            format!(" of positions, {:.2} ± {expanded:.2} times of orientations", size.orientation)
         };
+        let turns = if own.is_apart { of_turns() } else { String::new() };
         format!(
             "{session}: the noise of its readings is {:.2} ± {:.2} times what they state of themselves{turns}, by likelihood over {} \
              readings, beside {:.3} mm per axis of the arm",
@@ -238,14 +234,9 @@ fn is_headline(accuracy: &Accuracy) -> bool {
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }
 
-fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
-    let figures = accuracy.figures?;
+fn judged_on(accuracy: &Accuracy, pooled: bool) -> String {
     let subject = &accuracy.subject;
-    let mut model = subject.model.name_at(subject.angles);
-    if subject.model.about().corrects == Corrects::Nothing {
-        model.insert_str(0, "error relative to the ");
-    }
-    let judged = match (subject.split, subject.base_refit) {
+    match (subject.split, subject.base_refit) {
         (Split::None, _) => String::new(),
         _ if accuracy.moment == Moment::MeasuredAfter => {
             " that drove this session, MEASURED AFTER with the base from its first stations"
@@ -260,7 +251,17 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
             let found = found.map_or_else(String::new, |own| format!(", {}", own.words()));
             format!(", unseen session {}{found}", subject.of_session)
         }
-    };
+    }
+}
+
+fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
+    let figures = accuracy.figures?;
+    let subject = &accuracy.subject;
+    let mut model = subject.model.name_at(subject.angles);
+    if subject.model.about().corrects == Corrects::Nothing {
+        model.insert_str(0, "error relative to the ");
+    }
+    let judged = judged_on(accuracy, pooled);
     let bound = accuracy
         .bound
         .map_or_else(|| "bound not shown".to_owned(), |bound| format!("bound {bound:.3} mm"));

@@ -69,11 +69,8 @@ impl Placement {
             }
         };
         if let Some([x, y, z, w]) = self.quaternion_xyzw {
-            let scalar_first = Some([y, z, w, x]);
-            add(
-                "the quaternion as w x y z".to_owned(),
-                Self { quaternion_xyzw: scalar_first, ..*self },
-            );
+            let scalar_first = Self { quaternion_xyzw: Some([y, z, w, x]), ..*self };
+            add("the quaternion as w x y z".to_owned(), scalar_first);
         }
         if let (Some(angles), Some(order)) = (self.euler_deg, self.euler_order) {
             for other in EulerOrder::ALL.into_iter().filter(|&other| other != order) {

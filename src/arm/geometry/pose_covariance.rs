@@ -111,21 +111,19 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
         return false;
     }
     let roots: Vec<f64> = matrix.diagonal().iter().map(|own| own.sqrt()).collect();
-    let places = (0..size).flat_map(|row| (0..size).map(move |column| (row, column)));
-    let is_symmetric = places.clone().all(|(row, column)| {
+    let mut places = (0..size).flat_map(|row| (0..size).map(move |column| (row, column)));
+    let is_symmetric = places.all(|(row, column)| {
         let off = (matrix[(row, column)] - matrix[(column, row)]).abs();
-        off <= ALIKE * roots[row] * roots[column]
+        let scale = roots[row] * roots[column];
+        // What is exact has no correlation with anything.
+        off <= ALIKE * scale && (scale > 0.0 || matrix[(row, column)] == 0.0)
     });
-    // What is exact has no correlation with anything.
-    let is_apart = places
-        .clone()
-        .all(|(row, column)| roots[row] * roots[column] > 0.0 || matrix[(row, column)] == 0.0);
     let correlation = DMatrix::from_fn(size, size, |row, column| {
         let (a, b) = (row.min(column), row.max(column));
         let scale = roots[row] * roots[column];
         if scale > 0.0 { matrix[(a, b)] / scale } else { f64::from(u8::from(row == column)) }
     });
-    is_symmetric && is_apart && correlation.symmetric_eigenvalues().min() >= LEAST
+    is_symmetric && correlation.symmetric_eigenvalues().min() >= LEAST
 }
 
 /// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of

@@ -168,9 +168,7 @@ impl Arm {
     }
 
     pub fn joint_twists(&self, axis_twists: &[Twist]) -> Vec<Twist> {
-        let Some(map) = &self.map else {
-            return axis_twists.to_vec();
-        };
+        let Some(map) = &self.map else { return axis_twists.to_vec() };
         let column = |joint: usize| {
             axis_twists.iter().enumerate().fold(Twist::zero(), |sum, (axis, twist)| Twist {
                 linear: sum.linear + twist.linear * map[(axis, joint)],

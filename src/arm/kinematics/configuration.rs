@@ -94,14 +94,10 @@ impl SingularityFactors {
         }
         let wrist = z(4).cross(&z(5)).dot(&z(6));
         let elbow_mm2 = z(2).dot(&upper_arm.cross(&forearm));
-        let determinant = determinant(twists);
         let elbow = elbow_mm2 / (upper * fore);
         // On a singularity of elbow or wrist the quotient is undefined, and the pose is singular anyway.
-        let shoulder = if (elbow * wrist).abs() < 1e-12 {
-            0.0
-        } else {
-            determinant / (elbow_mm2 * wrist) / (upper + fore)
-        };
+        let quotient = determinant(twists) / (elbow_mm2 * wrist) / (upper + fore);
+        let shoulder = if (elbow * wrist).abs() < 1e-12 { 0.0 } else { quotient };
         Some(Self { shoulder, elbow, wrist })
     }
 
@@ -130,9 +126,7 @@ impl Configuration {
 /// the determinant does not have the three factors.
 fn forearm_end(axes: &[Line], twists: &[Twist]) -> Option<Point3<f64>> {
     let rotates = |twist: &Twist| twist.angular.norm_squared() > 0.0;
-    let &[_, second, third, fourth, fifth, sixth] = axes else {
-        return None;
-    };
+    let &[_, second, third, fourth, fifth, sixth] = axes else { return None };
     if twists.len() != 6 || !twists.iter().all(rotates) || !are_parallel(&second, &third) {
         return None;
     }

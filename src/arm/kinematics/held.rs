@@ -48,15 +48,13 @@ impl HeldChain {
     /// one.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
         let mut segments = Vec::with_capacity(chain.joint_count() + 1);
-        let (mut free, mut end) = (Vec::new(), Isometry3::identity());
-        let mut parameter = 0;
+        let (mut free, mut end, mut parameter) = (Vec::new(), Isometry3::identity(), 0);
         for element in chain.elements() {
             match element {
                 Element::Fixed(transform) => end *= transform,
                 Element::Free { motion, nominal, .. } => {
-                    if let Some(unknown) = unknowns[parameter] {
-                        free.push((unknown, UnitMotion::of(*motion, &end)));
-                    }
+                    let unknown = unknowns[parameter];
+                    free.extend(unknown.map(|unknown| (unknown, UnitMotion::of(*motion, &end))));
                     end *= motion.by(nominal + offsets[parameter]);
                     parameter += 1;
                 }

@@ -92,18 +92,11 @@ fn joint_of(reported: &Joint, screw: &Screw, is_new: bool, place: usize) -> Join
             (is_reported && screw.slides == slides).then_some([reported.lower, reported.upper]);
         own.map(|limits| if slides { limits } else { limits.map(f64::to_degrees) })
     };
-    let mimic = Mimic {
-        joint: reported.name.clone(),
-        multiplier: screw.factor,
-        offset_deg: None,
-        offset_mm: None,
-    };
+    let (joint, multiplier) = (reported.name.clone(), screw.factor);
+    let mimic = Mimic { joint, multiplier, offset_deg: None, offset_mm: None };
+    let numbered = format!("{} {}", reported.name, place + 1);
     JointFile {
-        name: if is_reported {
-            reported.name.clone()
-        } else {
-            format!("{} {}", reported.name, place + 1)
-        },
+        name: if is_reported { reported.name.clone() } else { numbered },
         kind,
         sign: Some(if is_reported && screw.factor < 0.0 { -1 } else { 1 }),
         limits_deg: limits(false),
@@ -137,9 +130,7 @@ fn on_first_axis(first: &Line) -> Isometry3<f64> {
 }
 
 fn cpc(file: &mut RobotFile, screws: &Screws) {
-    let Some(first) = screws.axes.first() else {
-        return;
-    };
+    let Some(first) = screws.axes.first() else { return };
     let mut frame = on_first_axis(&first.line);
     file.base = placement(&frame);
     let nexts = screws.axes.iter().skip(1).map(|screw| screw.line);

@@ -162,7 +162,7 @@ impl RobotFile {
             let before_it = place.checked_sub(1).map(|before| parallel[before]);
             let beside =
                 Beside { before: before_it.unwrap_or(Parallel::No), next: parallel[place] };
-            elements.extend(self.link((file, &joint), beside, &mut before)?);
+            elements.extend(self.link(file, &joint, beside, &mut before)?);
         }
         let flange = placement("flange", self.flange.as_ref())?;
         let behind = match self.convention {
@@ -177,40 +177,30 @@ impl RobotFile {
 
     /// The joint with its number and the variable that moves it; `None` for one that does not move.
     fn moving(file: &JointFile, reported: &[&JointFile], followers: &mut usize) -> Option<Moving> {
-        let place = |name: &str| reported.iter().position(|joint| joint.name == name);
         let sign = f64::from(file.sign.unwrap_or(1));
-        match (&file.mimic, file.kind) {
-            (_, JointKind::Fixed) => None,
-            (None, _) => place(&file.name).map(|variable| Moving {
-                number: variable + 1,
-                variable,
-                factor: sign,
-                slides: file.slides(),
-                shift: 0.0,
-            }),
+        let (moved_by, follower, factor, shift) = match (&file.mimic, file.kind) {
+            (_, JointKind::Fixed) => return None,
+            (None, _) => (&file.name, None, sign, 0.0),
             (Some(mimic), kind) => {
-                let offset = if kind == JointKind::Prismatic {
-                    mimic.offset_mm.unwrap_or(0.0)
-                } else {
-                    mimic.offset_deg.unwrap_or(0.0).to_radians()
-                };
+                let is_slide = kind == JointKind::Prismatic;
+                let radians = mimic.offset_deg.map(f64::to_radians);
+                let offset = if is_slide { mimic.offset_mm } else { radians };
                 *followers += 1;
-                place(&mimic.joint).map(|variable| Moving {
-                    number: *followers,
-                    variable,
-                    factor: sign * mimic.multiplier,
-                    slides: file.slides(),
-                    shift: sign * offset,
-                })
+                let shift = sign * offset.unwrap_or(0.0);
+                (&mimic.joint, Some(*followers), sign * mimic.multiplier, shift)
             }
-        }
+        };
+        let variable = reported.iter().position(|joint| joint.name == *moved_by)?;
+        let (number, slides) = (follower.unwrap_or(variable + 1), file.slides());
+        Some(Moving { number, variable, factor, slides, shift })
     }
 
     /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of
     /// exponentials.
     fn link(
         &self,
-        (file, joint): (&JointFile, &Moving),
+        file: &JointFile,
+        joint: &Moving,
         beside: Beside,
         before: &mut Isometry3<f64>,
     ) -> Result<Vec<Element>, ArmError> {
@@ -281,9 +271,7 @@ impl RobotFile {
 
     /// The home pose, rad or mm; an error unless it has a finite value for each reported joint.
     fn home(&self, reported: &[&JointFile]) -> Result<Option<Box<[f64]>>, ArmError> {
-        let Some(home) = &self.home_deg else {
-            return Ok(None);
-        };
+        let Some(home) = &self.home_deg else { return Ok(None) };
         if home.len() != reported.len() || home.iter().any(|angle| !angle.is_finite()) {
             return Err(ArmError::Home { found: home.clone(), joints: reported.len() });
         }

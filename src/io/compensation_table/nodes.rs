@@ -40,28 +40,23 @@ impl TableFile<'_> {
         let rows = self.rows.len();
         let last = index(&self.rows[rows - 1]);
         let count = |index: usize| index.checked_add(1).filter(|&count| count > 1);
-        let counts = last.map(count);
-        let [Some(nx), Some(ny), Some(nz)] = counts else {
-            return Err(self.node_error(
-                rows - 1,
-                format!("its index {last:?} leaves an axis without a cell"),
-            ));
+        let [Some(nx), Some(ny), Some(nz)] = last.map(count) else {
+            let problem = format!("its index {last:?} leaves an axis without a cell");
+            return Err(self.node_error(rows - 1, problem));
         };
         if nx.checked_mul(ny).and_then(|nodes| nodes.checked_mul(nz)) != Some(rows) {
-            return Err(self.node_error(
-                rows - 1,
-                format!("its index {last:?} says {nx} × {ny} × {nz} nodes, there are {rows}"),
-            ));
+            let problem =
+                format!("its index {last:?} says {nx} × {ny} × {nz} nodes, there are {rows}");
+            return Err(self.node_error(rows - 1, problem));
         }
         for (row, node) in self.rows.iter().enumerate() {
             let expected = [row, row % nx, row / nx % ny, row / (nx * ny)];
             let [x, y, z] = index(node);
             let found = [node.node, x, y, z];
             if expected != found {
-                return Err(self.node_error(
-                    row,
-                    format!("node and index are {found:?} where {expected:?} has its place"),
-                ));
+                let problem =
+                    format!("node and index are {found:?} where {expected:?} has its place");
+                return Err(self.node_error(row, problem));
             }
         }
         Ok([nx, ny, nz])
@@ -81,25 +76,19 @@ impl TableFile<'_> {
         if let Some(refusal) = node.refused {
             return Ok(Err(refusal));
         }
+        let lacks = "it is not refused and lacks an error, a covariance or joint angles";
         let (Some(error), Some(covariance), Some(joints)) =
             (node.error, node.error_cov_mm2, &node.joints_rad)
         else {
-            return Err(self.node_error(
-                row,
-                "it is not refused and lacks an error, a covariance or joint angles".to_owned(),
-            ));
+            return Err(self.node_error(row, lacks.to_owned()));
         };
         let [xx, _, _, yy, _, zz] = covariance;
         if xx.min(yy).min(zz) < 0.0 {
-            return Err(
-                self.node_error(row, format!("a variance is negative: {xx}, {yy}, {zz} mm²"))
-            );
+            let problem = format!("a variance is negative: {xx}, {yy}, {zz} mm²");
+            return Err(self.node_error(row, problem));
         }
-        Ok(Ok(Known {
-            joints: joints.clone(),
-            error: Vector3::from(error),
-            covariance: symmetric(covariance),
-        }))
+        let (error, covariance) = (Vector3::from(error), symmetric(covariance));
+        Ok(Ok(Known { joints: joints.clone(), error, covariance }))
     }
 }
 

@@ -46,18 +46,19 @@ fn parameters(calibrations: &Path) -> Option<Vec<ParameterRow>> {
     Some(ParameterRow::read(&table))
 }
 
+const BODIES: [(&str, BelongsTo, Option<Unit>); 3] = [
+    ("base", BelongsTo::Base, None),
+    ("flange", BelongsTo::Target, Some(Unit::Mm)),
+    ("lengths", BelongsTo::Link, Some(Unit::Mm)),
+];
+
 /// A sentence that names the frames and lengths of the geometric model that are not identified, with their standard
 /// errors.
 fn not_identified(rows: &[ParameterRow]) -> String {
     let own = |row: &&ParameterRow| {
         row.model == Model::Geometric && row.identifiability != Identifiability::Identifiable
     };
-    let bodies = [
-        ("base", BelongsTo::Base, None),
-        ("flange", BelongsTo::Target, Some(Unit::Mm)),
-        ("lengths", BelongsTo::Link, Some(Unit::Mm)),
-    ];
-    let found = bodies.into_iter().filter_map(|(name, body, unit)| {
+    let found = BODIES.into_iter().filter_map(|(name, body, unit)| {
         let is_of = |row: &&ParameterRow| {
             row.belongs_to == body && unit.is_none_or(|unit| row.unit == unit)
         };

@@ -108,9 +108,7 @@ impl Origins {
 
     /// Brings what the flange moved on the last link into an origin that can hold it.
     fn with_rest(mut self, chain: &[ChainJoint], rest: Isometry3<f64>) -> Self {
-        let Some(last) = chain.iter().rposition(|joint| joint.moves.is_some()) else {
-            return self;
-        };
+        let Some(last) = chain.iter().rposition(|joint| joint.moves.is_some()) else { return self };
         if let Some(fixed) = chain.get(last + 1) {
             let behind = chain[last + 2..].iter();
             let behind: Isometry3<f64> =

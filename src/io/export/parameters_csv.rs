@@ -12,6 +12,7 @@ use super::limits::Limits;
 use super::{ExportError, ExportErrorKind};
 use crate::fit::conversion::{Converted, converted};
 use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
+use crate::manifest::RunKey;
 
 /// The robot file's convention without one. Gives remarks for a person, a line each.
 pub fn write(
@@ -79,22 +80,18 @@ fn remarks(
     limits: &Limits,
     own: &InControllerBase,
     convention: Convention,
-    found: &Converted,
+    Converted { left_mm, left_rad, .. }: &Converted,
 ) -> [String; 6] {
-    let key = &own.published.key;
+    let RunKey { robot, session, run, .. } = &own.published.key;
+    let arm = own.published.arm.arm.model();
     [
         format!(
-            "identified parameters of arm {:?}, robot {:?}, session {:?}, by posegrid run {}",
-            own.published.arm.arm.model(),
-            key.robot,
-            key.session,
-            key.run
+            "identified parameters of arm {arm:?}, robot {robot:?}, session {session:?}, by posegrid run {run}"
         ),
         format!("convention: {} ({})", convention.word(), convention.name()),
         format!(
             "lengths in mm, angles in degrees; offset = identified - nominal; what base and target still have is in their rows; \
-             the conversion leaves {:.1e} mm and {:.1e} rad",
-            found.left_mm, found.left_rad
+             the conversion leaves {left_mm:.1e} mm and {left_rad:.1e} rad"
         ),
         own.published.error_frame.words(),
         limits.not_identified.clone(),
@@ -102,15 +99,20 @@ fn remarks(
     ]
 }
 
-fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
-    let (unit, scale) =
-        if parameter.is_angle() { ("deg", 1.0_f64.to_degrees()) } else { ("mm", 1.0) };
-    let (belongs_to, joint, quantity) = match parameter {
+/// The body that it belongs to, its joint and its quantity.
+const fn named(parameter: Parameter) -> (&'static str, Option<usize>, &'static str) {
+    match parameter {
         Parameter::Base(motion) => ("base", None, motion.name()),
         Parameter::Link { joint, quantity } => ("link", Some(joint), quantity.name()),
         Parameter::Target(motion) => ("target", None, motion.name()),
         Parameter::Gauge(part) => ("gauge", None, part.name()),
-    };
+    }
+}
+
+fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
+    let (unit, scale) =
+        if parameter.is_angle() { ("deg", 1.0_f64.to_degrees()) } else { ("mm", 1.0) };
+    let (belongs_to, joint, quantity) = named(parameter);
     let nominal = nominal(arm, parameter);
     let name = joint.and_then(|joint| arm.joints().get(joint - 1));
     let number = |value: f64| format!("{:.10}", value * scale + 0.0);

@@ -4,6 +4,7 @@
 //! `Universal_Robots_ROS2_Description`, and `ur_calibration` of `Universal_Robots_ROS2_Driver`. The description has its
 //! flange, `tool0`, in the sixth frame itself; a flange off axis 6 is stated in a comment: it belongs to the tool.
 
+use std::f64::consts::FRAC_PI_2;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
@@ -36,21 +37,17 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
 /// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between
 /// each two.
 fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
-    let none = arm.no_offsets();
-    let screws = Screws::of(arm.chain(), &none);
+    let screws = Screws::of(arm.chain(), &arm.no_offsets());
     let points: Vec<_> = screws.axes.iter().map(|screw| screw.line.point).collect();
-    let [_, lift, elbow, wrist_1, wrist_2, wrist_3] = points[..] else {
-        return None;
-    };
+    let [_, lift, elbow, wrist_1, wrist_2, wrist_3] = points[..] else { return None };
     let flange = screws.flange.translation.vector;
-    let right = std::f64::consts::FRAC_PI_2;
     let frames = [
         ([0.0, 0.0, lift.z], 0.0),
-        ([0.0, 0.0, 0.0], right),
+        ([0.0, 0.0, 0.0], FRAC_PI_2),
         ([elbow.x, 0.0, 0.0], 0.0),
         ([wrist_1.x - elbow.x, 0.0, -wrist_2.y], 0.0),
-        ([0.0, wrist_3.z - lift.z, 0.0], right),
-        ([0.0, wrist_2.y - flange.y, 0.0], -right),
+        ([0.0, wrist_3.z - lift.z, 0.0], FRAC_PI_2),
+        ([0.0, wrist_2.y - flange.y, 0.0], -FRAC_PI_2),
     ];
     let joint = |(name, (xyz, roll)): (&str, ([f64; 3], f64))| ChainJoint {
         name: name.to_owned(),

@@ -74,9 +74,7 @@ impl Lake {
         for (place, row) in rows {
             let row = row?.believed(&place.named())?;
             let text = |column: &str| row.text(column).iter().flatten().next().map(str::to_owned);
-            let Some(run) = text("run") else {
-                continue;
-            };
+            let Some(run) = text("run") else { continue };
             let own = RunKey::new(&key.robot, &key.session, &run);
             if row.key() != Some(&own) || self.place(RUNS, &own)? != place {
                 continue;

@@ -106,7 +106,7 @@ impl Lake {
         let (temporary, digest) = self.write(table, &format!("{folder}/new.parquet"))?;
         let key = format!("{folder}/{}.parquet", &digest[..DIGITS]);
         let rows = table.rows() as u64;
-        self.put_generation(key, temporary, (name, month), (runs, rows))
+        self.put_generation(key, temporary, name, month, runs, rows)
     }
 
     pub fn put_compact_keys(
@@ -122,16 +122,18 @@ impl Lake {
         let packed = packed.map_err(folder_error("write", &place))?;
         let (temporary, digest) = self.written(&format!("{folder}/new.txt.zst"), &packed)?;
         let key = format!("{folder}/{}.txt.zst", &digest[..DIGITS]);
-        let counts = (runs_among(keys) as u64, keys.len() as u64);
-        self.put_generation(key, temporary, (KEYS, month), counts)
+        let (runs, rows) = (runs_among(keys) as u64, keys.len() as u64);
+        self.put_generation(key, temporary, KEYS, month, runs, rows)
     }
 
     fn put_generation(
         &self,
         key: String,
         temporary: Temporary,
-        (table, month): (&str, &str),
-        (runs, rows): (u64, u64),
+        table: &str,
+        month: &str,
+        runs: u64,
+        rows: u64,
     ) -> Result<CompactFile, LakeError> {
         let bytes = temporary.bytes().map_err(folder_error("write", &self.written_at(&key)))?;
         // Where it is there already it gets the same bytes, which its name is the digest of, and is new again.
@@ -175,9 +177,7 @@ impl Lake {
         let found = listed.iter().filter_map(numbered);
         states.extend(found.map(|(number, own)| (number, own.clone())));
         states.sort_by_key(|own| own.0);
-        let Some(now) = states.last().and_then(|(_, newest)| newest.modified) else {
-            return Ok(0);
-        };
+        let Some(now) = states.last().and_then(|(_, newest)| newest.modified) else { return Ok(0) };
         let is_old = |written: Option<SystemTime>| {
             written.is_some_and(|own| own.checked_add(KEPT).is_some_and(|until| until < now))
         };

@@ -38,9 +38,7 @@ const NAME: usize = 32;
 
 pub fn is_correction(key: &str) -> bool {
     let parts: Vec<&str> = key.split('/').collect();
-    let [CORRECTIONS, _robot, _session, file] = parts[..] else {
-        return false;
-    };
+    let [CORRECTIONS, _robot, _session, file] = parts[..] else { return false };
     let name = file.strip_suffix(".parquet").unwrap_or_default();
     name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_hexdigit())
 }

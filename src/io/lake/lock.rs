@@ -42,9 +42,7 @@ pub enum Locking {
 impl Lake {
     /// Locks the lake, if no other process has it; `by` describes this process to others, after its number and host.
     pub fn lock(&self, by: &str) -> Locking {
-        let Some(root) = self.folder() else {
-            return Locking::NoFolder;
-        };
+        let Some(root) = self.folder() else { return Locking::NoFolder };
         let path = root.join(FILE);
         let refused = |error| Locking::Refused(folder_error("lock", &path)(error));
         let mut file = match lock_file(root, &path) {

@@ -62,9 +62,7 @@ impl<'r> OpenTable<'r> {
     ) -> Result<(), E> {
         let mut parts = parts.into_iter();
         if self.begun.is_none() {
-            let Some(first) = parts.next() else {
-                return Ok(());
-            };
+            let Some(first) = parts.next() else { return Ok(()) };
             self.append(&table(first)?)?;
         }
         let begun = self.begun.as_mut().expect("by its first part");

@@ -220,9 +220,7 @@ impl Owner {
     pub(super) fn of_temporary(file_name: &str) -> Option<Self> {
         let (_, suffix) = file_name.strip_prefix('.')?.rsplit_once(".tmp-")?;
         let parts: Vec<&str> = suffix.split('-').collect();
-        let [host, pid, start, _number] = parts[..] else {
-            return None;
-        };
+        let [host, pid, start, _number] = parts[..] else { return None };
         Some(Self { host: host.to_owned(), pid: pid.parse().ok()?, start: start.parse().ok()? })
     }
 

@@ -40,9 +40,7 @@ impl Lake {
         table: &str,
         key: &RunKey,
     ) -> Result<Option<String>, LakeError> {
-        let Some(row) = self.row_of(rows_of(table), key)? else {
-            return Ok(None);
-        };
+        let Some(row) = self.row_of(rows_of(table), key)? else { return Ok(None) };
         let name = format!("{table}/{}", key.session);
         let [names, digests] = ["table_names", "table_digests"].map(|own| texts(&row, own));
         let place = names.iter().position(|own| *own == name);

@@ -16,7 +16,7 @@ mod records;
 use std::io;
 
 use super::Limits;
-use super::record::{ChunkRecord, FRAME_HEADER, op};
+use super::record::{ChunkRecord, op};
 use super::source::Source;
 use judge::Judged;
 
@@ -174,13 +174,7 @@ impl<'s> Frames<'s> {
                     None => lost(start, end, Loss::Truncated),
                 })
             }
-            op::DATA_END => {
-                let body = self.source.probe(start + FRAME_HEADER, 4)?;
-                let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
-                self.log.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
-                self.log.data_end = Some(end);
-                self.end_data(start, end)?
-            }
+            op::DATA_END => self.end_data(start, end)?,
             op::FOOTER => self.end_log(end)?,
             op::FIRST_PRIVATE.. => Some(Piece::Private { start, end, opcode }),
             // An attachment, a message index, a summary before the last data.

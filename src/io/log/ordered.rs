@@ -101,7 +101,8 @@ impl<'s> SessionStreams<'s> {
     /// amended by what an earlier reading found.
     pub fn new(
         mapping: &Mapping,
-        (buffered, amendments): (usize, &Amendments),
+        buffered: usize,
+        amendments: &Amendments,
         joints: &'s mut dyn JointSink,
     ) -> Self {
         let (controller, tracker) = (&mapping.controller, &mapping.tracker);
@@ -185,23 +186,13 @@ impl<'s> SessionStreams<'s> {
             summaries.push((Stream::Commands, summary));
             commands = poses.finish()?;
         }
-        let mut readings = Vec::with_capacity(self.readings.len());
-        for stream in self.readings {
-            let (summary, poses) = stream.finish();
-            summaries.push((Stream::Readings, summary));
-            readings.push(poses.finish()?);
-        }
+        let readings = finished(self.readings, Stream::Readings, &mut summaries)?;
         let mut temperatures = TemperatureSamples::default();
         if let Some((summary, samples)) = self.temperatures.map(OrderedStream::finish) {
             summaries.push((Stream::Temperatures, summary));
             temperatures = samples;
         }
-        let mut lengths = Vec::with_capacity(self.lengths.len());
-        for stream in self.lengths {
-            let (summary, poses) = stream.finish();
-            summaries.push((Stream::Lengths, summary));
-            lengths.push(poses.finish()?);
-        }
+        let lengths = finished(self.lengths, Stream::Lengths, &mut summaries)?;
         Ok(Ordered { summaries, commands, readings, temperatures, lengths })
     }
 }
@@ -225,4 +216,17 @@ impl Emit<TemperatureBuffer> for TemperatureSamples {
         self.stamps.extend(stamps.iter().copied().map(Stamp::from_ns));
         self.celsius.extend_from_slice(celsius);
     }
+}
+
+fn finished(
+    streams: Vec<OrderedStream<PoseBuffer, SpillingPoses<Tracker>>>,
+    of: Stream,
+    summaries: &mut Vec<(Stream, StreamSummary)>,
+) -> Result<Vec<SpilledPoses<Tracker>>, LogError> {
+    let finish = |stream: OrderedStream<_, SpillingPoses<Tracker>>| {
+        let (summary, poses) = stream.finish();
+        summaries.push((of, summary));
+        Ok(poses.finish()?)
+    };
+    streams.into_iter().map(finish).collect()
 }

@@ -88,11 +88,8 @@ impl<D> Registry<D> {
         if self.schemas.contains_key(&record.id) {
             return Err(Refused::Redefined);
         }
-        let schema = Schema {
-            name: record.name.to_owned(),
-            encoding: record.encoding.to_owned(),
-            definition: record.definition.to_owned(),
-        };
+        let [name, encoding] = [record.name, record.encoding].map(str::to_owned);
+        let schema = Schema { name, encoding, definition: record.definition.to_owned() };
         let schema = if let Some(known) = self.known.get(&schema) {
             Arc::clone(known)
         } else {

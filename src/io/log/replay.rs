@@ -164,11 +164,8 @@ impl LogSource<'_> {
 
     /// One replay with `buffered` samples in the buffer; its summaries state whether that was enough.
     fn replay_buffered(&self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
-        let streams = Mutex::new(SessionStreams::new(
-            self.mapping,
-            (self.buffered, &self.amendments),
-            joints,
-        ));
+        let streams = SessionStreams::new(self.mapping, self.buffered, &self.amendments, joints);
+        let streams = Mutex::new(streams);
         let files = self.logs.read(self.mapping, self.limits, &streams, self.progress)?;
         let streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
         Ok(Replayed { ordered: streams.finish()?, files })

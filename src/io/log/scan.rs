@@ -146,9 +146,7 @@ fn read_header(
     if body.len() < length {
         return Ok(at);
     }
-    let Some(header) = HeaderRecord::read(body) else {
-        return Ok(at);
-    };
+    let Some(header) = HeaderRecord::read(body) else { return Ok(at) };
     if read_summary.logs == 1 {
         header.profile.clone_into(&mut read_summary.profile);
         header.library.clone_into(&mut read_summary.library);

@@ -48,8 +48,7 @@ impl Source {
         if !kind.is_file() {
             return Err(FileError::new(name, FileFault::NotAFile(system::special(kind))));
         }
-        let file = File::open(path).map_err(at_fault)?;
-        let mut source = Self::new(file).map_err(at_fault)?;
+        let mut source = File::open(path).and_then(Self::new).map_err(at_fault)?;
         if !packed::is_zstd(source.peek(0, 8).map_err(at_fault)?) {
             return Ok((source, None));
         }

@@ -73,18 +73,14 @@ impl<C> SpilledPoses<C> {
         debug_assert_eq!(form, self.form, "of one kind");
         for (row, stamp) in poses.stamps.iter().enumerate() {
             self.latest.extend_from_slice(&stamp.ns().to_le_bytes());
-            let orientation = poses.orientations.as_ref().map(|all| all[row]);
-            let covariance = poses.covariances.as_ref().map(|all| numbers(&all[row]));
+            let orientation = poses.orientations.iter().flat_map(|all| all[row]);
+            let covariance = poses.covariances.iter().flat_map(|all| numbers(&all[row]));
             let position = poses.positions[row].into_iter();
-            let pose = position.chain(orientation.into_iter().flatten());
-            for number in pose.chain(covariance.into_iter().flatten()) {
+            for number in position.chain(orientation).chain(covariance) {
                 self.latest.extend_from_slice(&number.to_le_bytes());
             }
         }
-        if self.latest.len() >= self.most {
-            self.spill()?;
-        }
-        Ok(())
+        if self.latest.len() >= self.most { self.spill() } else { Ok(()) }
     }
 
     fn spill(&mut self) -> io::Result<()> {

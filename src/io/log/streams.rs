@@ -107,12 +107,8 @@ impl<'m, 's> Streams<'m, 's> {
     ) -> Result<Arc<Reader>, LogError> {
         let key = (channel.topic.clone(), channel.schema_id, channel.encoding.clone());
         // The id may mean another schema in the next log of the file.
-        let is_of = |of: &Option<Arc<Schema>>| match (of, schema) {
-            (Some(of), Some(schema)) => Arc::ptr_eq(of, schema),
-            (of, schema) => of.is_none() && schema.is_none(),
-        };
         if let Some((of, reader)) = self.readers.get(&key)
-            && is_of(of)
+            && of.as_ref().map(Arc::as_ptr) == schema.map(Arc::as_ptr)
         {
             return Ok(Arc::clone(reader));
         }
@@ -233,9 +229,7 @@ impl Visitor for Streams<'_, '_> {
         schema: Option<&Arc<Schema>>,
     ) -> Result<Decoder, LogError> {
         let of_topic = |wanted: &Wanted| wanted.topic == channel.topic;
-        let Some(place) = self.wanted.iter().position(of_topic) else {
-            return Ok(None);
-        };
+        let Some(place) = self.wanted.iter().position(of_topic) else { return Ok(None) };
         let wanted = self.wanted[place].clone();
         let reader = self.reader(place, &wanted, channel, schema)?;
         let stream = wanted.stream;

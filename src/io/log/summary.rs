@@ -36,9 +36,7 @@ struct Footer {
 
 /// `None` where no summary can be trusted.
 pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Option<Range<u64>>)> {
-    let Some(footer) = footer(source, &log)? else {
-        return Ok((Ending::Cut, None));
-    };
+    let Some(footer) = footer(source, &log)? else { return Ok((Ending::Cut, None)) };
     if footer.summary_start == 0 {
         return Ok((Ending::NoSummary, None));
     }
@@ -65,9 +63,7 @@ pub fn begin(source: &mut Source, log: Range<u64>) -> io::Result<Option<u64>> {
 }
 
 fn footer(source: &mut Source, log: &Range<u64>) -> io::Result<Option<Footer>> {
-    let Some(at) = log.end.checked_sub(TAIL).filter(|&at| at >= log.start) else {
-        return Ok(None);
-    };
+    let Some(at) = log.end.checked_sub(TAIL).filter(|&at| at >= log.start) else { return Ok(None) };
     let mut tail = Vec::new();
     source.read(at, TAIL, &mut tail)?;
     Ok(read_footer(at, &tail))
@@ -97,9 +93,7 @@ pub struct Definitions {
 impl Definitions {
     /// Reads the definitions of the log in these bytes; none where no summary can be trusted.
     pub fn read(source: &mut Source, log: Range<u64>) -> io::Result<Self> {
-        let (_, Some(range)) = ending(source, log)? else {
-            return Ok(Self::default());
-        };
+        let (_, Some(range)) = ending(source, log)? else { return Ok(Self::default()) };
         let bytes = definitions(source, range)?;
         let mut found = Self::default();
         for (start, opcode, body) in Records::new(&bytes).map_while(Result::ok) {
@@ -163,9 +157,7 @@ const fn of_summary(opcode: u8) -> bool {
 fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, u64)>> {
     let header = source.peek(at, 9)?;
     let length = header.get(1..9).and_then(|l| l.first_chunk::<8>());
-    let (Some(&opcode), Some(length)) = (header.first(), length) else {
-        return Ok(None);
-    };
+    let (Some(&opcode), Some(length)) = (header.first(), length) else { return Ok(None) };
     let own_end = u64::from_le_bytes(*length).checked_add(at + FRAME_HEADER);
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
 }

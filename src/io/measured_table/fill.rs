@@ -133,9 +133,7 @@ impl<'h> Filling<'h> {
     /// An error where a column has numbers in two ways of writing, or with separators of thousands.
     fn refuse_contrary(&self) -> Result<(), MeasuredTableErrorKind> {
         for (place, found) in self.contrary.iter().enumerate() {
-            let Some(Found { line, text, kind }) = found.clone() else {
-                continue;
-            };
+            let Some(Found { line, text, kind }) = found.clone() else { continue };
             // A column without any number is one of texts, whatever they look like.
             if kind != Contrary::Thousands && !self.has_numbers(place) {
                 continue;

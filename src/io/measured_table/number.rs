@@ -79,25 +79,20 @@ fn grouped(text: &str) -> Option<Contrary> {
     if !matches!(sign, '.' | ',' | ' ' | '\'' | '’' | '\u{a0}' | '\u{202f}') {
         return None;
     }
-    let mut parts = digits.split(sign);
-    let first = parts.next()?;
-    let parts: Vec<&str> = parts.collect();
-    let (last, between) = parts.split_last()?;
-    let (last, behind) = match last.find(['.', ',']) {
-        Some(at) => (&last[..at], Some(&last[at + 1..])),
-        None => (*last, None),
-    };
+    let parts: Vec<&str> = digits.split(sign).collect();
+    let [first, between @ .., last] = &parts[..] else { return None };
+    let (last, behind) = last.split_at(last.find(['.', ',']).unwrap_or(last.len()));
     let is = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
     let three = |part: &str| part.len() == 3 && is(part);
     let right = (1..=3).contains(&first.len()) && between.iter().all(|part| three(part));
-    if !right || !three(last) || !behind.is_none_or(is) {
+    if !right || !three(last) || !is(behind.get(1..).unwrap_or_default()) {
         return None;
     }
     match behind {
-        Some(_) => Some(Contrary::Thousands),
         // One group behind a point or a comma is as well a fraction.
-        None if between.is_empty() && matches!(sign, '.' | ',') => None,
-        None => Some(Contrary::Grouped),
+        "" if between.is_empty() && matches!(sign, '.' | ',') => None,
+        "" => Some(Contrary::Grouped),
+        _ => Some(Contrary::Thousands),
     }
 }
 

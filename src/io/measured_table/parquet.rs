@@ -118,12 +118,10 @@ impl Leaves {
         places: Vec<Place>,
     ) -> Result<(), MeasuredTableErrorKind> {
         if name.len() > LONGEST_NAME {
-            let (counted, line) = (Counted::Row.word(), 1);
-            return Err(MeasuredTableErrorKind::LongName { counted, line });
+            return Err(MeasuredTableErrorKind::LongName { counted: Counted::Row.word(), line: 1 });
         }
         let valid = |place: Place| place.get().filter(|&place| array.is_valid(place));
-        let places = places.into_iter().map(|place| Place::of(valid(place)));
-        let places: Vec<Place> = places.collect();
+        let places: Vec<_> = places.into_iter().map(|place| Place::of(valid(place))).collect();
         match array.data_type() {
             DataType::Struct(fields) => {
                 for (field, inner) in fields.iter().zip(array.as_struct().columns()) {
@@ -201,9 +199,7 @@ impl Leaves {
 
 impl Leaf {
     fn cell(&self, row: usize) -> SheetCell<'_> {
-        let Some(place) = self.places[row].get() else {
-            return SheetCell::Blank;
-        };
+        let Some(place) = self.places[row].get() else { return SheetCell::Blank };
         match &self.values {
             Values::Numbers(values) => SheetCell::Number(values.value(place)),
             Values::Scaled(values, factor) => {
@@ -215,19 +211,22 @@ impl Leaf {
     }
 }
 
+const fn nanoseconds(unit: TimeUnit) -> i64 {
+    match unit {
+        TimeUnit::Second => 1_000_000_000,
+        TimeUnit::Millisecond => 1_000_000,
+        TimeUnit::Microsecond => 1_000,
+        TimeUnit::Nanosecond => 1,
+    }
+}
+
 /// The values of an array without inner ones; `None` where they are neither numbers nor texts.
 fn values(array: &ArrayRef) -> Option<Values> {
     let as_type = |wanted: DataType| cast(array, &wanted).ok();
     match array.data_type() {
         DataType::Timestamp(unit, _) => {
-            let factor = match unit {
-                TimeUnit::Second => 1_000_000_000,
-                TimeUnit::Millisecond => 1_000_000,
-                TimeUnit::Microsecond => 1_000,
-                TimeUnit::Nanosecond => 1,
-            };
             let integers = as_type(DataType::Int64)?;
-            Some(Values::Scaled(integers.as_primitive().clone(), factor))
+            Some(Values::Scaled(integers.as_primitive().clone(), nanoseconds(*unit)))
         }
         own if own.is_integer() || own.is_floating() => {
             let numbers = as_type(DataType::Float64)?;

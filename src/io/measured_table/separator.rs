@@ -98,9 +98,7 @@ fn fit(text: &str, separator: Separator) -> Fit {
     let mut rows = Rows::new(text, separator);
     let mut cells = Vec::new();
     for _ in 0..SAMPLE {
-        let Ok(Some(_)) = rows.next(&mut cells) else {
-            break;
-        };
+        let Ok(Some(_)) = rows.next(&mut cells) else { break };
         let first = cells.first().map_or_else(Default::default, Written::text);
         if cells.len() < 2 || comment(first.as_bytes()).is_some() {
             continue;

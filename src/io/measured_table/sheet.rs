@@ -204,21 +204,28 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
         rest = rest
             .checked_sub(found)
             .ok_or(MeasuredTableErrorKind::Unpacked { limit: bound.bytes, advice: bound.advice })?;
-        if name.ends_with("styles.xml") && found > MOST_STYLES {
-            let (limit, advice) = (MOST_STYLES, "its styles alone; save it without formats");
-            return Err(MeasuredTableErrorKind::Unpacked { limit, advice });
-        }
-        let stated = || stated_texts(&unpacked).is_some_and(|stated| stated > found);
-        if name.ends_with("sharedstrings.xml") && stated() {
-            let problem = "it states more texts than it has bytes for; save it anew";
-            return Err(MeasuredTableErrorKind::Spreadsheet(problem.to_owned()));
-        }
-        if name.contains("worksheets/")
-            && let Some(odd) = odd_reference(&unpacked)
-        {
-            let problem = format!("it has cells at {odd:?}, where no sheet has any; save it anew");
-            return Err(MeasuredTableErrorKind::Spreadsheet(problem));
-        }
+        check_part(&name, &unpacked)?;
+    }
+    Ok(())
+}
+
+/// Refuses parts of a spreadsheet that would take far more memory than their bytes.
+fn check_part(name: &str, unpacked: &[u8]) -> Result<(), MeasuredTableErrorKind> {
+    let found = unpacked.len() as u64;
+    if name.ends_with("styles.xml") && found > MOST_STYLES {
+        let (limit, advice) = (MOST_STYLES, "its styles alone; save it without formats");
+        return Err(MeasuredTableErrorKind::Unpacked { limit, advice });
+    }
+    let stated = || stated_texts(unpacked).is_some_and(|stated| stated > found);
+    if name.ends_with("sharedstrings.xml") && stated() {
+        let problem = "it states more texts than it has bytes for; save it anew";
+        return Err(MeasuredTableErrorKind::Spreadsheet(problem.to_owned()));
+    }
+    if name.contains("worksheets/")
+        && let Some(odd) = odd_reference(unpacked)
+    {
+        let problem = format!("it has cells at {odd:?}, where no sheet has any; save it anew");
+        return Err(MeasuredTableErrorKind::Spreadsheet(problem));
     }
     Ok(())
 }

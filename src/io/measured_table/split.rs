@@ -85,7 +85,7 @@ impl<'t> Rows<'t> {
         let line = self.line;
         // A quote in a comment begins nothing.
         let quotes = !is_comment(&self.text[self.at..]);
-        loop {
+        while cells.len() <= MOST_IN_ROW {
             let ends = match self.separator {
                 Separator::Sign(sign) => self.cell(sign, quotes, cells)?,
                 Separator::Spaces => self.word(quotes, cells)?,
@@ -93,10 +93,8 @@ impl<'t> Rows<'t> {
             if ends {
                 return Ok(Some(line));
             }
-            if cells.len() > MOST_IN_ROW {
-                return Err(MeasuredTableErrorKind::TooManyColumns { found: cells.len() });
-            }
         }
+        Err(MeasuredTableErrorKind::TooManyColumns { found: cells.len() })
     }
 
     /// Reads a cell up to the next separator or line end, and tells whether the row ends there.
@@ -118,11 +116,8 @@ impl<'t> Rows<'t> {
             }
         }
         let stop = self.skip(start, |byte| byte != sign && !is_end(byte));
-        let mut end = stop;
-        while end > start && is_space(self.text[end - 1]) {
-            end -= 1;
-        }
-        let span = self.span(start, end, false);
+        let blanks = self.text[start..stop].iter().rev().take_while(|byte| is_space(**byte));
+        let span = self.span(start, stop - blanks.count(), false);
         Ok(self.close(span, stop, cells))
     }
 

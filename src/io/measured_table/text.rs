@@ -16,15 +16,12 @@ pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredT
     let found = Marks::count(cells.map(|piece| piece.text.as_str())).decimal();
     let decimal = form.decimal.or(found);
     let numbers = Numbers::with(decimal.unwrap_or('.'));
-    let filled = match fill(text, separator, &head, numbers.clone())? {
-        // The rows of the sample have no decimal mark, and a later one has.
-        other if decimal.is_none() && other.has_other_mark() => {
-            fill(text, separator, &head, numbers.other())?
-        }
-        filled => filled,
-    };
-    let is_comma = filled.numbers().mark() == ',';
-    let mark = if is_comma { "comma" } else { "point" };
+    let mut filled = fill(text, separator, &head, numbers.clone())?;
+    // The rows of the sample have no decimal mark, and a later one has.
+    if decimal.is_none() && filled.has_other_mark() {
+        filled = fill(text, separator, &head, numbers.other())?;
+    }
+    let mark = if filled.numbers().mark() == ',' { "comma" } else { "point" };
     let mut remarks = vec![format!("separator {}, decimal {mark}", separator.name())];
     remarks.extend(decoded.remark.map(str::to_owned));
     remarks.extend(head.remark.clone());

@@ -72,9 +72,7 @@ pub(super) fn table(
     document: &Document,
     form: &Form,
 ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
-    let [(line, root)] = document.roots.as_slice() else {
-        return rows(document, form, Vec::new());
-    };
+    let [(line, root)] = document.roots.as_slice() else { return rows(document, form, Vec::new()) };
     let (made, remark) = if let Some(named) = turned::lists(root) {
         (named, "its records are lists")
     } else if let Some(turned) = turned::columns(root)? {

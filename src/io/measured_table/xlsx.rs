@@ -34,25 +34,21 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
     let hidden = book.sheets_metadata().iter().filter(|own| own.visible != SheetVisible::Visible);
     let hidden: Vec<String> = hidden.map(|own| own.name.clone()).collect();
     for name in sheet::chosen(&names, &hidden, form)? {
-        let sheet = match rows(&mut book, name) {
+        let rows = match rows(&mut book, name) {
             // A chart has a sheet of its own, without cells.
             Err(XlsxError::NotAWorksheet(_)) if form.sheet.is_none() => continue,
-            rows => Sheet {
-                name: name.clone(),
-                rows: rows
-                    .map_err(|error| wrong(&error))?
-                    .ok_or(MeasuredTableErrorKind::TooManyCells)?,
-            },
+            rows => rows.map_err(|error| wrong(&error))?,
         };
+        let rows = rows.ok_or(MeasuredTableErrorKind::TooManyCells)?;
+        let sheet = Sheet { name: name.clone(), rows };
         if form.sheet.is_some() || sheet.has_table() {
             return sheet.table(form, &names);
         }
     }
     if hidden.is_empty() {
-        Err(MeasuredTableErrorKind::Empty)
-    } else {
-        Err(MeasuredTableErrorKind::Hidden(hidden))
+        return Err(MeasuredTableErrorKind::Empty);
     }
+    Err(MeasuredTableErrorKind::Hidden(hidden))
 }
 
 fn wrong(error: &XlsxError) -> MeasuredTableErrorKind {

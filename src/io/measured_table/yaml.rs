@@ -46,9 +46,7 @@ struct Open {
 
 impl Open {
     fn closed(self) -> Node {
-        let Node::Map(mut map) = self.node else {
-            return self.node;
-        };
+        let Node::Map(mut map) = self.node else { return self.node };
         if !self.merged.is_empty() {
             let own = map.members.iter().map(|(key, _)| Rc::clone(key));
             let mut known: HashSet<Rc<str>> = own.collect();

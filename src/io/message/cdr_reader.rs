@@ -98,14 +98,8 @@ impl CdrReader {
             return Err(SchemaError::Mutable { name: mutable.name.clone() });
         }
         let unfold = |delimited| {
-            let mut unfolding = Unfolding {
-                definition,
-                wanted,
-                delimited,
-                wide: false,
-                left: MOST_STEPS,
-                level: 0,
-            };
+            let (wide, left, level) = (false, MOST_STEPS, 0);
+            let mut unfolding = Unfolding { definition, wanted, delimited, wide, left, level };
             let wants = wanted.iter().enumerate().map(|(slot, path)| path.want(slot));
             let steps = unfolding.message(0, &wants.collect::<Vec<_>>())?;
             Ok((steps, unfolding.wide))
@@ -134,21 +128,17 @@ impl Unfolding<'_> {
         let message: &MessageType = &self.definition.types[index];
         self.level += 1;
         let has = |name: &str| message.fields.iter().any(|field| field.name == name);
-        let choices: Vec<_> = wants.iter().map(|want| want.choice(has)).collect();
-        if let Some(missing) = choices.iter().position(Option::is_none) {
-            return Err(self.no_field(&wants[missing]));
-        }
+        let choices = wants.iter().map(|want| want.choice(has).ok_or_else(|| self.no_field(want)));
+        let choices = choices.collect::<Result<Vec<_>, _>>()?;
         let mut steps = Vec::new();
         for field in &message.fields {
             if self.left == 0 || self.level > MOST_LEVELS {
-                return Err(SchemaError::Unbounded {
-                    name: message.name.clone(),
-                    limit: MOST_STEPS,
-                });
+                let name = message.name.clone();
+                return Err(SchemaError::Unbounded { name, limit: MOST_STEPS });
             }
             self.left -= 1;
             let chosen = wants.iter().zip(&choices);
-            let chosen = chosen.filter(|(_, choice)| **choice == Some(field.name.as_str()));
+            let chosen = chosen.filter(|(_, choice)| **choice == field.name);
             let inner: Vec<_> = chosen.map(|(want, _)| want.inner()).collect();
             self.field(field, &inner, &mut steps)?;
         }
@@ -251,9 +241,7 @@ impl Unfolding<'_> {
         shape: Shape,
         wants: &[Want<'_>],
     ) -> Result<Step, SchemaError> {
-        let Some(want) = wants.first() else {
-            return Ok(once_or_repeated(Step::SkipText, shape));
-        };
+        let Some(want) = wants.first() else { return Ok(once_or_repeated(Step::SkipText, shape)) };
         let (slot, count) = (want.slot, fixed_count(shape));
         match (shape, want.rest) {
             _ if wants.len() > 1 => Err(self.wrong_type(&wants[1], field)),
@@ -295,9 +283,7 @@ impl Unfolding<'_> {
             {
                 let mut picks = Vec::new();
                 for want in wants {
-                    let Segment::Element(index) = want.rest[0] else {
-                        continue;
-                    };
+                    let Segment::Element(index) = want.rest[0] else { continue };
                     self.reach(index, count, want)?;
                     picks.push((index, want.slot));
                 }
@@ -359,12 +345,12 @@ pub(super) fn leaves(definition: &Definition) -> Vec<String> {
     while let Some((index, prefix, depth)) = open.pop() {
         for field in &definition.types[index].fields {
             let path = format!("{prefix}{}", field.name);
+            let list = if field.shape == Shape::One { "" } else { "[]" };
             match field.of {
-                FieldType::Message(inner) if field.shape == Shape::One && depth < 8 => {
-                    open.push((inner, format!("{path}."), depth + 1));
-                }
-                FieldType::Message(inner) if !prefix.contains("[]") && depth < 8 => {
-                    open.push((inner, format!("{path}[]."), depth + 1));
+                FieldType::Message(inner)
+                    if depth < 8 && (list.is_empty() || !prefix.contains(list)) =>
+                {
+                    open.push((inner, format!("{path}{list}."), depth + 1));
                 }
                 _ => found.push(path),
             }

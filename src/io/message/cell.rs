@@ -152,6 +152,11 @@ pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
 }
 
 impl Cell {
+    /// An integer above the largest `i64` becomes the nearest double.
+    pub(super) fn unsigned(stored: u64) -> Self {
+        i64::try_from(stored).map_or(Self::Number(stored as f64), Self::Integer)
+    }
+
     /// Writes in place: copying a cell that was just written waits for its two parts, once for each number of each
     /// message.
     #[inline]
@@ -170,10 +175,7 @@ impl Cell {
             Primitive::I32 => Self::Integer(stored!(i32).into()),
             Primitive::U32 => Self::Integer(stored!(u32).into()),
             Primitive::I64 => Self::Integer(stored!(i64)),
-            Primitive::U64 => {
-                let stored = stored!(u64);
-                i64::try_from(stored).map_or(Self::Number(stored as f64), Self::Integer)
-            }
+            Primitive::U64 => Self::unsigned(stored!(u64)),
             Primitive::F32 => Self::Number(stored!(f32).into()),
             Primitive::F64 => Self::Number(stored!(f64)),
         };

@@ -40,15 +40,7 @@ pub fn parse(
     serialization: Serialization,
 ) -> Result<Definition, SchemaError> {
     let mut sections = sections(name, text)?;
-    let built_in: &[_] = match serialization {
-        Serialization::Cdr => &BUILT_IN,
-        Serialization::Ros1 => &BUILT_IN_ROS_1,
-    };
-    for &(built_in, fields) in built_in {
-        if !sections.iter().any(|section| section.name == built_in) {
-            sections.push(section(built_in, fields.lines().enumerate())?);
-        }
-    }
+    add_built_in(&mut sections, serialization)?;
     if serialization == Serialization::Cdr {
         let empty = sections.iter_mut().filter(|section| section.fields.is_empty());
         empty.for_each(|section| section.fields.push(placeholder()));
@@ -75,6 +67,23 @@ pub fn short_name(name: &str) -> String {
         [package, _, type_name] => format!("{package}/{type_name}"),
         _ => name.to_owned(),
     }
+}
+
+/// Adds the sections of types that need no definition, where `sections` has none of them.
+fn add_built_in(
+    sections: &mut Vec<Section>,
+    serialization: Serialization,
+) -> Result<(), SchemaError> {
+    let built_in: &[_] = match serialization {
+        Serialization::Cdr => &BUILT_IN,
+        Serialization::Ros1 => &BUILT_IN_ROS_1,
+    };
+    for &(built_in, fields) in built_in {
+        if !sections.iter().any(|section| section.name == built_in) {
+            sections.push(section(built_in, fields.lines().enumerate())?);
+        }
+    }
+    Ok(())
 }
 
 fn sections(name: &str, text: &str) -> Result<Vec<Section>, SchemaError> {

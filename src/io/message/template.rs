@@ -149,9 +149,7 @@ impl Template {
                 [] => (&mut unwanted, &[][..]),
                 [first, others @ ..] => (values.at(*first), others),
             };
-            let Ok(end) = part.slot.take(message, slot, cell) else {
-                return false;
-            };
+            let Ok(end) = part.slot.take(message, slot, cell) else { return false };
             if !others.is_empty() {
                 let cell = *cell;
                 for &place in others {

@@ -238,9 +238,7 @@ fn stored_texts(bytes: &[u8], count: usize, form: TextForm) -> impl Iterator<Ite
         at = at.next_multiple_of(if form == TextForm::Packed { 1 } else { 4 });
         let length = bytes.get(at..at + 4)?;
         let big_endian = form == TextForm::BigEndian;
-        let Cell::Integer(length) = number(length, Primitive::U32, big_endian) else {
-            return None;
-        };
+        let Cell::Integer(length) = number(length, Primitive::U32, big_endian) else { return None };
         let length = usize::try_from(length).ok()?;
         let text = bytes.get(at + 4..(at + 4).checked_add(length)?)?;
         at += 4 + length;

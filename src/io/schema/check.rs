@@ -53,25 +53,23 @@ impl TableSchema {
     fn broken_rule(&self, index: usize, column: &ColumnSchema) -> Option<&'static str> {
         let unit = column.unit.as_deref();
         let unit_column = unit.and_then(|unit| unit.strip_prefix("column "));
-        if !is_plain(&column.name) {
-            Some("a name is made of a-z, 0-9 and _")
+        Some(if !is_plain(&column.name) {
+            "a name is made of a-z, 0-9 and _"
         } else if self.columns[..index].iter().any(|c| c.name == column.name) {
-            Some("the name is given twice")
+            "the name is given twice"
         } else if column.kind.is_number() != unit.is_some() {
-            Some("a number has a unit (\"1\" without dimension), anything else has none")
+            "a number has a unit (\"1\" without dimension), anything else has none"
         } else if unit_column.is_some_and(|name| self.column(name).is_none()) {
-            Some("its unit names a column that does not exist")
+            "its unit names a column that does not exist"
         } else if column.values.is_some() && column.kind != ColumnType::String {
-            Some("only a string has `values`")
+            "only a string has `values`"
         } else if self.is_never_absent(column) {
-            Some(
-                "a column with `since` is newer than `reads_from` and may be null, as older files lack it",
-            )
+            "a column with `since` is newer than `reads_from` and may be null, as older files lack it"
         } else if column.description.is_empty() {
-            Some("a description is missing")
+            "a description is missing"
         } else {
-            None
-        }
+            return None;
+        })
     }
 }
 

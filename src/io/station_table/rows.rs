@@ -121,12 +121,7 @@ impl Reader<'_> {
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok(mut station) => {
                     station.references = references;
-                    for (place, measured) in self.columns.measured.iter().enumerate() {
-                        self.add_reading(&mut station, row, TargetId(place), place, measured);
-                    }
-                    for (place, length) in self.columns.lengths.iter().enumerate() {
-                        self.add_length(&mut station, row, place, length);
-                    }
+                    self.add_readings(&mut station, row);
                     rows.push(station);
                 }
             }
@@ -332,6 +327,15 @@ impl Reader<'_> {
         }
     }
 
+    fn add_readings(&mut self, station: &mut Row, row: usize) {
+        for (place, measured) in self.columns.measured.iter().enumerate() {
+            self.add_reading(station, row, TargetId(place), place, measured);
+        }
+        for (place, length) in self.columns.lengths.iter().enumerate() {
+            self.add_length(station, row, place, length);
+        }
+    }
+
     fn add_reading(
         &mut self,
         station: &mut Row,
@@ -459,9 +463,7 @@ impl Reader<'_> {
     }
 
     fn samples(&self, columns: &Measured, row: usize) -> Result<usize, Fault> {
-        let Some(sum) = &columns.samples else {
-            return Ok(1);
-        };
+        let Some(sum) = &columns.samples else { return Ok(1) };
         let number = self.value(sum, row)?;
         let whole = number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
         #[expect(

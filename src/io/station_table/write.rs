@@ -104,9 +104,7 @@ impl Parts {
 fn parts(stations: &[Station], targets: usize) -> Vec<Parts> {
     let mut parts = vec![Parts::default(); targets];
     for reading in stations.iter().flat_map(Station::measured) {
-        let Some(own) = parts.get_mut(reading.target.0) else {
-            continue;
-        };
+        let Some(own) = parts.get_mut(reading.target.0) else { continue };
         let (point, turn) = (reading.value.point(), reading.value.turn());
         own.turned |= turn.is_some();
         let has_point = point.is_some_and(|point| point.stated_covariance.is_some());
@@ -221,9 +219,7 @@ fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<Str
 
 /// Position and quaternion of the command; blank where there is none.
 fn command(station: &Station) -> [String; 7] {
-    let Some(command) = &station.command else {
-        return std::array::from_fn(|_| String::new());
-    };
+    let Some(command) = &station.command else { return std::array::from_fn(|_| String::new()) };
     let [x, y, z] = command.position.coords.into();
     let turn = command.orientation.map(|turn| turn.coords.into());
     let quaternion: [String; 4] = turn.map_or_else(
@@ -235,9 +231,7 @@ fn command(station: &Station) -> [String; 7] {
 }
 
 fn measured(reading: &Reading) -> [String; 7] {
-    let Some(point) = reading.value.point() else {
-        return std::array::from_fn(|_| String::new());
-    };
+    let Some(point) = reading.value.point() else { return std::array::from_fn(|_| String::new()) };
     let [x, y, z] = point.position.coords.into();
     let [sd_x, sd_y, sd_z] = point.scatter_mm.map(number);
     [number(x), number(y), number(z), sd_x, sd_y, sd_z, reading.kept.to_string()]

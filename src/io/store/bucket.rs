@@ -176,11 +176,9 @@ impl Bucket {
         let object = self.object(&listed.key)?;
         let starts = (0..listed.bytes).step_by(usize_of(PART_BYTES));
         let block = |start: u64| {
-            let options = GetOptions {
-                if_match: listed.tag.clone(),
-                range: Some(GetRange::Bounded(start..(start + PART_BYTES).min(listed.bytes))),
-                ..GetOptions::default()
-            };
+            let range = Some(GetRange::Bounded(start..(start + PART_BYTES).min(listed.bytes)));
+            let options =
+                GetOptions { if_match: listed.tag.clone(), range, ..GetOptions::default() };
             async { self.clients.now().get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);

@@ -58,9 +58,7 @@ impl Place {
 
     /// Bucket and prefix of an address: `s3://BUCKET/PREFIX`.
     pub fn bucket(&self) -> Option<(&str, &str)> {
-        let Self::Url(url) = self else {
-            return None;
-        };
+        let Self::Url(url) = self else { return None };
         let rest = url.strip_prefix(SCHEME)?;
         Some(rest.split_once('/').unwrap_or((rest, "")))
     }

@@ -164,9 +164,7 @@ fn row_names(schema: &TableSchema, key: Option<&RunKey>, batch: &RecordBatch) ->
 fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     let (place, column) = schema.column(name).expect("a schema's order names its own columns");
     let array = batch.column(place);
-    let Some(words) = &column.values else {
-        return Some(Arc::clone(array));
-    };
+    let Some(words) = &column.values else { return Some(Arc::clone(array)) };
     let texts = array.as_string::<i32>();
     let rank = |word: &str| words.iter().position(|w| w == word).map(|rank| rank as u64);
     if same::text(texts).is_some() {
@@ -215,9 +213,7 @@ fn row_order(columns: &[ArrayRef], rows: usize) -> Result<Vec<OrderedRow>, Arrow
 }
 
 fn check_rows_differ(schema: &TableSchema, order: &[OrderedRow]) -> Result<(), TableError> {
-    let Some(place) = order.iter().position(|row| row.same_as_previous) else {
-        return Ok(());
-    };
+    let Some(place) = order.iter().position(|row| row.same_as_previous) else { return Ok(()) };
     let (first, second) = (order[place - 1].given, order[place].given);
     let names = schema.order.join(", ");
     let same = if names.is_empty() { "file" } else { &names };

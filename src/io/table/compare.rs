@@ -5,7 +5,7 @@ mod cells;
 mod rows;
 
 use super::Table;
-use cells::CellDifference;
+use cells::{CellDifference, Numbers};
 use rows::{Rows, pair};
 
 /// Largest relative difference of two numbers that count as the same value: rounding on another processor.
@@ -104,13 +104,8 @@ fn difference(
     if rows.in_step && left == right {
         return None;
     }
-    let mut found = ColumnDifference {
-        column: column.to_owned(),
-        cells: 0,
-        compared: rows.both.len(),
-        largest: None,
-        unlike: None,
-    };
+    let (column, compared) = (column.to_owned(), rows.both.len());
+    let mut found = ColumnDifference { column, cells: 0, compared, largest: None, unlike: None };
     for &(own, other) in &rows.both {
         if let Some(difference) = cells::difference(left, own, right, other) {
             found.add(difference, || rows::name(published, own));
@@ -124,17 +119,12 @@ impl ColumnDifference {
         self.cells += 1;
         match difference {
             CellDifference::Number(number) => {
-                let absolute = self.largest.as_ref().map_or(0.0, |largest| largest.absolute);
-                let absolute = absolute.max(number.absolute());
-                let is_larger = |largest: &Largest| number.relative() > largest.relative;
-                if self.largest.as_ref().is_none_or(is_larger) {
-                    self.largest = Some(Largest {
-                        absolute,
-                        relative: number.relative(),
-                        row: row(),
-                        published: number.published,
-                        computed: number.computed,
-                    });
+                let (before, relative) = (self.largest.as_ref(), number.relative());
+                let absolute = before.map_or(0.0, |own| own.absolute).max(number.absolute());
+                if before.is_none_or(|largest| relative > largest.relative) {
+                    let Numbers { published, computed } = number;
+                    self.largest =
+                        Some(Largest { absolute, relative, row: row(), published, computed });
                 } else if let Some(largest) = &mut self.largest {
                     largest.absolute = absolute;
                 }

@@ -146,17 +146,13 @@ pub fn open_within(
     let (table, _) =
         check::table(schema, key(&entries), batch.num_rows(), columns, None).map_err(content)?;
     let table = Table { version, ..table };
-    let seal = match schema.role {
-        Role::Published => seal(&table, &entries),
-        Role::Accepted => Seal::Absent,
-    };
+    let is_sealed = schema.role == Role::Published;
+    let seal = if is_sealed { seal(&table, &entries) } else { Seal::Absent };
     Ok(Opened { table, seal })
 }
 
 fn seal(table: &Table, entries: &Entries) -> Seal {
-    let Some(stated) = entries.get(digest::ENTRY) else {
-        return Seal::Absent;
-    };
+    let Some(stated) = entries.get(digest::ENTRY) else { return Seal::Absent };
     let found = digest::of_file(table, &entries.0);
     if found == *stated { Seal::Holds } else { Seal::Broken { stated: stated.clone(), found } }
 }
@@ -307,6 +303,12 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
     Ok(())
 }
 
+/// Whether a file of `version` may have the column.
+fn is_known(name: &str, schema: &TableSchema, version: u32) -> bool {
+    let is_removed = version < schema.version && schema.removed.iter().any(|own| own == name);
+    is_removed || schema.column(name).is_some_and(|(_, column)| column.is_in(version))
+}
+
 /// The columns of `schema` from a file's, by name; those added after its `version` are null, those removed since are
 /// passed over.
 fn columns(
@@ -317,11 +319,7 @@ fn columns(
     let accepted = schema.role == Role::Accepted;
     let fields = batch.schema();
     names_are_clear(fields.fields().iter().map(|field| field.name().as_str()), schema)?;
-    let extra = fields.fields().iter().find(|field| {
-        let known = schema.column(field.name());
-        let is_removed = version < schema.version && schema.removed.contains(field.name());
-        known.is_none_or(|(_, column)| !column.is_in(version)) && !is_removed
-    });
+    let extra = fields.fields().iter().find(|field| !is_known(field.name(), schema, version));
     if let Some(field) = extra.filter(|_| !accepted) {
         return Err(TableError::unknown_column(schema, field.name()));
     }

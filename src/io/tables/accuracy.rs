@@ -132,7 +132,8 @@ impl AccuracyRow {
     /// A figure of this kind and name, with all other columns absent.
     fn of(
         subject: &Subject,
-        (point, moment): (Point, Moment),
+        point: Point,
+        moment: Moment,
         quantity: FigureKind,
         name: FigureName,
         unit: Unit,
@@ -192,8 +193,7 @@ pub fn rows<'a>(
         let (verdict, reason) = if carries_verdict(of) {
             (verdict.table().verdict(), verdict.table().reason())
         } else {
-            let own = words::reason(&of.verdict).map(str::to_owned);
-            (of.verdict.clone(), own)
+            (of.verdict.clone(), words::reason(&of.verdict).map(str::to_owned))
         };
         figures(of, &verdict, reason.as_ref(), tolerance, key)
     });
@@ -268,7 +268,7 @@ fn figure(
         target_found: of.finders.map(|finders| finders.with_target),
         blocks: of.blocks,
         table_id: of.driven_by.clone().or(own),
-        ..AccuracyRow::of(&of.subject, (of.point, of.moment), quantity, name, unit)
+        ..AccuracyRow::of(&of.subject, of.point, of.moment, quantity, name, unit)
     };
     if is_length { row.with_uncertainty(of.expanded_uncertainty_mm) } else { row }
 }

@@ -84,9 +84,7 @@ impl Field for Arc<TableColumns> {
 
 /// The rows of the chosen grid's nodes; none where no step gives a table.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {
-    let Some(chosen) = &outcome.grids.table else {
-        return Vec::new();
-    };
+    let Some(chosen) = &outcome.grids.table else { return Vec::new() };
     let of_table = Arc::new(of_table(chosen, outcome, context, key));
     let support = Support::new(chosen, outcome, context);
     let command_from_base = context.command_from_base.isometry();

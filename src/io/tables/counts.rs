@@ -75,8 +75,7 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
 fn stated_covariances(sessions: &[&JoinedSession]) -> Vec<StageCount> {
     let sum = |name: &str| -> u64 {
         let name = format!("readings.{name}");
-        let found = sessions.iter().filter_map(|own| own.counts.get(&name));
-        found.sum()
+        sessions.iter().filter_map(|own| own.counts.get(&name)).sum()
     };
     let kinds = ["stated position covariances", "stated orientation covariances"];
     let of = |(of, names): (&'static str, [&str; 4])| {

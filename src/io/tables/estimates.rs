@@ -67,14 +67,13 @@ pub fn table(
 ) -> Result<Table, PublishError> {
     let (robots, sessions): (Vec<&Input>, Vec<&Input>) =
         work.inputs.iter().partition(|input| input.name == ROBOT);
-    let folds = trained.folds.iter().map(serde_json::to_string);
     let row = EstimateRow {
         made: work.into(),
         session_names: sessions.iter().map(|input| input.name.clone()).collect(),
         session_runs: sessions.iter().map(|input| input.digest.clone()).collect(),
         robot_digest: robots.first().map_or_else(String::new, |robot| robot.digest.clone()),
         models: serde_json::to_string(&trained.models)?,
-        fold_models: folds.collect::<Result<_, _>>()?,
+        fold_models: trained.folds.iter().map(serde_json::to_string).collect::<Result<_, _>>()?,
         left_out: serde_json::to_string(&trained.sessions_left_out)?,
         table_names: Some(written.iter().map(Written::name).collect()),
         table_rows: Some(written.iter().map(|file| file.rows).collect()),

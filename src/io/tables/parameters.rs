@@ -259,9 +259,7 @@ fn geometric(
     calibrations: &[(Model, Calibration)],
     subject: Subject,
 ) -> Option<(&Calibration, usize)> {
-    let Subject::Chain(unknown) = subject else {
-        return None;
-    };
+    let Subject::Chain(unknown) = subject else { return None };
     let (_, geometric) = calibrations.iter().find(|(model, _)| *model == Model::Geometric)?;
     let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
     Some((geometric, place))
@@ -273,9 +271,7 @@ fn partners(
     subjects: &[Subject],
     index: usize,
 ) -> Vec<usize> {
-    let Some((fit, place)) = geometric(calibrations, subjects[index]) else {
-        return Vec::new();
-    };
+    let Some((fit, place)) = geometric(calibrations, subjects[index]) else { return Vec::new() };
     let structural = &fit.nominal_structure.indistinguishable[place];
     let is_partner = |subject: &Subject| {
         geometric(calibrations, *subject).is_some_and(|(_, other)| structural.contains(&other))
@@ -289,24 +285,20 @@ fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
     let mut columns = Vec::new();
     for (block, own) in full.layout().blocks() {
         let first = own.start;
-        match block {
+        let session = match block {
             Block::Unknowns => {
                 let unknowns = full.unknowns().iter().copied().map(Subject::Chain);
                 columns.extend(own.zip(unknowns));
+                continue;
             }
-            Block::CommandWeight => {
-                columns.extend(own.map(|place| {
-                    (place, Subject::CommandWeight { joint: place - first, session: None })
-                }));
-            }
+            Block::CommandWeight => None,
             Block::SessionCommandWeight(session) | Block::OwnCommandWeight(session) => {
-                let session = Some(session);
-                columns.extend(own.map(|place| {
-                    (place, Subject::CommandWeight { joint: place - first, session })
-                }));
+                Some(session)
             }
-            _ => {}
-        }
+            _ => continue,
+        };
+        let weight = |place| (place, Subject::CommandWeight { joint: place - first, session });
+        columns.extend(own.map(weight));
     }
     columns
 }

@@ -92,18 +92,15 @@ fn of_reading(dwell: DwellColumns, number: usize, reading: &Reading) -> ReadingR
 pub fn stations(rows: &[ReadingRow]) -> Result<Vec<Station>, NoStations> {
     let mut stations: Vec<Station> = Vec::new();
     for (place, row) in rows.iter().enumerate() {
+        let station = row.dwell.station;
         let follows = match stations.last() {
             Some(last) if row.reading > 0 => {
-                row.dwell.station == last.number && row.reading == last.readings.len()
+                station == last.number && row.reading == last.readings.len()
             }
-            last => row.reading == 0 && last.is_none_or(|last| row.dwell.station > last.number),
+            last => row.reading == 0 && last.is_none_or(|last| station > last.number),
         };
         if !follows {
-            return Err(NoStations::Order {
-                row: place,
-                station: row.dwell.station,
-                reading: row.reading,
-            });
+            return Err(NoStations::Order { row: place, station, reading: row.reading });
         }
         if row.reading == 0 {
             stations.push(dwell(&row.dwell));
@@ -183,9 +180,7 @@ fn reading(row: &ReadingRow, reads: ReadingKind) -> Result<Reading, NoStations> 
 fn stated_turn(row: &ReadingRow) -> Result<Option<TurnCovariance>, &'static str> {
     let (own, cross) =
         (&row.read.stated_orientation_cov_rad2, &row.read.stated_position_orientation_cov_mm_rad);
-    let Some(own) = own else {
-        return Ok(None);
-    };
+    let Some(own) = own else { return Ok(None) };
     let own: [f64; 9] = own[..].try_into().map_err(|_| "stated_orientation_cov_rad2")?;
     let cross = cross.as_deref().unwrap_or_default();
     let cross: [f64; 9] = cross.try_into().map_err(|_| "stated_position_orientation_cov_mm_rad")?;

@@ -84,27 +84,23 @@ impl AngleColumns {
     /// The columns among `names`; `None` where there are none, an error where they do not belong together.
     pub(super) fn of(names: &[String]) -> Result<Option<Self>, String> {
         let named = names.iter().enumerate();
-        let mut found: Vec<(usize, Option<AngleUnit>, usize)> = named
-            .filter_map(|(place, name)| parsed(name).map(|(joint, unit)| (joint, unit, place)))
-            .collect();
-        found.sort_unstable_by_key(|&(joint, _, place)| (joint, place));
+        let named = named.filter_map(|(place, name)| Some((parsed(name)?, place)));
+        let mut found: Vec<_> = named.collect();
+        found.sort_unstable_by_key(|&((joint, _), place)| (joint, place));
         if found.is_empty() {
             return Ok(None);
         }
-        let mut units = found.iter().filter_map(|(_, unit, _)| *unit);
+        let mut units = found.iter().filter_map(|((_, unit), _)| *unit);
         let angle = units.next().unwrap_or(AngleUnit::Rad);
         if units.any(|other| other != angle) {
             return Err("some are in radians and some in degrees; give all in one unit".to_owned());
         }
-        let missing = (1..).zip(&found).find(|(joint, own)| own.0 != *joint);
-        if let Some((joint, _)) = missing {
-            return Err(format!(
-                "q{joint}_{} is not there, and the joints are counted from 1",
-                suffix(angle)
-            ));
+        if let Some((joint, _)) = (1..).zip(&found).find(|(joint, ((own, _), _))| own != joint) {
+            let unit = suffix(angle);
+            return Err(format!("q{joint}_{unit} is not there, and the joints are counted from 1"));
         }
-        let slides: Vec<bool> = found.iter().map(|(_, unit, _)| unit.is_none()).collect();
-        let places = found.into_iter().map(|(_, _, place)| place).collect();
+        let slides: Vec<bool> = found.iter().map(|((_, unit), _)| unit.is_none()).collect();
+        let places = found.into_iter().map(|(_, place)| place).collect();
         let slides = if slides.contains(&true) { slides } else { Vec::new() };
         Ok(Some(Self { units: JointUnits::new(angle, slides), places }))
     }

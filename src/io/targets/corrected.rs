@@ -152,20 +152,15 @@ pub fn corrected(
     let names = (!by.joint_names.is_empty()).then(|| Arc::<[String]>::from(by.joint_names));
     let rows = targets.iter().zip(outcomes).enumerate();
     let rows = rows.map(|(place, (target, outcome))| {
-        let row = CorrectedRow {
-            row: place,
-            table_id: Arc::clone(&table_id),
-            corrected_by: by.table,
-            joint_names: names.clone(),
-            ..of_target(target)
-        };
+        let (table_id, joint_names) = (Arc::clone(&table_id), names.clone());
+        let of_target = CorrectedRow { row: place, corrected_by: by.table, ..of_target(target) };
+        let row = CorrectedRow { table_id, joint_names, ..of_target };
         match outcome {
             Ok(done) => with_command(row, done),
-            Err(refused) => CorrectedRow {
-                refused: Some((&refused.reason).into()),
-                reason: Some(refused.to_string()),
-                ..row
-            },
+            Err(refused) => {
+                let (refused, reason) = ((&refused.reason).into(), refused.to_string());
+                CorrectedRow { refused: Some(refused), reason: Some(reason), ..row }
+            }
         }
     });
     Ok(CorrectedRow::table(rows.collect(), by.key)?.table)

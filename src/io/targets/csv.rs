@@ -155,9 +155,7 @@ impl Cells<'_> {
     }
 
     fn number_at(self, place: usize) -> Result<Option<f64>, RowProblem> {
-        let Some(text) = self.text_at(place) else {
-            return Ok(None);
-        };
+        let Some(text) = self.text_at(place) else { return Ok(None) };
         let is_comma = self.header.decimal_comma && !text.contains('.');
         let number =
             if is_comma { text.replacen(',', ".", 1).parse() } else { text.parse::<f64>() };
@@ -169,9 +167,7 @@ impl Cells<'_> {
 
     /// The joint angles; an error where only some are given.
     fn joints(self) -> Result<Option<TargetJoints>, RowProblem> {
-        let Some(AngleColumns { units, places }) = &self.header.angles else {
-            return Ok(None);
-        };
+        let Some(AngleColumns { units, places }) = &self.header.angles else { return Ok(None) };
         let angle = |&place: &usize| Ok(self.number_at(place)?.ok_or(place));
         let found = places.iter().map(angle);
         let found = found.collect::<Result<Vec<_>, RowProblem>>()?;

@@ -46,12 +46,10 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         Form::Json => from_json(path, bound)?,
         Form::Krl => return Err(TargetsErrorKind::NotDriving.at(path)),
     };
-    let of: BTreeSet<_> =
-        rows.iter().map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by)).collect();
-    let mut of = of.into_iter();
-    let Some((robot, session, run, table)) = of.next() else {
-        return Err(TargetsErrorKind::Empty.at(path));
-    };
+    let of = rows.iter().map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by));
+    let mut of = of.collect::<BTreeSet<_>>().into_iter();
+    let empty = || TargetsErrorKind::Empty.at(path);
+    let (robot, session, run, table) = of.next().ok_or_else(empty)?;
     if of.next().is_some() {
         return Err(TargetsErrorKind::SeveralTables.at(path));
     }
@@ -60,12 +58,8 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
     }
     finite(path, &rows)?;
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
-    Ok(DrivingFile {
-        key: RunKey::new(robot, session, run),
-        table: table.clone(),
-        refused: rows.len() - targets.len(),
-        targets,
-    })
+    let (refused, table) = (rows.len() - targets.len(), table.clone());
+    Ok(DrivingFile { key: RunKey::new(robot, session, run), table, refused, targets })
 }
 
 fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {

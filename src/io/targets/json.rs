@@ -86,9 +86,7 @@ impl Found {
     fn joints(&mut self, keys: &mut Keys) -> Result<Option<TargetJoints>, RowProblem> {
         let names: Vec<String> = keys.0.iter().map(|(key, _)| key.clone()).collect();
         let columns = AngleColumns::of(&names).map_err(RowProblem::Angles)?;
-        let Some(AngleColumns { units, places }) = columns else {
-            return Ok(None);
-        };
+        let Some(AngleColumns { units, places }) = columns else { return Ok(None) };
         self.units.get_or_insert_with(|| units.clone());
         let mut angles = Vec::with_capacity(places.len());
         for &place in &places {

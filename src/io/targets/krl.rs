@@ -117,14 +117,7 @@ impl InLine {
 pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLine> {
     let lines = lines::all(&text)?;
     let inside = lines::of_list(&text, &lines)?;
-    let mut reading = Reading {
-        text: &text,
-        kinds: BTreeMap::new(),
-        rows: Vec::new(),
-        points: Vec::new(),
-        frames: None,
-        others: BTreeMap::new(),
-    };
+    let mut reading = Reading { text: &text, ..Reading::default() };
     for line in inside.lines {
         let read = reading.line(line);
         read.map_err(|problem| InLine { line: line.number, problem })?;
@@ -141,6 +134,7 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
     Ok((rows, list))
 }
 
+#[derive(Default)]
 struct Reading<'t> {
     text: &'t [u8],
     /// The type of each name declared so far, both in capitals, and the line.
@@ -279,9 +273,7 @@ impl Reading<'_> {
         let number = |component: &str| at.number(self.text, component);
         let position = [number("X")?, number("Y")?, number("Z")?];
         let ranges = ["X", "Y", "Z"].map(|component| at.range(component));
-        let [Some(x), Some(y), Some(z)] = ranges else {
-            return Err(RowProblem::PartOfPosition);
-        };
+        let [Some(x), Some(y), Some(z)] = ranges else { return Err(RowProblem::PartOfPosition) };
         let mut external = false;
         for axis in EXTERNAL {
             external |= number(axis)?.is_some_and(|value| value != 0.0);

@@ -33,14 +33,11 @@ pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), 
         match seen.insert(folded, name) {
             None => {}
             Some(first) if first == name => {
-                let name = name.to_owned();
-                return Err(NamesProblem::Twice { name });
+                return Err(NamesProblem::Twice { name: name.to_owned() });
             }
             Some(first) => {
-                return Err(NamesProblem::Alike {
-                    first: first.to_owned(),
-                    second: name.to_owned(),
-                });
+                let (first, second) = (first.to_owned(), name.to_owned());
+                return Err(NamesProblem::Alike { first, second });
             }
         }
     }

@@ -104,9 +104,7 @@ impl HeldOut {
         }
         self.left.push(left);
         self.blocks.insert(station.fold);
-        if let Some(predicted) = &answer.predicted {
-            self.add_direct(station, predicted);
-        }
+        answer.predicted.iter().for_each(|predicted| self.add_direct(station, predicted));
     }
 
     /// Adds what the model without a grid leaves there.
@@ -224,22 +222,26 @@ pub(super) fn left_by_model(
     stations.par_iter().map(left).collect()
 }
 
+/// What the model leaves at another station, chosen by the station and the vertex of its cell.
+fn left_elsewhere(left: &[Vector3<f64>], station: usize, vertex: usize) -> Vector3<f64> {
+    let other = (8 * station + vertex) % left.len();
+    left[if other == station { (other + 1) % left.len() } else { other }]
+}
+
 /// What local cells answer at their stations: vertices have the value of the model of the station's fold and, where nodes are
 /// measured, what the model leaves at another station (`measured`, one each in the order of the stations).
 pub(super) fn by_local_cell(
     stations: &[&GridStation],
     cells: &[LocalCell],
     pitch: &[f64; 3],
-    (interpolation, power): (Interpolation, f64),
+    interpolation: Interpolation,
+    power: f64,
     measured: Option<&[Vector3<f64>]>,
 ) -> Answers {
     let mut answers = Answers::default();
     for cell in cells {
         let added = |vertex: usize| {
-            measured.map_or_else(Vector3::zeros, |left| {
-                let other = (8 * cell.station + vertex) % left.len();
-                left[if other == cell.station { (other + 1) % left.len() } else { other }]
-            })
+            measured.map_or_else(Vector3::zeros, |left| left_elsewhere(left, cell.station, vertex))
         };
         let weights = interpolation.weights(&cell.fraction, pitch, power);
         let found = cell.errors.as_ref().map(|(at_vertices, predicted)| {

@@ -60,19 +60,14 @@ impl MeasuredGrid {
             counts: std::array::from_fn(|axis| axes[axis].count),
         };
         let first = stations.first().ok_or(NotOnGrid::Sparse { measured: 0, nodes: 0 })?;
-        if !stations
-            .iter()
-            .all(|s| s.orientation.angle_to(&first.orientation) < ONE_ORIENTATION_RAD)
-        {
+        let angle_rad = |s: &GridStation| s.orientation.angle_to(&first.orientation);
+        if !stations.iter().all(|s| angle_rad(s) < ONE_ORIENTATION_RAD) {
             return Err(NotOnGrid::Mixed);
         }
         // A node visited twice keeps its first visit; later ones judge other phases, but not their own node.
-        let mut places = BTreeMap::new();
-        for (place, station) in stations.iter().enumerate() {
-            places
-                .entry(std::array::from_fn(|axis| axes[axis].index(station.position[axis])))
-                .or_insert(place);
-        }
+        let node = |s: &GridStation| std::array::from_fn(|axis| axes[axis].index(s.position[axis]));
+        let latest_first = stations.iter().enumerate().rev();
+        let places: BTreeMap<_, _> = latest_first.map(|(place, s)| (node(s), place)).collect();
         if 2 * places.len() < lattice.node_count() {
             return Err(NotOnGrid::Sparse { measured: places.len(), nodes: lattice.node_count() });
         }
@@ -103,9 +98,7 @@ impl MeasuredGrid {
             .flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
             .enumerate()
         {
-            let Some(decimated) = self.decimated(multiples, phase) else {
-                continue;
-            };
+            let Some(decimated) = self.decimated(multiples, phase) else { continue };
             let before = answers.given.len();
             for place in 0..stations.len() {
                 decimated.add(&mut answers, stations, place, sample, interpolation, power);
@@ -249,14 +242,8 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
     let none = NotOnGrid::NoPitch { axis: ['x', 'y', 'z'][axis] };
     let mut values: Vec<f64> = stations.iter().map(|station| station.position[axis]).collect();
     values.sort_by(f64::total_cmp);
-    let mut starts: Vec<f64> = Vec::new();
-    let mut last = f64::NEG_INFINITY;
-    for value in values {
-        if value - last > PLANE_MM {
-            starts.push(value);
-        }
-        last = value;
-    }
+    let planes = values.chunk_by(|before, value| value - before <= PLANE_MM);
+    let starts: Vec<f64> = planes.map(|plane| plane[0]).collect();
     let gaps: Vec<f64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let pitch = gaps.iter().copied().reduce(f64::min).ok_or(none)?;
     let whole = |gap: f64| (gap / pitch - (gap / pitch).round()).abs() * pitch <= PLANE_MM;

@@ -185,7 +185,8 @@ impl PlacedGrid {
         reach: &Reach<'_>,
         lattice: Lattice,
         orientation: UnitQuaternion<f64>,
-        (stations, some): (&[&GridStation], Option<&BTreeSet<usize>>),
+        stations: &[&GridStation],
+        some: Option<&BTreeSet<usize>>,
         progress: &dyn Progress,
     ) -> Self {
         let count = lattice.node_count();
@@ -245,9 +246,7 @@ impl PlacedGrid {
 ///
 /// `counted` has the radians that one unit of each joint's variable counts as ([`Arm::counted`]); empty where all are angles.
 pub fn on_one_branch(vectors: &[&[f64]], counted: &[f64]) -> bool {
-    let Some(first) = vectors.first() else {
-        return true;
-    };
+    let Some(first) = vectors.first() else { return true };
     (0..first.len()).all(|joint| {
         let angles = vectors.iter().map(|vector| vector[joint]);
         let (low, high) =

@@ -152,7 +152,7 @@ impl Judging<'_> {
         progress: &dyn Progress,
     ) -> PlacedGrid {
         let orientation = self.plan.orientation;
-        PlacedGrid::new(self.reach, lattice, orientation, (self.like, some), progress)
+        PlacedGrid::new(self.reach, lattice, orientation, self.like, some, progress)
     }
 
     /// The row of a chosen table whose nodes were not placed to judge it.
@@ -191,9 +191,10 @@ impl Judging<'_> {
         measured: Option<&[Vector3<f64>]>,
     ) -> Answers {
         let around = self.around();
-        let interpolation = (interpolation, self.settings.idw_power);
+        let power = self.settings.idw_power;
         let unlike = self.input.stations.len() - around.len();
-        Answers { unlike, ..judge::by_local_cell(&around, cells, pitch, interpolation, measured) }
+        let found = judge::by_local_cell(&around, cells, pitch, interpolation, power, measured);
+        Answers { unlike, ..found }
     }
 
     /// Second moment of what interpolation adds to the model inside the cells of the `chosen` row's table, base frame, mm²; `None` where no
@@ -346,17 +347,14 @@ pub(super) fn session_row(
     chosen: &Judged,
     session: &str,
     held_out: HeldOut,
-    (tolerance, guard_mm): (&Tolerance, f64),
+    tolerance: &Tolerance,
+    guard_mm: f64,
     interpolation_shown: Option<f64>,
 ) -> Judged {
-    let answered = held_out.norms.len();
-    let like = answered + held_out.outside + held_out.refused.values().sum::<usize>();
-    let covered = chosen.covered.map(|own| Covered {
-        stations: answered,
-        like,
-        measured: like + held_out.unlike,
-        of_box: own.of_box,
-    });
+    let stations = held_out.norms.len();
+    let like = stations + held_out.outside + held_out.refused.values().sum::<usize>();
+    let measured = like + held_out.unlike;
+    let covered = chosen.covered.map(|own| Covered { stations, like, measured, ..own });
     Judged {
         of_test: Some(session.to_owned()),
         covered,
@@ -475,9 +473,7 @@ impl Judged {
 /// Gives each table the larger of its own bound and that of the local cells of its step, and the verdict on it.
 pub(super) fn combine(judged: &mut [Judged], tolerance: &Tolerance, guard_mm: f64) {
     for row in 0..judged.len() {
-        let Some(local) = super::local_cells_of(judged, &judged[row]) else {
-            continue;
-        };
+        let Some(local) = super::local_cells_of(judged, &judged[row]) else { continue };
         let (bound, model_bound) = (local.bound, local.model_bound);
         let counted = local.held_out.counted();
         let table = &mut judged[row];

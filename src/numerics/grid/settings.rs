@@ -83,24 +83,21 @@ impl GridSettings {
             return Err(GridError::NoStations);
         }
         let configuration = most_frequent(stations);
-        let own: Vec<&GridStation> =
-            stations.iter().filter(|s| s.configuration == configuration).collect();
+        let own: Vec<_> = stations.iter().filter(|s| s.configuration == configuration).collect();
         let mean = || mean_rotation(own.iter().map(|station| station.orientation));
-        let given = self
-            .orientation_xyzw
-            .map(|[x, y, z, w]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)));
+        let given = self.orientation_xyzw.map(|[x, y, z, w]| Quaternion::new(w, x, y, z));
+        let given = given.map(UnitQuaternion::from_quaternion);
         let orientation = given.or_else(mean).ok_or(GridError::NoStations)?;
         let tolerance_rad = self.orientation_tolerance_deg.to_radians();
         let near =
             |station: &&&GridStation| station.orientation.angle_to(&orientation) <= tolerance_rad;
-        let around = |stations: Vec<&GridStation>| {
-            WorkBox::around(&stations.iter().map(|station| station.position).collect::<Vec<_>>())
-        };
         // A session of many orientations has few stations near any one: then its box is around all stations of the
         // configuration.
         let alike: Vec<&GridStation> = own.iter().filter(near).copied().collect();
         let alike = if 2 * alike.len() >= own.len() { alike } else { own.clone() };
-        let bounds = self.bounds.or_else(|| around(alike)).ok_or(GridError::NoStations)?;
+        let positions: Vec<_> = alike.iter().map(|station| station.position).collect();
+        let around = || WorkBox::around(&positions);
+        let bounds = self.bounds.or_else(around).ok_or(GridError::NoStations)?;
         Ok(GridPlan { bounds, orientation, configuration, tolerance_rad })
     }
 }

@@ -88,9 +88,7 @@ pub mod frame {
     pub fn deserialize<'de, D: Deserializer<'de>>(
         from: D,
     ) -> Result<Option<Isometry3<f64>>, D::Error> {
-        let Some(bits) = Option::<[u64; 7]>::deserialize(from)? else {
-            return Ok(None);
-        };
+        let Some(bits) = Option::<[u64; 7]>::deserialize(from)? else { return Ok(None) };
         let [x, y, z, i, j, k, w] = bits.map(f64::from_bits);
         let quaternion = Quaternion::new(w, i, j, k);
         if (quaternion.norm() - 1.0).abs() > 1e-9 {

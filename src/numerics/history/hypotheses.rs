@@ -147,9 +147,7 @@ impl Finding {
 
     /// What is left without the parts that are small, of those that cannot be distinguished by the first; and these.
     pub(super) fn without(self, is_small: impl Fn(Hypothesis) -> bool) -> (Self, Vec<Hypothesis>) {
-        let Self::Moved { surely, one_of } = self else {
-            return (self, Vec::new());
-        };
+        let Self::Moved { surely, one_of } = self else { return (self, Vec::new()) };
         let (mut small, surely): (Vec<_>, Vec<_>) =
             surely.into_iter().partition(|part| is_small(*part));
         let are_small = one_of.first().is_some_and(|first| is_small(*first));

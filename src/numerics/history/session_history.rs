@@ -85,9 +85,7 @@ impl SessionHistory {
         own: &Estimate,
         noticed: Option<&Noticed>,
     ) -> (Estimate, usize, Option<bool>) {
-        let Some((before, count)) = self.before.take() else {
-            return (pool, self.pooled, None);
-        };
+        let Some((before, count)) = self.before.take() else { return (pool, self.pooled, None) };
         let (known, _) = without_parts_set_up_anew(&before, own);
         let comparison = Comparison::new(&known, own);
         if tested(&comparison, noticed).finding == Finding::Nothing {

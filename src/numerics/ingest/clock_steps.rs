@@ -256,9 +256,7 @@ impl Runs {
     pub(super) fn found(&self, file: &str, topic: &str, clock: SpanClock) -> Amendments {
         let mut found = Amendments::default();
         let longest = self.all.iter().max_by_key(|run| run.count());
-        let Some(longest) = longest.filter(|_| !self.is_disordered) else {
-            return found;
-        };
+        let Some(longest) = longest.filter(|_| !self.is_disordered) else { return found };
         let interval = longest.interval();
         let few = FEW * self.rows as f64;
         let is_timed = longest.is_timed();
@@ -271,7 +269,7 @@ impl Runs {
         let rows = rows.chain(self.strays.iter().cloned());
         found.no_times = rows.map(|rows| (file.to_owned(), topic.to_owned(), rows)).collect();
         for pair in times.windows(2) {
-            if let Some(by_ns) = pair[1].step_after(pair[0], (interval, is_timed)) {
+            if let Some(by_ns) = pair[1].step_after(pair[0], interval, is_timed) {
                 found.steps.push(ClockStep {
                     file: file.to_owned(),
                     topic: topic.to_owned(),
@@ -322,7 +320,7 @@ impl Run {
     }
 
     /// The step of the clock between two runs, ns; `None` without one.
-    fn step_after(&self, before: &Self, (interval, is_timed): (i64, bool)) -> Option<i64> {
+    fn step_after(&self, before: &Self, interval: i64, is_timed: bool) -> Option<i64> {
         let by_log = self.ahead.0.saturating_sub(before.ahead.1);
         if is_timed && by_log.saturating_abs() > SLACK_NS {
             return (self.count().min(before.count()) >= LEAST_BY_LOG).then_some(by_log);

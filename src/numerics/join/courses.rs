@@ -107,9 +107,7 @@ pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec
         station = stop.row.unwrap_or(station);
         let seen: BTreeSet<ReferenceId> = stop.references.iter().map(|own| own.reference).collect();
         for id in seen {
-            let Some(own) = read.get_mut(id.0) else {
-                continue;
-            };
+            let Some(own) = read.get_mut(id.0) else { continue };
             own.looks += 1;
             own.between = Some([own.between.map_or(station, |[first, _]| first), station]);
         }
@@ -164,9 +162,7 @@ pub(super) fn taken_out(
 ) -> Vec<(usize, Result<Motion, String>)> {
     let taken = courses.iter().position(|own| own.followed.tells_turns);
     let taken = taken.unwrap_or(0);
-    let Some(course) = courses.get_mut(taken) else {
-        return Vec::new();
-    };
+    let Some(course) = courses.get_mut(taken) else { return Vec::new() };
     course.is_taken_out = true;
     let main = main_part(course, measured);
     let at = course.looks.iter().enumerate();

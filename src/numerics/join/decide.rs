@@ -73,16 +73,13 @@ fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
 
 fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let coarse = ranked(candidates(dwells, &Ruler::at_flange(dwells)), gate_mm);
-    let Some(first) = coarse.first() else {
-        return Err(no_common_pattern(dwells, gate_mm, None));
-    };
+    let Some(first) = coarse.first() else { return Err(no_common_pattern(dwells, gate_mm, None)) };
     // Even under a shift by one row of a grid the target's position on the flange is found right, and with it moves are
     // distinguished to millimetres: the right shift may be missing among the coarse candidates.
     let at_target =
         Ruler::at_target(dwells, first.candidate.placement.target_mm, first.candidate.median_mm);
-    let fine = candidates(dwells, &at_target);
-    let all =
-        merged(fine, coarse.into_iter().map(|ranked| ranked.candidate), dwells.session_middle_s());
+    let coarse = coarse.into_iter().map(|ranked| ranked.candidate);
+    let all = merged(candidates(dwells, &at_target), coarse, dwells.session_middle_s());
     let tried = all.len();
     let mut ranked = ranked(all, gate_mm).into_iter();
     let (winner, rival) = (ranked.next(), ranked.next());

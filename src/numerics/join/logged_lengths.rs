@@ -69,9 +69,7 @@ pub(super) fn added(
     for (place, own) in input.lengths.iter().enumerate() {
         let (means, counts, rejects) = dwelling.lengths(own)?;
         for (number, mut reading) in means {
-            let Some(station) = joined.stations.get_mut(number) else {
-                continue;
-            };
+            let Some(station) = joined.stations.get_mut(number) else { continue };
             let middle = reading.first.plus_ns(reading.last.since_ns(reading.first) / 2);
             reading.source = SourceId(place + 1);
             reading.temperature_c = nearest(&input.temperatures, middle);
@@ -117,9 +115,8 @@ impl<'a> Dwelling<'a> {
         for number in 0..self.windows.len() {
             let (settling, settled) = self.dwell(number, own)?;
             dispositions.set(settling, Disposition::Settling);
-            if let Some(mean) = self.mean(own, &settled, usual_mm, &mut dispositions) {
-                means.push((number, mean));
-            }
+            let mean = self.mean(own, &settled, usual_mm, &mut dispositions);
+            means.extend(mean.map(|mean| (number, mean)));
         }
         for rows in missing {
             dispositions.set(rows, Disposition::Missing);

@@ -251,14 +251,12 @@ impl Gathering {
             .into_iter()
             .filter_map(|(own, why)| own.reject(format!("reference {name:?}: {why}")));
         let moved = moved.iter().map(|run| {
-            let reason = format!(
+            run.reject(format!(
                 "reference {name:?} moved while it was measured: its readings scatter by {:.3} mm, usually by {usual_mm:.3} mm",
                 run.scatter_mm
-            );
-            run.reject(reason)
+            ))
         });
-        let rejects = left_out.chain(moved).collect();
-        (still, rejects)
+        (still, left_out.chain(moved).collect())
     }
 }
 
@@ -305,18 +303,15 @@ fn looks(stations: &[Station], clock: &ClockModel, runs: &[Run]) -> Vec<Look> {
     for station in stations {
         by_when.entry(When::At(station.number)).or_default();
     }
-    let look = |(when, runs): (When, Vec<(u64, &Run)>)| Look {
-        station: match when {
-            When::At(number) => Some(number),
-            When::Between(..) => None,
-        },
-        at_ns: match when {
-            When::At(number) => {
-                i64::midpoint(stations[number].start.ns(), stations[number].end.ns())
+    let look = |(when, runs): (When, Vec<(u64, &Run)>)| {
+        let (station, at_ns) = match when {
+            When::At(place) => {
+                (Some(place), i64::midpoint(stations[place].start.ns(), stations[place].end.ns()))
             }
-            When::Between(..) => between_ns(clock, &runs),
-        },
-        references: runs.iter().map(|(line, run)| run.row(*line)).collect(),
+            When::Between(..) => (None, between_ns(clock, &runs)),
+        };
+        let references = runs.iter().map(|(line, run)| run.row(*line)).collect();
+        Look { station, at_ns, references }
     };
     let mut looks: Vec<Look> = by_when.into_iter().map(look).collect();
     looks.sort_by_key(|own| (own.at_ns, own.station));

@@ -105,9 +105,7 @@ impl Evidence<'_> {
             }
             dispositions.set(self.part(index, &seen), Disposition::Unpaired(why_far.0));
         }
-        let Some(&first) = near.first() else {
-            return Ok((Pairing::Unmeasured(why_far.1), None));
-        };
+        let Some(&first) = near.first() else { return Ok((Pairing::Unmeasured(why_far.1), None)) };
         let apart = |&index: &usize| {
             (self.target[index].position - self.target[first].position).norm() > self.same_mm
         };

@@ -190,16 +190,12 @@ fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) ->
 /// The pairs of dwells that overlap by more than half of the shorter one; each dwell is in at most one pair.
 pub(super) fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
     let mut pairs: Vec<Pair> = Vec::new();
-    let Some(first) = dwells.target.first() else {
-        return pairs;
-    };
-    let mut arm = dwells
-        .arm
-        .partition_point(|dwell| relation.to_tracker(dwell.span.end_s) < first.span.start_s);
+    let Some(first) = dwells.target.first() else { return pairs };
+    let end_s = |dwell: &ArmDwell| relation.to_tracker(dwell.span.end_s);
+    let mut arm = dwells.arm.partition_point(|dwell| end_s(dwell) < first.span.start_s);
     let mut target = 0;
     while let (Some(a), Some(t)) = (dwells.arm.get(arm), dwells.target.get(target)) {
-        let start_s = relation.to_tracker(a.span.start_s);
-        let end_s = relation.to_tracker(a.span.end_s);
+        let (start_s, end_s) = (relation.to_tracker(a.span.start_s), end_s(a));
         let common = end_s.min(t.span.end_s) - start_s.max(t.span.start_s);
         let shorter = (end_s - start_s).min(t.span.end_s - t.span.start_s);
         let taken = pairs.last().is_some_and(|p| p.arm == arm || p.target == target);

@@ -117,9 +117,7 @@ impl Value {
     /// Scatter of the orientation moves the inverse's position at the end of the ray, and so does its stated covariance; one of the
     /// position alone is turned.
     pub fn inverted(&self) -> Option<Self> {
-        let Self::Pose(point, turn) = self else {
-            return None;
-        };
+        let Self::Pose(point, turn) = self else { return None };
         let pose = Isometry3::from_parts(point.position.into(), turn.orientation);
         let stated = point.stated_with(turn).inverted(&pose);
         let inverse = pose.inverse();
@@ -134,11 +132,8 @@ impl Value {
             stated_covariance: stated.position,
             motion_covariance: point.motion_covariance.map(|own| upper(&turned(symmetric(own)))),
         };
-        let turn = MeanOrientation {
-            orientation: inverse.rotation,
-            stated_covariance: stated.turn,
-            ..*turn
-        };
+        let (orientation, stated_covariance) = (inverse.rotation, stated.turn);
+        let turn = MeanOrientation { orientation, stated_covariance, ..*turn };
         Some(Self::Pose(point, turn))
     }
 }

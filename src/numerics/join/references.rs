@@ -395,9 +395,7 @@ impl<'a> Work<'a> {
         let at = seen.find(|(own, _)| *own == reference).map(|(_, at)| at);
         let place = self.events.place_of(reference, look);
         let place = self.shape.places.get(&place);
-        let (Some(at), Some(place)) = (at, place) else {
-            return 0.0;
-        };
+        let (Some(at), Some(place)) = (at, place) else { return 0.0 };
         (self.shape.undone(at, &self.states[look]) - place).norm()
     }
 

@@ -95,9 +95,7 @@ impl Scene {
     /// True joint angles at a moment of controller time: minimum jerk between dwells.
     pub(super) fn angles(&self, starts_s: &[f64], at_s: f64) -> [f64; 6] {
         let here = starts_s.partition_point(|&start| start <= at_s).saturating_sub(1);
-        let Some(&next_s) = starts_s.get(here + 1) else {
-            return self.poses[here];
-        };
+        let Some(&next_s) = starts_s.get(here + 1) else { return self.poses[here] };
         let share = (1.0 - (next_s - at_s) / self.move_s).clamp(0.0, 1.0);
         let gone = share.powi(3) * (10.0 - 15.0 * share + 6.0 * share * share);
         std::array::from_fn(|i| {

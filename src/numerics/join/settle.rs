@@ -34,9 +34,7 @@ pub(super) fn settling_s(
     let mut by_age: Vec<Vec<f64>> = Vec::new();
     for pair in pairs {
         let (arm, target) = (&seen.arm[pair.arm], &seen.target[pair.target]);
-        let Some(arrived_s) = arm.span.arrived_s else {
-            continue;
-        };
+        let Some(arrived_s) = arm.span.arrived_s else { continue };
         let arrived_s = relation.to_tracker(arrived_s);
         let readings = readings.of(target.stretch)?;
         let time_s = |row| readings.stamp(row).since_s(seen.first_measured);
@@ -44,9 +42,7 @@ pub(super) fn settling_s(
         let position = |row| Vector3::from(readings.position(row));
         let positions: Vec<_> = readings.measured().map(position).collect();
         for (age_s, ratio) in early_ratios(&times_s, &positions, arrived_s) {
-            let Some(bin) = age_bin(age_s, step_s) else {
-                continue;
-            };
+            let Some(bin) = age_bin(age_s, step_s) else { continue };
             if by_age.len() <= bin {
                 by_age.resize_with(bin + 1, Vec::new);
             }

@@ -381,27 +381,20 @@ fn follow(
 
 /// Everything in order of time, or of lines where there are no times; looks then count as a second apart.
 fn stops<'a>(rows: &'a [Row], apart: &'a [ApartRow], timed: bool) -> Vec<Stop<'a>> {
-    let stations = rows.iter().enumerate().map(|(place, row)| Stop {
-        row: Some(place),
-        line: row.line,
-        at_ns: row.time_ns.unwrap_or(0),
-        references: &row.references,
+    let between = apart.iter().map(|own| (None, own.line, own.time_ns, &own.references));
+    let stations = rows.iter().enumerate();
+    let stations = stations.map(|(row, own)| (Some(row), own.line, own.time_ns, &own.references));
+    let stops = stations.chain(between).map(|(row, line, time_ns, references)| {
+        let at_ns = time_ns.unwrap_or(0);
+        Stop { row, line, at_ns, references }
     });
-    let between = apart.iter().map(|row| Stop {
-        row: None,
-        line: row.line,
-        at_ns: row.time_ns.unwrap_or(0),
-        references: &row.references,
-    });
-    let mut stops: Vec<Stop<'a>> = stations.chain(between).collect();
+    let mut stops: Vec<Stop<'a>> = stops.collect();
     if timed {
         stops.sort_by_key(|stop| (stop.at_ns, stop.line));
     } else {
         stops.sort_by_key(|stop| stop.line);
-        let mut at_ns = 0;
-        for stop in &mut stops {
+        for (stop, at_ns) in stops.iter_mut().zip((0..).step_by(1_000_000_000)) {
             stop.at_ns = at_ns;
-            at_ns += 1_000_000_000;
         }
     }
     stops

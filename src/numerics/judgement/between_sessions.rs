@@ -92,29 +92,25 @@ impl OtherDays<'_> {
         let beside = self.beside.iter().find(|(number, _)| *number == station.number);
         let was = beside.map_or_else(|| reported.clone(), |(_, by)| sum(&reported, by));
         let measured = self.stands(&was, own, Some(station.number));
-        (0..DAYS)
-            .map(|day| {
-                let mut even = Even::at(place * DAYS + day);
-                let drift = Vector3::from_fn(|_, _| self.day_mm * even.normal());
-                let other: Option<Vec<f64>> = own
-                    .map(|own| (0..own.len()).map(|joint| self.some(joint, even.next())).collect());
-                // The command is the same: the reported angles differ.
-                let moved = own.zip(other.as_ref()).map(|(own, other)| {
-                    let commanded = sum(&reported, own);
-                    commanded.iter().zip(other).map(|(axis, short)| axis - short).collect()
-                });
-                let reported: Vec<f64> = moved.unwrap_or_else(|| reported.clone());
-                let is = self.on_some_sides(reported, &mut even);
-                self.stands(&is, other.as_deref(), None) - measured + drift
-            })
-            .collect()
+        let left = |day: usize| {
+            let mut even = Even::at(place * DAYS + day);
+            let drift = Vector3::from_fn(|_, _| self.day_mm * even.normal());
+            let other: Option<Vec<f64>> =
+                own.map(|own| (0..own.len()).map(|joint| self.some(joint, even.next())).collect());
+            // The command is the same: the reported angles differ.
+            let moved = own.zip(other.as_ref()).map(|(own, other)| {
+                let commanded = sum(&reported, own);
+                commanded.iter().zip(other).map(|(axis, short)| axis - short).collect()
+            });
+            let is = self.on_some_sides(moved.unwrap_or_else(|| reported.clone()), &mut even);
+            self.stands(&is, other.as_deref(), None) - measured + drift
+        };
+        (0..DAYS).map(left).collect()
     }
 
     /// Axis variables with each joint on some side of its backlash; those reported where none is known.
     fn on_some_sides(&self, reported: Vec<f64>, even: &mut Even) -> Vec<f64> {
-        let Some(backlash) = self.model.sides() else {
-            return reported;
-        };
+        let Some(backlash) = self.model.sides() else { return reported };
         let some = reported.iter().map(|_| if even.next() < 0.5 { -1.0 } else { 1.0 });
         sum(&reported, &backlash.on(&some.collect::<Vec<f64>>()))
     }

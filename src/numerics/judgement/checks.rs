@@ -47,21 +47,26 @@ pub(super) fn not_copied(
         let measured = session.joined.stations.iter().filter_map(bits);
         trained.extend(measured.map(|own| (own, session.name.as_str())));
     }
-    for session in test {
-        let measured: Vec<_> = session.joined.stations.iter().filter_map(bits).collect();
-        let copies = measured.iter().filter_map(|own| trained.get(own).copied());
-        let copies: Vec<&str> = copies.collect();
-        if copies.len() >= COPIED {
-            let of: BTreeSet<&str> = copies.iter().copied().collect();
-            return Err(StageError::Copied {
-                session: session.name.clone(),
-                of: of.into_iter().collect::<Vec<_>>().join(", "),
-                copies: copies.len(),
-                stations: measured.len(),
-            });
-        }
+    test.iter().try_for_each(|session| check_no_copy(session, &trained))
+}
+
+fn check_no_copy(
+    session: &JoinedSession,
+    trained: &HashMap<Vec<u64>, &str>,
+) -> Result<(), StageError> {
+    let measured: Vec<_> = session.joined.stations.iter().filter_map(bits).collect();
+    let copies = measured.iter().filter_map(|own| trained.get(own).copied());
+    let copies: Vec<&str> = copies.collect();
+    if copies.len() < COPIED {
+        return Ok(());
     }
-    Ok(())
+    let of: BTreeSet<&str> = copies.iter().copied().collect();
+    Err(StageError::Copied {
+        session: session.name.clone(),
+        of: Vec::from_iter(of).join(", "),
+        copies: copies.len(),
+        stations: measured.len(),
+    })
 }
 
 /// Joint angles and readings of a station, bit by bit, without what the readings state of themselves; `None` of one without a reading.

@@ -68,7 +68,7 @@ pub fn estimate(
 ) -> Result<Estimate, StageError> {
     checks::not_copied(&training, &test)?;
     let Prepared { settings, camera_size, stated_sizes } =
-        prepared(arm, (&mut training, &mut test), settings)?;
+        prepared(arm, &mut training, &mut test, settings)?;
     let mut observed = Observed::new(arm, &training, &settings);
     let Known { models, folds, sessions_left_out: left_out, residuals: known } = match stored {
         Some(stored) => restored(arm, stored, &observed, &settings)?,
@@ -81,7 +81,7 @@ pub fn estimate(
     let settings = lengths::settings_behind(&observed, flanges.noise.clone(), &settings);
     let sessions_left_out = match left_out {
         Some(sets) => sets,
-        None => sessions_left_out(arm, &models, (&observed, training), &settings, progress)?,
+        None => sessions_left_out(arm, &models, &observed, training, &settings, progress)?,
     };
     let trained = Trained { models, folds, sessions_left_out };
     let found = known.unwrap_or_else(|| residuals(&observed, &trained, training));
@@ -108,7 +108,8 @@ struct Prepared {
 /// Takes wrong readings out of the sessions, and finds the sizes that those which train show.
 fn prepared(
     arm: &Arm,
-    (training, test): (&mut [JoinedSession], &mut [JoinedSession]),
+    training: &mut [JoinedSession],
+    test: &mut [JoinedSession],
     settings: &StageSettings,
 ) -> Result<Prepared, StageError> {
     checks::one_source_each(training.iter().chain(&*test))?;
@@ -222,10 +223,6 @@ fn restored(
         let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &train);
         stored.map(own).transpose()
     });
-    Ok(Known {
-        models,
-        folds: folds.collect::<Result<Vec<_>, _>>()?,
-        sessions_left_out: Some(stored.sessions_left_out),
-        residuals,
-    })
+    let folds = folds.collect::<Result<Vec<_>, _>>()?;
+    Ok(Known { models, folds, sessions_left_out: Some(stored.sessions_left_out), residuals })
 }

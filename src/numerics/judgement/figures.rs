@@ -47,9 +47,7 @@ impl FigureMaker<'_> {
         residuals: &[ResidualSet],
         driven: Option<&Driven>,
     ) -> Vec<Accuracy> {
-        let Some(tip) = self.judges.settings.tool_tip else {
-            return Vec::new();
-        };
+        let Some(tip) = self.judges.settings.tool_tip else { return Vec::new() };
         let of_target = |set| self.carried(set, tip - self.target(set));
         let mut figures: Vec<Accuracy> = residuals.iter().map(of_target).collect();
         let lever = tip - self.judges.error_frame.flange_from_tool().translation.vector;
@@ -162,9 +160,7 @@ impl FigureMaker<'_> {
         let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
         let left = self.grids.deciding().map(|chosen| &chosen.held_out.left);
         for left in left.into_iter().flatten() {
-            let Some(turn) = turns.get(&left.station) else {
-                continue;
-            };
+            let Some(turn) = turns.get(&left.station) else { continue };
             let error = left.error + turn.at_end_of(&lever);
             norms.push(error.norm());
             by_pose.add(left.pose, left.station, left.sample, error.norm());

@@ -43,8 +43,7 @@ struct Sources<'s> {
 impl Sources<'_> {
     fn figures(&self) -> Vec<Iso9283> {
         let training: Vec<Visits<'_>> = self.judges.training.iter().map(Visits::of).collect();
-        let test = self.judges.test.iter();
-        let test: Vec<Visits<'_>> = test.map(|test| Visits::of(test.session)).collect();
+        let test: Vec<_> = self.judges.test.iter().map(|test| Visits::of(test.session)).collect();
         let mut figures = Vec::new();
         for (place, visits) in training.iter().enumerate() {
             let error_frame = self.error_frame(self.judges.frames[place]);
@@ -241,11 +240,8 @@ impl<'s> Visits<'s> {
         let stations = &self.session.joined.stations;
         let mut visited: BTreeMap<usize, Vec<Visit>> = BTreeMap::new();
         for (place, (station, pose)) in stations.iter().zip(&self.poses).enumerate() {
-            let Some((pose, (commanded, position, orientation))) =
-                pose.zip(attained.get(&station.number).copied())
-            else {
-                continue;
-            };
+            let at = attained.get(&station.number).copied();
+            let Some((pose, (commanded, position, orientation))) = pose.zip(at) else { continue };
             let before = place.checked_sub(1).and_then(|before| self.poses[before]);
             visited.entry(pose).or_default().push(Visit {
                 station: station.number,
@@ -257,10 +253,8 @@ impl<'s> Visits<'s> {
             });
         }
         visited.retain(|_, visits| visits.len() > 1);
-        let named = visited
-            .into_iter()
-            .map(|(pose, visits)| Visited { pose: stations[pose].number, visits });
-        named.collect()
+        let visited = visited.into_iter();
+        visited.map(|(pose, visits)| Visited { pose: stations[pose].number, visits }).collect()
     }
 
     /// The reason why there is no pose with two visits.

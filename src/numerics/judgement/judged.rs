@@ -107,7 +107,8 @@ pub(super) fn train(
 pub(super) fn sessions_left_out(
     arm: &Arm,
     models: &Models,
-    (observed, training): (&Observed, &[JoinedSession]),
+    observed: &Observed,
+    training: &[JoinedSession],
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Vec<ResidualSet>, FitError> {

@@ -155,9 +155,7 @@ fn left_by(
     sessions: &[JoinedSession],
     settings: &StageSettings,
 ) -> Vec<LengthResidual> {
-    let Some(it) = models.get(model) else {
-        return Vec::new();
-    };
+    let Some(it) = models.get(model) else { return Vec::new() };
     let frames = frames(models, model);
     let full = models.full.as_ref().filter(|_| model == Model::Full);
     let of = |(place, (o, own)): (usize, (&Observation, &usize))| {

@@ -20,7 +20,8 @@ impl Judges<'_> {
     pub(super) fn limit(
         &self,
         verdict: &RunVerdict,
-        (grids, accuracy): (&Grids, &[Accuracy]),
+        grids: &Grids,
+        accuracy: &[Accuracy],
         semivariograms: &[(Model, Vec<Semivariogram>)],
     ) -> Option<String> {
         let judge = verdict.headline().decides();
@@ -53,30 +54,31 @@ impl Judges<'_> {
 
     /// Errors of the geometry at held-out blocks by the share of the other poses that train it; `None` where these are too few.
     fn by_poses(&self) -> Option<ByPoses> {
-        let own = || self.observed.of_session(self.last());
-        let left_by = |share: f64| {
-            let of_fold = |fold: usize| {
-                let mut train = self.observed.without(fold);
-                train.retain(|own| (own.pose as f64 * GOLDEN).fract() < share);
-                let (sessions, fit) = (self.frames.len(), &self.settings.fit);
-                fit::identify(self.arm, &train, sessions, Freedom::Geometry, fit).ok()
-            };
-            let folds = (0..holdout::FOLDS).into_par_iter().map(of_fold);
-            let folds: Vec<_> = folds.collect();
-            let left = own().map(|(own, fold)| {
-                let found = folds[fold].as_ref()?.position(&At::Joints(Query::of(own)));
-                Some((own.point()?.position - found.ok()?).norm())
-            });
-            left.collect::<Option<Vec<f64>>>()
-        };
-        let (quarter, half, all) = (left_by(0.25)?, left_by(0.5)?, left_by(1.0)?);
+        let (quarter, half, all) = (self.left_by(0.25)?, self.left_by(0.5)?, self.left_by(1.0)?);
         let gains: Vec<f64> = half.iter().zip(&all).map(|(half, all)| half - all).collect();
-        let folds: Vec<usize> = own().map(|(_, fold)| fold).collect();
+        let own = self.observed.of_session(self.last());
+        let folds: Vec<usize> = own.map(|(_, fold)| fold).collect();
         let (gain, standard_error) = clustered_mean(&gains, &folds)?;
         let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
         Some(ByPoses {
             means_mm: [mean(&quarter), mean(&half), mean(&all)],
             falls: gain > (2.0 * standard_error).max(self.settings.grid.within * mean(&all)),
         })
+    }
+
+    /// The error at each held-out station of the geometry that is fitted to a share of the poses, mm.
+    fn left_by(&self, share: f64) -> Option<Vec<f64>> {
+        let of_fold = |fold: usize| {
+            let mut train = self.observed.without(fold);
+            train.retain(|own| (own.pose as f64 * GOLDEN).fract() < share);
+            let (sessions, fit) = (self.frames.len(), &self.settings.fit);
+            fit::identify(self.arm, &train, sessions, Freedom::Geometry, fit).ok()
+        };
+        let folds: Vec<_> = (0..holdout::FOLDS).into_par_iter().map(of_fold).collect();
+        let left = self.observed.of_session(self.last()).map(|(own, fold)| {
+            let found = folds[fold].as_ref()?.position(&At::Joints(Query::of(own)));
+            Some((own.point()?.position - found.ok()?).norm())
+        });
+        left.collect()
     }
 }

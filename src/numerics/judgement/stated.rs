@@ -57,13 +57,12 @@ pub(super) fn frame(
     settings: &StageSettings,
 ) -> StatedFrame {
     let base = settings.surveyed();
-    let (sd_mm, sd_rad) = base.map_or_else(
-        || {
-            let (sd_mm, sd_rad) = base_target.base_standard_errors(session);
-            (Some(sd_mm), Some(sd_rad))
-        },
-        |base| (base.sd_mm, base.sd_rad),
-    );
+    let (sd_mm, sd_rad) = if let Some(base) = base {
+        (base.sd_mm, base.sd_rad)
+    } else {
+        let (sd_mm, sd_rad) = base_target.base_standard_errors(session);
+        (Some(sd_mm), Some(sd_rad))
+    };
     StatedFrame {
         is_surveyed: base.is_some(),
         tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),

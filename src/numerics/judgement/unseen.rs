@@ -46,9 +46,7 @@ impl Judges<'_> {
         let finders = test.numbers();
         let mut finding = grid_stations(session, self.error_frame, whole);
         finding.retain(|station| finders.contains(&station.number));
-        let Some(error_frame) = self.carried(test, &finding, errors) else {
-            return Vec::new();
-        };
+        let Some(error_frame) = self.carried(test, &finding, errors) else { return Vec::new() };
         let taken: BTreeSet<usize> = finding.iter().map(|station| station.pose).collect();
         let mut stations = grid_stations(session, &error_frame, whole);
         stations.retain(|station| !taken.contains(&station.pose));
@@ -109,7 +107,7 @@ impl Judges<'_> {
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
         let of_table = self.of_table(grids, accuracy, &remarks);
         let mut verdict = RunVerdict::of(of_table, models.collect(), self.models.best().0);
-        verdict.limit = self.limit(&verdict, (grids, accuracy), semivariograms);
+        verdict.limit = self.limit(&verdict, grids, accuracy, semivariograms);
         Ok(verdict)
     }
 

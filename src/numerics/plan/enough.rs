@@ -75,13 +75,11 @@ pub fn next(
     promised_mm: f64,
     settings: &PlanSettings,
 ) -> Next {
-    let visit: Vec<Matrix3<f64>> = region
-        .iter()
-        .map(|axes| {
-            let query = commanded(axes, 0);
-            model.visit_covariance(&query) + model.predict(&query).approach
-        })
-        .collect();
+    let of_visit = |axes: &Vec<f64>| {
+        let query = commanded(axes, 0);
+        model.visit_covariance(&query) + model.predict(&query).approach
+    };
+    let visit: Vec<Matrix3<f64>> = region.iter().map(of_visit).collect();
     let expected = |design: &Design<'_>| Expected::of(design.region(), &visit, settings).share_mm;
     let mut design = Design::new(model, candidates, region);
     let wanted = expected(&design) * settings.tolerance.mm / promised_mm;

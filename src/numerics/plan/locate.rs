@@ -71,13 +71,8 @@ pub fn locate(
     let Some(elsewhere) = model.elsewhere(arm, session, &settings.full, settings.up) else {
         return Ok(None);
     };
-    let site = Site {
-        arm,
-        identified,
-        elsewhere: &elsewhere,
-        region: in_the_box(&placer, settings)?,
-        settings,
-    };
+    let region = in_the_box(&placer, settings)?;
+    let site = Site { arm, identified, elsewhere: &elsewhere, region, settings };
     Ok(site.planned(&candidates, drawn, count))
 }
 
@@ -97,9 +92,8 @@ struct Site<'s> {
 
 impl Site<'_> {
     fn planned(&self, candidates: &[Commanded], drawn: Drawn, count: usize) -> Option<LocatePlan> {
-        let at_once = |poses: &[Commanded]| poses.iter().map(|pose| (pose.clone(), 0)).collect();
-        let mut all: Vec<(Commanded, usize)> = at_once(candidates);
-        all.extend::<Vec<_>>(at_once(&self.region));
+        let all = candidates.iter().chain(&self.region).map(|pose| (pose.clone(), 0));
+        let all: Vec<(Commanded, usize)> = all.collect();
         let poses = self.poses(&all, candidates.len());
         let free: Vec<usize> = (0..candidates.len()).collect();
         let region: Vec<usize> = (candidates.len()..all.len()).collect();
@@ -109,8 +103,7 @@ impl Site<'_> {
             self.ordered(&chosen.collect::<Vec<_>>())
         };
         let own = chosen(count);
-        let others = [count / 2, 2 * count];
-        let others = others.into_iter().filter(|&other| other >= LEAST_STATIONS);
+        let others = [count / 2, 2 * count].into_iter().filter(|&other| other >= LEAST_STATIONS);
         let others = others.map(|other| Some((other, self.expected(&chosen(other))?)));
         Some(LocatePlan {
             promise: self.expected(&own)?,

@@ -38,13 +38,8 @@ impl<'a> Placer<'a> {
     pub fn new(arm: &'a Arm, settings: &PlanSettings) -> Result<Self, PlanError> {
         let reach = Reach::new(arm, settings.flange_from_target);
         let region = &settings.region;
-        let mut placer = Self {
-            arm,
-            flange_from_target: settings.flange_from_target,
-            reach,
-            seeds: Vec::new(),
-            free: free_slides(arm),
-        };
+        let (flange_from_target, free) = (settings.flange_from_target, free_slides(arm));
+        let mut placer = Self { arm, flange_from_target, reach, seeds: Vec::new(), free };
         let home = arm.flange(&settings.home).isometry() * settings.flange_from_target;
         placer.add(&home, settings.home.clone());
         let lattice = Lattice::of_cells(&region.bounds, [2; 3])?;
@@ -125,7 +120,7 @@ impl<'a> Placer<'a> {
     /// A lattice with every node placed at the table's orientation.
     pub fn grid(&self, lattice: Lattice, orientation: UnitQuaternion<f64>) -> PlacedGrid {
         let seeds: Vec<&GridStation> = self.seeds.iter().collect();
-        PlacedGrid::new(&self.reach, lattice, orientation, (&seeds, None), &Quiet)
+        PlacedGrid::new(&self.reach, lattice, orientation, &seeds, None, &Quiet)
     }
 
     /// `count` random poses of the region that `suits` accepts, in a seeded order, and the number of poses drawn. An arm that slides

@@ -136,13 +136,9 @@ pub fn tried(
     let settings = trial.settings;
     let commands: Vec<Commanded> = session.visits.iter().map(|v| v.command.clone()).collect();
     trial.each_robot("robots for the promise", robots, |robot, number| {
-        let measured = stations(robot.session(&commands));
-        let training: Vec<_> = measured
-            .into_iter()
-            .zip(&session.visits)
-            .filter(|(_, visit)| visit.purpose != Purpose::Verify)
-            .map(|(station, _)| station)
-            .collect();
+        let measured = stations(robot.session(&commands)).into_iter().zip(&session.visits);
+        let learnt = measured.filter(|(_, visit)| visit.purpose != Purpose::Verify);
+        let training: Vec<_> = learnt.map(|(station, _)| station).collect();
         let tests = test_poses(pool, settings, number);
         match robot.fit(&training, settings, &settings.full) {
             Ok(fitted) => left_at(robot, &fitted, &tests, settings),

@@ -71,9 +71,7 @@ pub fn with_between_session_variation<'m>(
 
 /// A verdict; one that is not shown also states how many stations that could have judged were used for the session's base.
 fn explained(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
-    let Verdict::NotShown(reason) = verdict else {
-        return verdict;
-    };
+    let Verdict::NotShown(reason) = verdict else { return verdict };
     // A station with readings of several targets counts once.
     let judged: BTreeSet<usize> = set.judged().map(|own| own.station).collect();
     let taken = set.finders();

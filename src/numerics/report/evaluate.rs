@@ -152,9 +152,7 @@ fn turn(
     });
     let of_several = observation.flange.as_ref();
     let attained = of_target.or_else(|| Some(of_several?.by_places(frames())));
-    let Some(attained) = attained else {
-        return Ok(None);
-    };
+    let Some(attained) = attained else { return Ok(None) };
     let wanted = model.flange(query)?;
     Ok(Some(Turn { attained, wanted }))
 }

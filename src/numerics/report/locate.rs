@@ -349,8 +349,7 @@ impl Locator {
         own_target: Option<f64>,
         placed: &[Placed],
     ) -> Option<Refit> {
-        let measured = finders.iter();
-        let measured = measured.map(|&finder| Some(observations[finder].point()?.position));
+        let measured = finders.iter().map(|&own| Some(observations[own].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let with_target = own_target.is_some();
         let by = self

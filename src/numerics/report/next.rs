@@ -170,10 +170,8 @@ fn to_meet(verdict: &RunVerdict, tolerance: &Tolerance) -> String {
              points and base more accurately"
         )
     } else if let Some(judge) = judge.filter(|judge| judge.may_be_of_another_arm()) {
-        format!(
-            "find out whether {} is of this arm, and learn from it too if it is",
-            judge.stations.words()
-        )
+        let stations = judge.stations.words();
+        format!("find out whether {stations} is of this arm, and learn from it too if it is")
     } else {
         let limit = verdict.limit.clone();
         limit.unwrap_or_else(|| "see on the page where the errors are".to_owned())

@@ -12,9 +12,7 @@ pub fn symbol(name: &str) -> String {
 }
 
 fn of_parameter(name: &str) -> String {
-    let Some((quantity, place)) = name.rsplit_once('_') else {
-        return name.to_owned();
-    };
+    let Some((quantity, place)) = name.rsplit_once('_') else { return name.to_owned() };
     let letter = match quantity {
         "theta" => "θ",
         "alpha" => "α",

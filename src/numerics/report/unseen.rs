@@ -30,9 +30,7 @@ pub fn unseen_session(
     let refits = [BaseRefit::None, locator.locate.base_refit(), BaseRefit::All];
     for (model, angles) in Model::compared() {
         let found = predictions(models, model, angles, stations.observations, false);
-        let Some((it, predictions)) = found else {
-            continue;
-        };
+        let Some((it, predictions)) = found else { continue };
         let trained = it.frames()[models.latest()].main()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
@@ -150,14 +148,13 @@ impl Unseen<'_> {
         let measured = used.iter().map(|&place| Some(observations[place].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let placed: Vec<Placed> = used.iter().map(|&p| self.placed[p].clone()).collect();
+        let sd = self.model.scale_sd();
         match (by, base_refit) {
             (Some(by), BaseRefit::First | BaseRefit::Chosen) => {
-                let (middle, sd) = (refit::middle(self.placed), self.model.scale_sd());
+                let middle = refit::middle(self.placed);
                 refit::generalised(&measured, &placed, self.with_target, middle, sd, by)
             }
-            _ => {
-                refit::refit_with_scale(&measured, &placed, self.with_target, self.model.scale_sd())
-            }
+            _ => refit::refit_with_scale(&measured, &placed, self.with_target, sd),
         }
     }
 

@@ -174,9 +174,7 @@ impl Seen {
     }
 
     fn arm(&self) -> f64 {
-        let Some(placement) = &self.placement else {
-            return f64::INFINITY;
-        };
+        let Some(placement) = &self.placement else { return f64::INFINITY };
         let readings = readings(&self.flanges, &self.measured);
         let distances: Vec<f64> = readings.iter().map(|r| placement.distance_mm(r)).collect();
         let predicted: Vec<Vector3<f64>> =
@@ -199,9 +197,7 @@ impl Seen {
 
     fn survey(&self, set_up: &SetUp, base: &Isometry3<f64>) -> f64 {
         let target = set_up.stated_target().or_else(|| self.target_in(base));
-        let Some(target) = target else {
-            return f64::INFINITY;
-        };
+        let Some(target) = target else { return f64::INFINITY };
         let measured: Vec<Point3<f64>> = self.measured.iter().map(point).collect();
         median_apart(&measured, &self.at_flange(&target), base)
     }

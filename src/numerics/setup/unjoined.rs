@@ -32,8 +32,7 @@ pub fn explain(
     matched.sort_by_key(|pairs| Reverse(pairs.len()));
     let found = |pairs: &Vec<Matched>| {
         let evidence = evidence(pairs);
-        let agreement = Agreement::of(stated, &evidence);
-        Search::of(stated, agreement, &evidence, alternatives).named()
+        Search::of(stated, Agreement::of(stated, &evidence), &evidence, alternatives).named()
     };
     let found = matched.iter().take(MOST_TRIED).find_map(found);
     found.map(|finding| Finding { is_grave: true, ..finding })

@@ -64,9 +64,7 @@ pub(super) fn fit_all(bins: &[Bin]) -> Vec<VariogramModel> {
 }
 
 pub fn alikeness(bins: &[Bin], models: &[VariogramModel]) -> Alikeness {
-    let Some(best) = models.first() else {
-        return Alikeness::TooFewPairs;
-    };
+    let Some(best) = models.first() else { return Alikeness::TooFewPairs };
     let pairs: f64 = bins.iter().map(|bin| bin.pairs as f64).sum();
     let mean = bins.iter().map(|bin| bin.pairs as f64 * bin.gamma).sum::<f64>() / pairs;
     let flat =

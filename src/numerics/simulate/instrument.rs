@@ -156,16 +156,12 @@ impl CameraSettings {
         let corners = self.corners();
         let noise = normals.chunks_exact(2);
         let noise = noise.map(|own| Vector2::new(own[0], own[1]) * noise_px);
-        let seen: Vec<Vector2<f64>> = corners
-            .iter()
-            .zip(noise)
-            .map(|(corner, noise)| self.image(&truth, corner).0 + noise)
-            .collect();
+        let seen = corners.iter().zip(noise);
+        let seen = seen.map(|(corner, noise)| self.image(&truth, corner).0 + noise);
+        let seen: Vec<Vector2<f64>> = seen.collect();
         let mut found = if is_flipped { beside(&truth) } else { truth };
         for _ in 0..STEPS {
-            let Some(step) = self.step(&found, &corners, &seen) else {
-                break;
-            };
+            let Some(step) = self.step(&found, &corners, &seen) else { break };
             found = moved(&found, &step);
         }
         found

@@ -55,10 +55,8 @@ impl LengthInstrument {
         normal: f64,
         station: &Station,
     ) -> Reading {
-        let length = MeanLength {
-            mm: self.truth.reading_mm(place) + self.sd_mm * normal,
-            sd_mm: self.sd_mm,
-        };
+        let mm = self.truth.reading_mm(place) + self.sd_mm * normal;
+        let length = MeanLength { mm, sd_mm: self.sd_mm };
         let at = Stamp::from_ns(station.start.ns());
         Reading {
             source,
@@ -128,9 +126,7 @@ impl Simulated {
         let interval_s = self.truth.settings.motion.reading_rate_hz.recip();
         let interval_ns = round_ns(interval_s * NS_PER_S).max(1);
         let mut samples = LengthSamples::default();
-        let (Some(first), Some(last)) = (stations.first(), stations.last()) else {
-            return samples;
-        };
+        let (Some(first), Some(last)) = (stations.first(), stations.last()) else { return samples };
         let mut at = first.start;
         while at <= last.end {
             if let Some(mm) = self.length_at(own, drawn, at) {

@@ -172,11 +172,8 @@ impl<'a> Controller<'a> {
         }
         let mut stream = Stream::new(self.seed, Ingredient::Poses);
         let draw = |_: &[f64]| {
-            let joints: Vec<f64> = lower
-                .iter()
-                .zip(upper)
-                .map(|(&lower, &upper)| stream.between(lower, upper))
-                .collect();
+            let sides = lower.iter().zip(upper);
+            let joints: Vec<f64> = sides.map(|(from, to)| stream.between(*from, *to)).collect();
             let pose = self.arm.flange(&joints).isometry() * self.flange_from_target;
             // Only poses that are reached in home's arm configuration within the limits are visited.
             self.angles(&pose, &joints).map(|joints| Commanded { base_from_target: pose, joints })

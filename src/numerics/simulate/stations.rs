@@ -70,16 +70,12 @@ impl Simulated {
         }];
         all.resize_with(beside.len() + 1, TargetReadings::default);
         for station in self.stations_with(beside) {
-            let Some(main) = station.readings.first().and_then(Reading::position) else {
-                continue;
-            };
+            let Some(main) = station.readings.first().and_then(Reading::position) else { continue };
             let (start, end) = (clock.to_tracker(station.start), clock.to_tracker(station.end));
             let from = own.stamps.partition_point(|stamp| *stamp < start);
             let to = own.stamps.partition_point(|stamp| *stamp <= end);
             for reading in &station.readings[1..] {
-                let Some(place) = reading.position() else {
-                    continue;
-                };
+                let Some(place) = reading.position() else { continue };
                 let to_all = &mut all[reading.target.0];
                 for sample in (from..to).filter(|&i| own.positions[i].iter().any(|&x| x != 0.0)) {
                     let off = Point3::from(own.positions[sample]) - main;
@@ -176,6 +172,8 @@ impl Simulated {
         let first = stamps.partition_point(|stamp| *stamp < truth.start);
         let last = stamps.partition_point(|stamp| *stamp <= truth.end);
         let reading = self.reading(truth, clock);
+        let unmeasured = Pairing::Unmeasured(Unmeasured::NoReadings);
+        let pairing = if reading.is_some() { Pairing::Paired } else { unmeasured };
         Station {
             number: truth.number,
             start: truth.start,
@@ -186,11 +184,7 @@ impl Simulated {
                 position: Point3::from(truth.command.translation.vector),
                 orientation: Some(truth.command.rotation),
             }),
-            pairing: if reading.is_some() {
-                Pairing::Paired
-            } else {
-                Pairing::Unmeasured(Unmeasured::NoReadings)
-            },
+            pairing,
             readings: reading.into_iter().collect(),
         }
     }

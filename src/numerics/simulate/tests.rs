@@ -114,9 +114,7 @@ fn the_clocks_are_as_set_and_readings_fall_into_their_dwells() {
     let clock = simulated.truth.clock_model();
     let stations = simulated.stations();
     for station in &stations {
-        let Some(reading) = station.one_reading() else {
-            continue;
-        };
+        let Some(reading) = station.one_reading() else { continue };
         assert!(clock.to_controller(reading.first) >= station.start);
         assert!(clock.to_controller(reading.last) <= station.end);
         // At least 0.9 s of 20 Hz.

@@ -210,9 +210,7 @@ impl<'a> View<'a> {
         let (instrument, understated) = (&self.settings.instrument, self.settings.understated);
         let mut counts = TrueReadingCounts::default();
         for stamp in self.stamps(self.settings.motion.reading_rate_hz) {
-            let Some(reading) = self.reading(stamp, &mut noise, &mut outliers) else {
-                break;
-            };
+            let Some(reading) = self.reading(stamp, &mut noise, &mut outliers) else { break };
             counts.count(&reading);
             let is_lost = matches!(reading, Reading::Lost);
             if let Some(pose) = reading.logged(self.settings.tracker.lost_as_zeros) {

@@ -181,19 +181,16 @@ impl ArmErrors {
         origins.push(target.translation.vector.into());
         let down = -Vector3::from(self.up);
         let moment = |about: &Point3<f64>, point: &Point3<f64>| (point - about).cross(&down);
-        (0..axes.len())
-            .map(|joint| {
-                let links: Vector3<f64> = (joint..axes.len())
-                    .map(|link| {
-                        let centre = nalgebra::center(&origins[link], &origins[link + 1]);
-                        moment(&origins[joint], &centre) * self.masses[link]
-                    })
-                    .sum();
-                let payload =
-                    moment(&origins[joint], &origins[axes.len()]) * self.masses[axes.len()];
-                differential.joints[joint].angular.dot(&(links + payload))
-            })
-            .collect()
+        let torque = |joint: usize| {
+            let links = (joint..axes.len()).map(|link| {
+                let centre = nalgebra::center(&origins[link], &origins[link + 1]);
+                moment(&origins[joint], &centre) * self.masses[link]
+            });
+            let links: Vector3<f64> = links.sum();
+            let payload = moment(&origins[joint], &origins[axes.len()]) * self.masses[axes.len()];
+            differential.joints[joint].angular.dot(&(links + payload))
+        };
+        (0..axes.len()).map(torque).collect()
     }
 }
 
@@ -225,6 +222,17 @@ fn masses(joints: usize) -> Vec<f64> {
     masses.iter().map(|mass| mass / total).collect()
 }
 
+/// The torque about a joint of the weight behind it, with the arm stretched out: each link's mass in its middle, the payload at the end.
+fn stretched_torque(origins: &[Point3<f64>], masses: &[f64], joint: usize) -> f64 {
+    let (mut reach, mut torque) = (0.0, 0.0);
+    for link in joint..origins.len() - 1 {
+        let length = (origins[link + 1] - origins[link]).norm();
+        torque += masses[link] * (reach + length / 2.0);
+        reach += length;
+    }
+    torque + masses[origins.len() - 1] * reach
+}
+
 /// Compliances at which every axis deflects by `sag_rad`, half more or less, under the weight of the arm held out level.
 fn compliance(
     arm: &Arm,
@@ -240,21 +248,13 @@ fn compliance(
     let flange = Point3::from(arm.chain().nominal(&zeros).translation.vector);
     let tip = flange + Vector3::from(settings.cell.flange_from_target_mm);
     origins.push(tip);
-    (0..zeros.len())
-        .map(|joint| {
-            let mut reach = 0.0;
-            let mut torque = 0.0;
-            for link in joint..zeros.len() {
-                let length = (origins[link + 1] - origins[link]).norm();
-                torque += masses[link] * (reach + length / 2.0);
-                reach += length;
-            }
-            torque += masses[zeros.len()] * reach;
-            let drawn = sag_rad * stream.between(0.5, 1.5);
-            // The last joints of an arm without a tool carry no weight and have no deflection.
-            if torque > 1.0e-9 { drawn / torque } else { 0.0 }
-        })
-        .collect()
+    let of_joint = |joint: usize| {
+        let torque = stretched_torque(&origins, masses, joint);
+        let drawn = sag_rad * stream.between(0.5, 1.5);
+        // The last joints of an arm without a tool carry no weight and have no deflection.
+        if torque > 1.0e-9 { drawn / torque } else { 0.0 }
+    };
+    (0..zeros.len()).map(of_joint).collect()
 }
 
 #[cfg(test)]

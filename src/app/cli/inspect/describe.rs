@@ -101,12 +101,9 @@ const fn ending(ending: Ending) -> &'static str {
 fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
     let mut text = format!("\n  {}\n", shown(&channel.topic));
     let mut line = |line: String| text.extend(["    ", line.as_str(), "\n"]);
-    line(format!(
-        "{} ({}, schema in {})",
-        or_none(channel.type_name()),
-        or_none(&channel.encoding),
-        or_none(channel.schema_encoding())
-    ));
+    let [name, encoding, schema] =
+        [channel.type_name(), &channel.encoding, channel.schema_encoding()].map(or_none);
+    line(format!("{name} ({encoding}, schema in {schema})"));
     if of_topic > 1 {
         line("another channel has this topic: both are read as one".to_owned());
     }
@@ -120,9 +117,7 @@ fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
         let largest = traffic.sizes.largest;
         line(format!("values up to {largest:.4}: {unit}, by their size"));
     }
-    for field in &channel.fields {
-        line(format!("field {}", escaped(field)));
-    }
+    channel.fields.iter().for_each(|field| line(format!("field {}", escaped(field))));
     text.trim_end().to_owned()
 }
 
@@ -130,20 +125,15 @@ fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
     let rate = traffic.log.rate_hz();
     let rate = rate.map_or_else(String::new, |rate| format!(", {rate:.2} Hz"));
     line(format!("{} messages over {:.3} s{rate}", traffic.messages, traffic.log.span_s()));
-    for (name, clock) in
-        [("header", &traffic.header), ("publish", &traffic.publish), ("log", &traffic.log)]
-    {
-        if clock.count > 0 {
-            line(of_clock(name, clock));
-        }
+    let clocks =
+        [("header", &traffic.header), ("publish", &traffic.publish), ("log", &traffic.log)];
+    for (name, clock) in clocks.into_iter().filter(|(_, clock)| clock.count > 0) {
+        line(of_clock(name, clock));
     }
-    for (name, differences) in
-        [("header stamp", traffic.log_less_header), ("publish time", traffic.log_less_publish)]
-    {
-        if let Some(text) = compare_clocks(name, differences) {
-            line(text);
-        }
-    }
+    let differences =
+        [("header stamp", traffic.log_less_header), ("publish time", traffic.log_less_publish)];
+    let compared = differences.into_iter().filter_map(|(name, own)| compare_clocks(name, own));
+    compared.for_each(&mut *line);
     if traffic.last_sequence > 0 {
         line(format!("sequence up to {}, {} jumps", traffic.last_sequence, traffic.sequence_jumps));
     }
@@ -219,8 +209,7 @@ fn damage(read_summary: &ReadSummary) -> String {
         messages_lost(read_summary)
     );
     for reject in rejects.iter().take(MOST_PRINTED) {
-        text += "\n    ";
-        text += &of_reject(reject);
+        text.extend(["\n    ", &of_reject(reject)]);
     }
     if rejects.len() > MOST_PRINTED {
         let more = rejects.len() - MOST_PRINTED;

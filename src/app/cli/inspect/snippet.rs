@@ -188,11 +188,8 @@ fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
             whole
         });
         let name = Path::new(&log.read_summary.file).file_name().unwrap_or_default();
-        Some(Part {
-            name: name.to_string_lossy().into_owned(),
-            first: whole.first,
-            last: whole.last,
-        })
+        let name = name.to_string_lossy().into_owned();
+        Some(Part { name, first: whole.first, last: whole.last })
     };
     let mut parts: Vec<Part> = found.iter().filter_map(part).collect();
     parts.sort_by_key(|part| (part.first, part.last));
@@ -221,12 +218,8 @@ fn of_missing(section: Section, found: &[Inspection]) -> String {
     };
     let channels = || found.iter().flat_map(|log| &log.channels);
     let kind = |channel: &ChannelSummary| {
-        format!(
-            "{} ({}, {})",
-            shown(&channel.topic),
-            shown(channel.type_name()),
-            shown(&channel.encoding)
-        )
+        let (topic, encoding) = (shown(&channel.topic), shown(&channel.encoding));
+        format!("{topic} ({}, {encoding})", shown(channel.type_name()))
     };
     let mut kinds: Vec<String> = channels().take(MOST_TOPICS).map(kind).collect();
     let more = channels().count() - kinds.len();

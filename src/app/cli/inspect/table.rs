@@ -75,12 +75,8 @@ fn of_column(column: &ColumnSummary, width: usize) -> String {
         (column.not_finite, "not finite"),
         (column.missing, "9999 or −9999"),
     ];
-    parts.extend(
-        counts
-            .iter()
-            .filter(|(count, _)| *count > 0)
-            .map(|(count, word)| format!("{count} {word}")),
-    );
+    let counted = counts.iter().filter(|(count, _)| *count > 0);
+    parts.extend(counted.map(|(count, word)| format!("{count} {word}")));
     text + &parts.join("; ")
 }
 

@@ -13,9 +13,7 @@ pub(super) fn ready() -> String {
     let mut text = format!("{:<22} {:>4} {:>9}  model\n", "name", "axes", "reach_mm");
     for robot in READY {
         let file = toml::from_str::<RobotFile>(robot.text).ok();
-        let Some(arm) = file.and_then(|file| file.arm().ok()) else {
-            continue;
-        };
+        let Some(arm) = file.and_then(|file| file.arm().ok()) else { continue };
         let _ = writeln!(
             text,
             "{:<22} {:>4} {:>9.0}  {}",

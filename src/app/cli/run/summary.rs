@@ -132,9 +132,7 @@ fn outcome(done: &Done) -> String {
 
 /// The line of a result that was there before is enough, unless it took the place of another.
 fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
-    let Ending::Done(done) = ending else {
-        return String::new();
-    };
+    let Ending::Done(done) = ending else { return String::new() };
     let Some(summary) = &done.summary else {
         let words = done.took_place.as_ref();
         let line = words.map(|own| format!("{}: {}\n\n", Printable(label), Printable(own)));

@@ -55,7 +55,7 @@ impl Batch<'_> {
             return Ok(Ending::Done(Box::new(done)));
         }
         let done = run_piece(configuration, piece, progress)?;
-        self.known.keep(state.as_deref(), (configuration, piece), &done);
+        self.known.keep(state.as_deref(), configuration, piece, &done);
         Ok(Ending::Done(Box::new(done)))
     }
 }
@@ -67,7 +67,8 @@ type Ended = (Ending, Vec<SetAside>);
 /// pools left out.
 pub fn all(
     pieces: &[FleetPiece<'_>],
-    (until, known): (Option<Until>, &Known),
+    until: Option<Until>,
+    known: &Known,
     jobs: NonZeroUsize,
     bars: &Bars,
     stop: &Stop,
@@ -82,9 +83,7 @@ pub fn all(
         let mut own = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(piece) = pieces.get(place) else {
-                return own;
-            };
+            let Some(piece) = pieces.get(place) else { return own };
             own.push((place, pooled(&batch, place, *piece)));
         }
     };

@@ -76,16 +76,13 @@ impl PoseFlags {
         listed: Option<&[Vec<f64>]>,
     ) -> Result<Poses, SimulateError> {
         if let Some(joints) = listed {
-            let joints = joints.to_vec();
-            return Ok(Poses::Listed { joints });
+            return Ok(Poses::Listed { joints: joints.to_vec() });
         }
         let home = self.home(arm)?;
         if let Some(count) = self.random_joints {
             let spread = self.spread(arm);
-            let about = |side: f64| {
-                let joints = home.iter().zip(&spread);
-                joints.map(|(q, spread)| q + side * spread).collect()
-            };
+            let about =
+                |side: f64| home.iter().zip(&spread).map(|(q, own)| q + side * own).collect();
             let (lower, upper) = (about(-1.0), about(1.0));
             return Ok(Poses::Joints { count, lower, upper });
         }
@@ -102,20 +99,10 @@ impl PoseFlags {
         let half = Vector3::from(self.size.0) / 2.0;
         let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
         let orientation_rpy = rpy(&at_home.rotation);
+        let (cone_rad, step_mm) = (self.cone_deg.to_radians(), self.grid_step.unwrap_or(100.0));
         match self.random {
-            Some(count) => Poses::Box {
-                count,
-                lower_mm,
-                upper_mm,
-                orientation_rpy,
-                cone_rad: self.cone_deg.to_radians(),
-            },
-            None => Poses::Grid {
-                lower_mm,
-                upper_mm,
-                step_mm: self.grid_step.unwrap_or(100.0),
-                orientation_rpy,
-            },
+            Some(count) => Poses::Box { count, lower_mm, upper_mm, orientation_rpy, cone_rad },
+            None => Poses::Grid { lower_mm, upper_mm, step_mm, orientation_rpy },
         }
     }
 }

@@ -12,10 +12,7 @@ pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
             1 => format!("foreign: {place}"),
             files => format!("foreign: {place}, a folder of {files} files"),
         };
-        match &own.why {
-            Some(why) => format!("{what}: {why}"),
-            None => what,
-        }
+        own.why.as_ref().map_or_else(|| what.clone(), |why| format!("{what}: {why}"))
     }));
     lines.extend(account.asked.iter().map(|own| format!("asked: {own}")));
     lines.extend(account.temporaries.iter().map(|place| {

@@ -167,35 +167,27 @@ fn outputs(verified: &Verified) -> Vec<String> {
     others
 }
 
+const NOT_COMPARED_AGAIN: &str = "its promise cannot be compared with the session again";
+
 /// A line about another run that this one depends on.
 fn citation(cited: &Citation) -> Option<String> {
     let (as_what, lost) = match cited.role {
         Role::Replaced => ("whose place it took", "what that one replaced counts as current again"),
-        Role::Drove => (
-            "whose table drove the session",
-            "its promise cannot be compared with the session again",
-        ),
-        Role::Planned => {
-            ("the plan it was measured by", "its promise cannot be compared with the session again")
-        }
+        Role::Drove => ("whose table drove the session", NOT_COMPARED_AGAIN),
+        Role::Planned => ("the plan it was measured by", NOT_COMPARED_AGAIN),
         Role::KnownArm => ("whose arm it starts from", "it cannot be planned again"),
     };
     let run = &cited.run;
-    match &cited.left {
+    let left = match &cited.left {
         Left::Whole(Some(by)) if cited.role != Role::Replaced => {
-            Some(format!("cites run {run}, {as_what}: there, and superseded by run {by}"))
+            format!("there, and superseded by run {by}")
         }
-        Left::Whole(_) => None,
-        Left::Without(tables) => {
-            Some(format!("cites run {run}, {as_what}: its {} missing; {lost}", tables.join(", ")))
-        }
-        Left::OtherRow => Some(format!(
-            "cites run {run}, {as_what}: its row in runs is not the one that it was then"
-        )),
-        Left::Nothing => {
-            Some(format!("cites run {run}, {as_what}: the lake has no row of it; {lost}"))
-        }
-    }
+        Left::Whole(_) => return None,
+        Left::Without(tables) => format!("its {} missing; {lost}", tables.join(", ")),
+        Left::OtherRow => "its row in runs is not the one that it was then".to_owned(),
+        Left::Nothing => format!("the lake has no row of it; {lost}"),
+    };
+    Some(format!("cites run {run}, {as_what}: {left}"))
 }
 
 fn output(output: &Output, recomputed: &Recomputed) -> String {

@@ -46,9 +46,7 @@ fn status(content: &Content) -> (TableVerdict, &'static str) {
 }
 
 fn sentence(content: &Content) -> Markup {
-    let Some(last) = content.sessions.last() else {
-        return html! {};
-    };
+    let Some(last) = content.sessions.last() else { return html! {} };
     html! {
         @match (&last.moved, last.against) {
             (_, 0) => "It begins a segment, so there is nothing to compare it with.",

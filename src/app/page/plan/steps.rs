@@ -43,9 +43,7 @@ fn is_alike(row: &FigureRow, other: &FigureRow) -> bool {
 }
 
 fn sentence(chosen: Option<&FigureRow>) -> Markup {
-    let Some(row) = chosen else {
-        return html! { "No step holds for the asked share of robots." };
-    };
+    let Some(row) = chosen else { return html! { "No step holds for the asked share of robots." } };
     html! {
         "The largest step that holds, with all smaller ones, is " strong { (row.step_mm.unwrap_or(0.0)) " mm" } ": "
         (row.poses) " poses, " (words::origin(row)) ". " (row.meet) " of " (row.robots)

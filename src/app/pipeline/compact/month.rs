@@ -142,12 +142,7 @@ impl Month {
                 }
             }
         }
-        for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
-            if !new.is_empty() {
-                parts.push(together(schema(name), &new)?);
-            }
-        }
-        Ok(())
+        add(parts, new)
     }
 
     fn written(
@@ -187,8 +182,7 @@ impl NewRun {
             let table = lake.read_written(&file.table, &key, &file.digest);
             table.map_err(|error| error.to_string())
         });
-        let accuracy: Result<Vec<Table>, String> = read.collect();
-        match accuracy {
+        match read.collect::<Result<Vec<Table>, String>>() {
             Ok(accuracy) => Ok([vec![row], accuracy, Vec::new()]),
             // Of a run that another replaced only the row may have been kept.
             Err(_) if is_removed(lake, &claim) => Ok([vec![row], Vec::new(), Vec::new()]),
@@ -249,6 +243,15 @@ fn runs_in(table: &Table) -> u64 {
     let mut keys = table.keys();
     keys.dedup();
     keys.len() as u64
+}
+
+fn add(parts: &mut RunTables, new: RunTables) -> Result<(), CompactError> {
+    for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
+        if !new.is_empty() {
+            parts.push(together(schema(name), &new)?);
+        }
+    }
+    Ok(())
 }
 
 fn schema(name: &str) -> &'static TableSchema {

@@ -58,9 +58,7 @@ fn own_rows(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> 
 
 /// Checks that commands of tables have frames, and that frames of commands have commands.
 fn commands(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> {
-    let Some(stations) = &file.stations else {
-        return Ok(());
-    };
+    let Some(stations) = &file.stations else { return Ok(()) };
     let (key, reason) = match (&stations.commanded, &file.commanded) {
         (Some(_), None) => (
             "[commanded]",
@@ -182,9 +180,7 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         lengths::logged(tracker, file.tracker.is_eye_in_hand())?;
     }
     let commanded = file.commanded.as_ref();
-    let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else {
-        return Ok(());
-    };
+    let Some(commanded) = commanded.and_then(|own| own.mapping.as_ref()) else { return Ok(()) };
     let commanded = &commanded.fields;
     commanded.check().map_err(of_section("commanded"))?;
     wrong_unless(

@@ -99,9 +99,7 @@ impl Source {
 
     /// Checks that the file is sound for a robot at least.
     pub fn sound(&self) -> Result<(), ConfigurationError> {
-        let Some(robots) = &self.robots else {
-            return self.alone().map(drop);
-        };
+        let Some(robots) = &self.robots else { return self.alone().map(drop) };
         let mut each = robots.stated.iter().map(|own| self.of(robots, own));
         let first = each.next().map_or(Ok(()), |own| own.map(drop));
         first.or_else(|error| each.find_map(Result::ok).map(drop).ok_or(error))

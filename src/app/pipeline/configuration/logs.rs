@@ -196,9 +196,7 @@ fn fits(pattern: &[char], name: &[char]) -> bool {
             }
             Some(&letter) if letter == '?' || letter == name[n] => (p, n) = (p + 1, n + 1),
             _ => {
-                let Some((star, from)) = retry else {
-                    return false;
-                };
+                let Some((star, from)) = retry else { return false };
                 retry = Some((star, from + 1));
                 (p, n) = (star + 1, from + 1);
             }

@@ -277,9 +277,7 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
 }
 
 fn robots_by(path: &Path, by: Option<&Value>) -> Result<RobotsBy, ConfigurationError> {
-    let Some(by) = by else {
-        return Ok(RobotsBy::default());
-    };
+    let Some(by) = by else { return Ok(RobotsBy::default()) };
     by.clone().try_into().map_err(|_| {
         let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
         ConfigurationErrorKind::setting("[input] robots_by", by, wanted).at(path)

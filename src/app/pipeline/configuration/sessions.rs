@@ -186,7 +186,7 @@ pub(in crate::pipeline) fn look(
     }
     by_what_there_is(path, input, stations)?;
     let robot = file.robot.name.as_deref();
-    let found = Found::look(tree, folder, input, (stations, robot), file.limits);
+    let found = Found::look(tree, folder, input, stations, robot, file.limits);
     let found = found.map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
@@ -207,13 +207,7 @@ impl FoundSessions {
     }
 
     fn named(&self, name: &str) -> Session {
-        let found = self.sessions.iter().find(|session| session.name == name);
-        found.cloned().unwrap_or_else(|| Session {
-            name: name.to_owned(),
-            recorded: Err(Why::Bad(self.not_there(name))),
-            corrected: None,
-            robot: None,
-        })
+        named(&self.sessions, name, || self.not_there(name))
     }
 
     fn not_there(&self, name: &str) -> String {
@@ -227,6 +221,17 @@ impl FoundSessions {
             (None, _) => "no file names it".to_owned(),
         }
     }
+}
+
+/// The session of that name; a bad one where there is none, with the reason that `lacks` gives.
+fn named(sessions: &[Session], name: &str, lacks: impl FnOnce() -> String) -> Session {
+    let found = sessions.iter().find(|session| session.name == name);
+    found.cloned().unwrap_or_else(|| Session {
+        name: name.to_owned(),
+        recorded: Err(Why::Bad(lacks())),
+        corrected: None,
+        robot: None,
+    })
 }
 
 /// Lists the work with the sessions found in `folder`.
@@ -254,19 +259,11 @@ pub(super) fn list_joined(
     overrides: &Overrides,
 ) -> Result<Listed, ConfigurationError> {
     let (sessions, left_out) = joined::sessions(lake, wanted)?;
-    let named = |name: &str| {
-        let found = sessions.iter().find(|session| session.name == name);
-        found.cloned().unwrap_or_else(|| Session {
-            name: name.to_owned(),
-            recorded: Err(Why::Bad("the lake does not have it as joined".to_owned())),
-            corrected: None,
-            robot: None,
-        })
-    };
+    let lacks = || "the lake does not have it as joined".to_owned();
     let candidates = Candidates {
         place: lake.root().named(),
         wanted: "a row of joined_sessions, which `posegrid run --until session` writes".to_owned(),
-        named: &named,
+        named: &|name| named(&sessions, name, lacks),
         sessions: &sessions,
         left_out: &left_out,
     };
@@ -303,7 +300,7 @@ impl Candidates<'_> {
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
         let latest = input.pool_latest.unwrap_or(usize::MAX);
-        let (pieces, set_aside) = pieces((input.pool, latest), &training, &judges);
+        let (pieces, set_aside) = pieces(input.pool, latest, &training, &judges);
         let waits = |aside: &SetAside| matches!(aside.why, Why::Waits(_));
         if pieces.is_empty() && !set_aside.iter().any(waits) {
             return Err(self.nothing(&training, &judges));
@@ -402,7 +399,8 @@ fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {
 
 /// The pieces of the sessions that are ready, pools of at most the `latest` so many of them, and the other sessions.
 fn pieces(
-    (pool, latest): (Pool, usize),
+    pool: Pool,
+    latest: usize,
     training: &[Session],
     judges: &[Session],
 ) -> (Vec<WorkPiece>, Vec<SetAside>) {

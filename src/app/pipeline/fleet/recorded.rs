@@ -73,16 +73,11 @@ fn robot_of(session: &Session, limits: Limits) -> Result<String, Why> {
     let mut named: Option<(String, &PathBuf)> = None;
     for path in controller.iter().chain(tracker) {
         let record = session_record(path, limits).map_err(|error| Why::Bad(error.to_string()))?;
-        let Some(robot) = record.get("robot").filter(|name| !name.is_empty()) else {
-            continue;
-        };
+        let Some(robot) = record.get("robot").filter(|name| !name.is_empty()) else { continue };
         match &named {
             Some((other, at)) if other != robot => {
-                return Err(Why::Bad(format!(
-                    "{} is of {other:?}, and {} of {robot:?}",
-                    at.display(),
-                    path.display()
-                )));
+                let (at, path) = (at.display(), path.display());
+                return Err(Why::Bad(format!("{at} is of {other:?}, and {path} of {robot:?}")));
             }
             _ => named = Some((robot.clone(), path)),
         }

@@ -166,11 +166,9 @@ fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String>
 
 fn joint_curves(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String> {
     let is_given = |row: &JointErrorRow| {
-        let (place, every) = if row.joint_unit == Some(Unit::Mm) {
-            (row.angle_rad, EVERY_MM)
-        } else {
-            (row.angle_rad.to_degrees(), EVERY_DEG)
-        };
+        let (in_mm, in_degrees) =
+            ((row.angle_rad, EVERY_MM), (row.angle_rad.to_degrees(), EVERY_DEG));
+        let (place, every) = if row.joint_unit == Some(Unit::Mm) { in_mm } else { in_degrees };
         let off = place - every * (place / every).round();
         row.measured && off.abs() < 1e-6
     };

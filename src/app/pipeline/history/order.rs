@@ -94,21 +94,13 @@ pub(super) fn within(
 ) -> Result<Vec<CurrentRow>, HistoryError> {
     let place = |session: &String| {
         let found = rows.iter().position(|row| row.fact.key.session == *session);
-        found.ok_or_else(|| HistoryError::NoSession {
-            robot: robot.to_owned(),
-            session: session.clone(),
-        })
+        let (robot, session) = (robot.to_owned(), session.clone());
+        found.ok_or(HistoryError::NoSession { robot, session })
     };
     let first = asked.since.as_ref().map(place).transpose()?.unwrap_or(0);
-    let last = asked.until.as_ref().map(place).transpose()?;
-    let last = last.unwrap_or(usize::MAX);
-    let (mut kept, mut number) = (Vec::new(), 0..);
-    for row in rows {
-        if number.next().is_some_and(|number| (first..=last).contains(&number)) {
-            kept.push(row);
-        } else {
-            left_out.push(row.left_out(Reason::NotAsked));
-        }
-    }
-    Ok(kept)
+    let last = asked.until.as_ref().map(place).transpose()?.unwrap_or(usize::MAX);
+    let is_asked = |(number, _): &(usize, CurrentRow)| (first..=last).contains(number);
+    let (kept, others): (Vec<_>, Vec<_>) = rows.into_iter().enumerate().partition(is_asked);
+    left_out.extend(others.into_iter().map(|(_, row)| row.left_out(Reason::NotAsked)));
+    Ok(kept.into_iter().map(|(_, row)| row).collect())
 }

@@ -46,9 +46,7 @@ fn sessions(robot: &RobotHistory) -> Vec<Session> {
 fn series(figures: &[Vec<Figure>]) -> Vec<Series> {
     let mut series: BTreeMap<&str, Series> = BTreeMap::new();
     for (place, figure) in numbered(figures) {
-        let Some(charted) = &figure.charted else {
-            continue;
-        };
+        let Some(charted) = &figure.charted else { continue };
         let own = series.entry(&figure.name).or_insert_with(|| Series {
             name: figure.name.clone(),
             unit: figure.unit.word(),
@@ -74,19 +72,15 @@ fn numbered(figures: &[Vec<Figure>]) -> impl Iterator<Item = (usize, &Figure)> {
 
 /// Curves of the first and of the newest session.
 fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
+    let is_of = |own: &Figure, joint| own.kind == Kind::JointCurve && own.joint == Some(joint);
     let of = |session: Option<&Vec<Figure>>, joint: usize| -> Vec<[f64; 3]> {
-        let own = session.into_iter().flatten();
-        let own =
-            own.filter(|figure| figure.kind == Kind::JointCurve && figure.joint == Some(joint));
+        let own = session.into_iter().flatten().filter(|own| is_of(own, joint));
         own.filter_map(|figure| Some([figure.angle_rad?, figure.value, figure.sd?])).collect()
     };
     let joints = figures.iter().flatten().filter(|figure| figure.kind == Kind::JointCurve);
     let joints = joints.filter_map(|figure| figure.joint).max().unwrap_or(0);
     let slides = |joint: usize| {
-        let mut all = figures.iter().flatten();
-        all.any(|own| {
-            own.kind == Kind::JointCurve && own.joint == Some(joint) && own.unit == Unit::Mm
-        })
+        figures.iter().flatten().any(|own| is_of(own, joint) && own.unit == Unit::Mm)
     };
     let curve = |joint| Curve {
         joint,
@@ -104,9 +98,7 @@ fn parameters(figures: &[Vec<Figure>]) -> Vec<Parameter> {
             session.iter().find(|figure| figure.kind == Kind::Parameter && figure.name == name)?;
         Some((own.value, own.sd?))
     };
-    let (Some(first), Some(newest)) = (figures.first(), figures.last()) else {
-        return Vec::new();
-    };
+    let (Some(first), Some(newest)) = (figures.first(), figures.last()) else { return Vec::new() };
     let own = newest.iter().filter(|figure| figure.kind == Kind::Parameter);
     let own = own
         .filter(|figure| !figure.name.starts_with("base_") && !figure.name.starts_with("target_"));

@@ -39,9 +39,7 @@ struct Door<'t, 'i> {
 
 /// Checks a file with this text, which is TOML; messages have lines where the text `is_written` by a person.
 pub fn check(reference: &'static KeyReference, text: &str, is_written: bool) -> Result<(), Faults> {
-    let Ok(file) = DeTable::parse(text) else {
-        return Ok(());
-    };
+    let Ok(file) = DeTable::parse(text) else { return Ok(()) };
     let door = Door { reference, file: file.get_ref(), text: is_written.then_some(text) };
     let mut faults: Vec<String> =
         reference.retired.iter().flat_map(|own| door.of_retired(own)).collect();

@@ -188,19 +188,15 @@ impl Planning {
         promise: &Outcomes,
     ) -> Next {
         let none = Next { poses: Vec::new(), are_enough: promise.holds() };
-        let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else {
-            return none;
-        };
+        let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else { return none };
         let base = *model.fitted_frames()[0].tracker_from_base(SourceId::ONLY);
         let at_flange: Isometry3<f64> = self.settings.flange_from_target;
-        let candidates: Vec<_> = left
-            .iter()
-            .map(|pose| {
-                let target = self.arm.flange(&pose.joints_rad).isometry() * at_flange;
-                let position = base.isometry() * nalgebra::Point3::from(target.translation.vector);
-                compare::candidate(&self.arm, &pose.joints_rad, position, model, &self.settings)
-            })
-            .collect();
+        let candidate = |pose: &&VisitRow| {
+            let target = self.arm.flange(&pose.joints_rad).isometry() * at_flange;
+            let position = base.isometry() * nalgebra::Point3::from(target.translation.vector);
+            compare::candidate(&self.arm, &pose.joints_rad, position, model, &self.settings)
+        };
+        let candidates: Vec<_> = left.iter().map(candidate).collect();
         enough::next(model, region, &candidates, promised_mm, &self.settings)
     }
 }

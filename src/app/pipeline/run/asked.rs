@@ -18,9 +18,7 @@ impl Done {
         let key = RunKey::new(&self.robot, &self.session, &self.run);
         let asked = lake.ask(&key)?;
         self.asked = asked.number;
-        let Some(before) = asked.replaced else {
-            return Ok(self);
-        };
+        let Some(before) = asked.replaced else { return Ok(self) };
         let again = "is current again, in place of";
         let how = if self.already_there { again } else { "takes the place of" };
         let row = |run: &str| {

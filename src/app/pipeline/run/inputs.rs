@@ -102,9 +102,7 @@ fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
 /// with this one's and a slash.
 pub(in crate::pipeline) fn is_of_session(input: &str, session: &str) -> bool {
     let side = input.strip_prefix(session);
-    let Some(side) = side.and_then(|side| side.strip_prefix('/')) else {
-        return false;
-    };
+    let Some(side) = side.and_then(|side| side.strip_prefix('/')) else { return false };
     let (side, part) = side.split_once('/').unwrap_or((side, "1"));
     SIDES.contains(&side) && part.parse::<usize>().is_ok()
 }

@@ -156,9 +156,7 @@ impl Known {
 
     /// Reads what single tasks told of these states, several files at once; what the index has of current runs is not read.
     pub fn gather(&self, states: impl IntoIterator<Item = String>) {
-        let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else {
-            return;
-        };
+        let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else { return };
         let unread = states.into_iter();
         let is_known =
             |state: &String| self.before.get(state).is_some_and(|own| self.is_current(own));
@@ -228,7 +226,8 @@ impl Known {
     pub fn keep_alone(
         &self,
         state: &str,
-        (configuration, piece): (&Configuration, &WorkPiece),
+        configuration: &Configuration,
+        piece: &WorkPiece,
         done: &Done,
     ) -> Result<(), LakeError> {
         if self.state_now(configuration, piece).as_deref() != Some(state) {
@@ -241,12 +240,11 @@ impl Known {
     pub fn keep(
         &self,
         state: Option<&str>,
-        (configuration, piece): (&Configuration, &WorkPiece),
+        configuration: &Configuration,
+        piece: &WorkPiece,
         done: &Done,
     ) {
-        let Some(state) = state else {
-            return;
-        };
+        let Some(state) = state else { return };
         if self.state(configuration, piece).as_deref() == Some(state) {
             self.add(state, Told::of(done));
         }

@@ -197,17 +197,14 @@ fn of_table(
     let set_up = set_up(configuration, files, &joined, || None)?;
     without_knocks(configuration, files, &mut joined)?;
     Ok(JoinedSession {
-        counts: row_counts((read.read, read.covariances), &joined),
+        counts: row_counts(read.read, read.covariances, &joined),
         set_up,
         ..with_commands(configuration, files, joined)?
     })
 }
 
 /// Rows read, kept and rejected, as the messages of a log are counted.
-fn row_counts(
-    (read, covariances): (u64, CovarianceCounts),
-    joined: &Joined,
-) -> BTreeMap<String, u64> {
+fn row_counts(read: u64, covariances: CovarianceCounts, joined: &Joined) -> BTreeMap<String, u64> {
     let rejected = |kind: RowItem| {
         let rejects = joined.row_rejects.iter();
         rejects.filter(|own| own.kind == kind).count() as u64
@@ -297,10 +294,8 @@ fn set_up(
             // Fewer than half of the dwells may have been joined at a wrong offset, where a plane agrees with its mirror.
             let is_whole = 2 * joined.paired() >= joined.stations.len();
             let anew = if is_whole && !finding.mistakes.is_empty() { None } else { anew() };
-            Err(RunError::SetUp {
-                session: files.name.clone(),
-                finding: Box::new(anew.unwrap_or(finding)),
-            })
+            let finding = Box::new(anew.unwrap_or(finding));
+            Err(RunError::SetUp { session: files.name.clone(), finding })
         }
         found => Ok(found),
     }

@@ -64,15 +64,11 @@ pub fn open(planning: &Planning) -> Result<Option<Task>, PlanningError> {
 /// Makes the plan of that id, unless the lake has it.
 pub fn work(plans: Vec<OfRobot>, id: &str, progress: &dyn Progress) -> Ended {
     let mut plans = plans.into_iter().filter_map(|(_, planning)| planning.ok());
-    let Some(planning) = plans.find(|planning| planning.key().run == id) else {
-        return no_such(id);
-    };
+    let planning = plans.find(|planning| planning.key().run == id);
+    let Some(planning) = planning else { return no_such(id) };
     let key = planning.key();
-    let own = Ended {
-        robot: Some(key.robot.clone()),
-        session: Some(planning::SESSION.to_owned()),
-        ..no_such(id)
-    };
+    let (robot, session) = (Some(key.robot.clone()), Some(planning::SESSION.to_owned()));
+    let own = Ended { robot, session, ..no_such(id) };
     match planning.make(progress) {
         Ok(planned) => Ended {
             ended: if planned.plan.is_some() { How::Done } else { How::DoneBefore },
@@ -83,11 +79,8 @@ pub fn work(plans: Vec<OfRobot>, id: &str, progress: &dyn Progress) -> Ended {
         },
         Err(error) => {
             let how = if error.is_fault() { How::Fault } else { How::Failed };
-            Ended {
-                robot: own.robot,
-                session: own.session,
-                ..failed(id, None, how, error.to_string())
-            }
+            let failed = failed(id, None, how, error.to_string());
+            Ended { robot: own.robot, session: own.session, ..failed }
         }
     }
 }

@@ -75,9 +75,7 @@ impl Citation {
 }
 
 fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
-    let Some(cited) = register.run(run) else {
-        return Left::Nothing;
-    };
+    let Some(cited) = register.run(run) else { return Left::Nothing };
     let files = cited.files.iter();
     let of_role = files.filter(|file| role.tables().contains(&&*file.table));
     let gone = of_role.filter(|file| is_gone(&cited.key, file, lake));

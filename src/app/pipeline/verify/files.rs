@@ -130,9 +130,7 @@ impl Counted<'_> {
 
     /// Adds a file of a run that had no row, where `rows` are those that are there since.
     fn add_doubtful(&mut self, file: &LakeFile, rows: &BTreeSet<(String, String)>) {
-        let Stands::OfRun { table, robot, session, run } = &file.stands else {
-            return;
-        };
+        let Stands::OfRun { table, robot, session, run } = &file.stands else { return };
         let key = (robot.clone(), run.clone());
         if rows.contains(&key) {
             self.files.of_runs += 1;

@@ -128,16 +128,8 @@ impl Sides<'_> {
     fn compared(&self) -> Result<Recomputed, LakeError> {
         let row = self.computed.read("runs", self.key)?;
         let computed = Claim::of(&row).expect("a row just written");
-        let published = &self.verified.claim.files;
-        let mut files: BTreeMap<String, (Option<&Written>, Option<&Written>)> = BTreeMap::new();
-        for file in published {
-            files.entry(file.name()).or_default().0 = Some(file);
-        }
-        for file in &computed.files {
-            files.entry(file.name()).or_default().1 = Some(file);
-        }
         let (mut same, mut others) = (0, Vec::new());
-        for (name, sides) in files {
+        for (name, sides) in by_name(&self.verified.claim.files, &computed.files) {
             match self.file(sides, &computed)? {
                 None => same += 1,
                 Some(outcome) => others.push(ComparedFile {
@@ -205,9 +197,7 @@ impl Sides<'_> {
             return FileOutcome::PageFromElsewhere;
         }
         let pages = (self.lake.read_page(own), self.computed.read_page(other));
-        let (Ok(own), Ok(mut other)) = pages else {
-            return FileOutcome::Page;
-        };
+        let (Ok(own), Ok(mut other)) = pages else { return FileOutcome::Page };
         for again in &computed.files {
             let name = again.name();
             let mut files = claim.files.iter();
@@ -221,18 +211,14 @@ impl Sides<'_> {
     /// The differences of the estimates and grids that both started from; none of what the lake does not have any more.
     fn of_stages(&self, computed: &Table) -> Result<Vec<ComparedFile>, LakeError> {
         let claim = &self.verified.claim;
-        let Some(computed) = RunRow::read(computed).pop() else {
-            return Ok(Vec::new());
-        };
+        let Some(computed) = RunRow::read(computed).pop() else { return Ok(Vec::new()) };
         let of_both = [
             (ESTIMATES, &claim.run.ending.estimate, computed.ending.estimate),
             (GRIDS, &claim.run.ending.grids, computed.ending.grids),
         ];
         let mut differences = Vec::new();
         for (stage, published, computed) in of_both {
-            let (Some(published), Some(computed)) = (published, computed) else {
-                continue;
-            };
+            let (Some(published), Some(computed)) = (published, computed) else { continue };
             let published = RunKey::new(&claim.key.robot, &claim.key.session, published);
             let computed = RunKey::new(&self.key.robot, &self.key.session, &computed);
             for table in stage.tables() {
@@ -260,4 +246,19 @@ impl Sides<'_> {
             outcome: FileOutcome::Values(comparison),
         })
     }
+}
+
+/// Files of two runs by name: as published, and as computed.
+fn by_name<'w>(
+    published: &'w [Written],
+    computed: &'w [Written],
+) -> BTreeMap<String, (Option<&'w Written>, Option<&'w Written>)> {
+    let mut files: BTreeMap<_, (Option<&Written>, Option<&Written>)> = BTreeMap::new();
+    for file in published {
+        files.entry(file.name()).or_default().0 = Some(file);
+    }
+    for file in computed {
+        files.entry(file.name()).or_default().1 = Some(file);
+    }
+    files
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::VerifyError;
 use super::claim::{Claim, Register};
+use super::verdict::Verdict;
 use crate::io::lake::{Lake, LakeError, RunRow, Stands};
 use crate::io::store::Place;
 use crate::io::table::Seal;
@@ -38,6 +39,13 @@ pub struct NoClaim {
     pub reason: String,
     /// Whether its file is damaged or changed, as far as is known.
     pub is_damage: bool,
+}
+
+impl NoClaim {
+    pub fn verdict(&self) -> Verdict {
+        let of = if self.is_damage { Verdict::RowUnreadable } else { Verdict::NotRecomputed };
+        of(self.reason.clone())
+    }
 }
 
 /// The runs that are asked for, in the order of robot, session and run.
@@ -146,13 +154,9 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
                 is_damage: true,
             })
         });
-        let pipeline = claim.as_ref().ok().map(|claim| &claim.run.pipeline);
-        PastRun {
-            pipeline: pipeline.and_then(|name| pipelines.get(name).cloned()),
-            place,
-            claim,
-            seal,
-        }
+        let claimed = claim.as_ref().ok();
+        let pipeline = claimed.and_then(|own| pipelines.get(&own.run.pipeline).cloned());
+        PastRun { pipeline, place, claim, seal }
     };
     Ok(rows.into_iter().map(run).collect())
 }
@@ -191,18 +195,11 @@ fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyEr
             _ => false,
         })
     };
-    match names.iter().filter(unknown).find(|name| !has_files(name)) {
-        None => Ok(()),
-        Some(name) => Err(VerifyError::NoSuchRun {
-            name: name.clone(),
-            lake: lake.root(),
-            sessions: claims()
-                .map(|claim| claim.key.session.clone())
-                .collect::<BTreeSet<_>>()
-                .into_iter()
-                .collect(),
-        }),
-    }
+    let mut unknown = names.iter().filter(unknown);
+    let Some(name) = unknown.find(|name| !has_files(name)) else { return Ok(()) };
+    let sessions: BTreeSet<String> = claims().map(|claim| claim.key.session.clone()).collect();
+    let (name, sessions) = (name.clone(), Vec::from_iter(sessions));
+    Err(VerifyError::NoSuchRun { name, lake: lake.root(), sessions })
 }
 
 /// The `count` runs whose names, digested after the seed, come first: neither the user nor the program chooses, and anybody

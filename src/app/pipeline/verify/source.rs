@@ -39,7 +39,8 @@ impl Source {
     /// `known_arm`, where the lake has it.
     pub(super) fn find(
         claim: &Claim,
-        (pipeline, sought): (&Path, &mut Sought),
+        pipeline: &Path,
+        sought: &mut Sought,
         known_arm: Option<&Path>,
         lake: &Path,
     ) -> Result<Self, NoSource> {
@@ -87,9 +88,7 @@ impl Source {
 
     /// The plan that the last session's logs name.
     pub(super) fn sampling_plan(&self) -> Option<String> {
-        let Self::Sessions(configuration, fetched) = self else {
-            return None;
-        };
+        let Self::Sessions(configuration, fetched) = self else { return None };
         let session = fetched.piece().training.last()?;
         let mut metadata =
             read_metadata(session.recorded.logs()?, configuration.file.limits).ok()?;
@@ -114,9 +113,7 @@ impl Source {
 
     /// The run whose table drove the last session, and with which that session is compared.
     pub(super) fn driven_by(&self) -> Option<RunKey> {
-        let Self::Sessions(configuration, fetched) = self else {
-            return None;
-        };
+        let Self::Sessions(configuration, fetched) = self else { return None };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
         // The run itself reports a file that cannot be read.
         Some(driving::read(path, Bound::of(configuration.file.limits)).ok()?.key)

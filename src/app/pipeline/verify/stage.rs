@@ -97,7 +97,7 @@ impl StageVerifier<'_> {
         }
         let (problems, anew) = match (&table, &key) {
             (Ok(table), Some(key)) if table.rows() == 1 => {
-                self.of_row(stage, (&place, key), table)?
+                self.of_row(stage, &place, key, table)?
             }
             (Ok(_), _) => (vec!["it has several rows, or states no session".to_owned()], None),
             (Err(problem), _) => (vec![problem.to_string()], None),
@@ -109,7 +109,8 @@ impl StageVerifier<'_> {
     fn of_row(
         &mut self,
         stage: Stage,
-        (place, key): (&Place, &RunKey),
+        place: &Place,
+        key: &RunKey,
         table: &Table,
     ) -> Result<(Vec<String>, Option<Anew>), LakeError> {
         let row = ResultRow::read(table).swap_remove(0);
@@ -121,7 +122,7 @@ impl StageVerifier<'_> {
             problems.push("it is not at the place of its own name".to_owned());
         }
         if let (Some(names), Some(digests)) = (&row.table_names, &row.table_digests) {
-            problems.extend(of_file(self.lake, key, stage.table, (names, digests)));
+            problems.extend(of_file(self.lake, key, stage.table, names, digests));
         }
         for (stage, key) in &made_of {
             if !self.lake.has(stage.rows, key)? {
@@ -156,9 +157,7 @@ impl StageVerifier<'_> {
                 _ => configuration.estimate_settings == settings,
             })?
         };
-        let Some((configuration, piece)) = found else {
-            return Ok(None);
-        };
+        let Some((configuration, piece)) = found else { return Ok(None) };
         made_of.retain(|(stage, _)| *stage == ESTIMATES);
         made_of.extend(piece.training.iter().filter_map(|own| match &own.recorded {
             Recorded::Joined(before) => Some((JOINED, before.key.clone())),
@@ -293,7 +292,8 @@ fn of_file(
     lake: &Lake,
     key: &RunKey,
     table: &str,
-    (names, digests): (&[String], &[String]),
+    names: &[String],
+    digests: &[String],
 ) -> Option<String> {
     if *names != [format!("{table}/{}", key.session)] {
         return Some(format!("it names the files {}", names.join(", ")));

@@ -126,10 +126,7 @@ fn of_files(outcomes: &[&FileOutcome]) -> Verdict {
             FileOutcome::PageOfOtherBytes | FileOutcome::PageFromElsewhere => {}
         }
     }
-    match unreadable {
-        Some(reason) => Verdict::NotRecomputed(reason),
-        None => Verdict::SameValues { largest },
-    }
+    unreadable.map_or(Verdict::SameValues { largest }, Verdict::NotRecomputed)
 }
 
 #[cfg(test)]

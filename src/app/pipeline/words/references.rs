@@ -113,21 +113,17 @@ fn size_mm(event: &Event) -> Option<f64> {
 fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
     match *event {
         Event::Bump { after, before, shift_mm, turn_rad } => {
-            let turned = if course.followed.tells_turns {
-                format!(" and {:.2} mrad", 1e3 * turn_rad)
-            } else {
-                String::new()
-            };
+            let turned = format!(" and {:.2} mrad", 1e3 * turn_rad);
+            let turned = if course.followed.tells_turns { turned } else { String::new() };
             let tied = if course.followed.is_bridged() {
                 "the references tie both parts of the session together"
             } else {
                 "two parts of the session have nothing in common; only the larger is used"
             };
+            let (from, to) = (moment(course, after), moment(course, before));
             Some(format!(
-                "{} was bumped between {} and {}: {shift_mm:.2} mm{turned} at the references; {tied}",
+                "{} was bumped between {from} and {to}: {shift_mm:.2} mm{turned} at the references; {tied}",
                 course.on.moves(),
-                moment(course, after),
-                moment(course, before),
             ))
         }
         Event::Moved { look, reference, by_mm } => Some(format!(

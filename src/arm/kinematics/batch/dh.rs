@@ -91,9 +91,6 @@ fn between(
     joint.shift += (-rest[(0, 1)]).atan2(rest[(0, 0)]);
     let (sin, cos) = (-rest[(1, 2)], rest[(2, 2)]);
     let norm = sin.hypot(cos);
-    Link::AboutX {
-        sin: sin / norm,
-        cos: cos / norm,
-        origin: (back * constant.translation.vector).into(),
-    }
+    let origin = (back * constant.translation.vector).into();
+    Link::AboutX { sin: sin / norm, cos: cos / norm, origin }
 }

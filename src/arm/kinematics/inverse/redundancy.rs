@@ -27,17 +27,13 @@ impl Search<'_> {
             return joints;
         }
         for _ in 0..STEPS {
-            let Some(step) = self.own_motion(&joints, self.apart(&joints, seed)) else {
-                break;
-            };
+            let Some(step) = self.own_motion(&joints, self.apart(&joints, seed)) else { break };
             let length = step.amax();
             if length < SHORTEST {
                 break;
             }
             let step = step * (LONGEST / length).min(1.0);
-            let Ok(next) = self.solve(target, &self.moved(&joints, &step)) else {
-                break;
-            };
+            let Ok(next) = self.solve(target, &self.moved(&joints, &step)) else { break };
             let is_closer = self.apart(&next, seed).norm() < self.apart(&joints, seed).norm();
             if !is_closer {
                 break;
@@ -59,13 +55,9 @@ impl Search<'_> {
                 return joints;
             }
             let inwards = self.apart(&joints, &self.brought_inside(&joints));
-            let Some(step) = self.own_motion(&joints, inwards) else {
-                break;
-            };
+            let Some(step) = self.own_motion(&joints, inwards) else { break };
             let step = &step * (INWARDS / step.amax()).min(1.0);
-            let Ok(next) = self.solve(target, &self.moved(&joints, &step)) else {
-                break;
-            };
+            let Ok(next) = self.solve(target, &self.moved(&joints, &step)) else { break };
             joints = next;
         }
         given

@@ -94,15 +94,13 @@ impl<'a> Search<'a> {
         target: &Isometry3<f64>,
         seed: &[f64],
     ) -> Result<Vec<f64>, Vec<f64>> {
-        let mut joints = seed.to_vec();
+        let (mut joints, mut damping) = (seed.to_vec(), 1.0);
         let mut residual = self.residual(target, &self.end(&joints));
-        let mut damping = 1.0;
         for _ in 0..self.settings.iterations {
             if self.reached(&residual) {
                 return Ok(self.polished(target, joints, &residual));
             }
-            let step = self.step(&joints, &residual, damping);
-            let next = self.moved(&joints, &step);
+            let next = self.moved(&joints, &self.step(&joints, &residual, damping));
             let left = self.residual(target, &self.end(&next));
             if left.norm() < residual.norm() {
                 (joints, residual) = (next, left);
@@ -226,9 +224,7 @@ impl<'a> Search<'a> {
     }
 
     fn check_configuration(&self, seed: Configuration, joints: &[f64]) -> Result<(), InverseError> {
-        let Some(factors) = self.factors(joints) else {
-            return Ok(());
-        };
+        let Some(factors) = self.factors(joints) else { return Ok(()) };
         let found = factors.configuration();
         if found != seed {
             return Err(InverseError::ConfigurationChanged { seed, found });

@@ -33,24 +33,17 @@ struct Hint {
 /// axis.
 pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
-    let Some(first) = lines.first() else {
-        return Ok(());
-    };
+    let Some(first) = lines.first() else { return Ok(()) };
     let mut frame = on_first_axis(first);
     file.base = placement(&frame);
     for place in 0..lines.len() {
         let is_last = place + 1 == lines.len();
-        let next = lines.get(place + 1).copied();
-        let next = next.unwrap_or_else(|| Line::z_of(&screws.flange));
-        let hint = if is_last {
-            let origin = screws.flange.translation.vector.into();
-            Hint {
-                point: lines[place].nearest_to(&origin),
-                across: screws.flange.rotation * Vector3::x(),
-            }
-        } else {
-            hint_of(&frame)
+        let next = lines.get(place + 1).copied().unwrap_or_else(|| Line::z_of(&screws.flange));
+        let at_flange = || {
+            let point = lines[place].nearest_to(&screws.flange.translation.vector.into());
+            Hint { point, across: screws.flange.rotation * Vector3::x() }
         };
+        let hint = if is_last { at_flange() } else { hint_of(&frame) };
         let behind = frame_behind(file, place, &Line::z_of(&frame), &next, &hint)?;
         let link = frame.inverse() * behind;
         put(file, place, &link, Order::TurnFirst);
@@ -64,9 +57,7 @@ pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
 /// first.
 pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
-    let Some(first) = lines.first() else {
-        return Ok(());
-    };
+    let Some(first) = lines.first() else { return Ok(()) };
     let base = Isometry3::identity();
     let normal = Normal::of(&Line::z_of(&base), first, &hint_of(&base));
     let mut frame = frame_at(&normal.on_first, &normal.across, &Line::z_of(&base));
@@ -149,13 +140,9 @@ impl Normal {
             let on_first = first.nearest_to(&hint.point);
             let on_second = second.nearest_to(&on_first);
             let apart = on_second - on_first;
-            let across = if apart.norm() < MEET {
-                let open = hint.across - z * z.dot(&hint.across);
-                open.normalize()
-            } else {
-                apart.normalize()
-            };
-            return Self { on_first, on_second, across };
+            let is_open = apart.norm() < MEET;
+            let across = if is_open { hint.across - z * z.dot(&hint.across) } else { apart };
+            return Self { on_first, on_second, across: across.normalize() };
         }
         // The feet of the common normal: the distance along each line where the difference is across both.
         let sine2 = cross.norm_squared();
@@ -175,21 +162,28 @@ enum Order {
     TwistFirst,
 }
 
+impl Order {
+    /// θ, α, d and a of a link.
+    fn quantities(self, link: &Isometry3<f64>) -> [f64; 4] {
+        let matrix = link.rotation.to_rotation_matrix();
+        let at = link.translation.vector;
+        match self {
+            Self::TurnFirst => {
+                let theta = matrix[(1, 0)].atan2(matrix[(0, 0)]);
+                let alpha = matrix[(2, 1)].atan2(matrix[(2, 2)]);
+                [theta, alpha, at.z, at.x * theta.cos() + at.y * theta.sin()]
+            }
+            Self::TwistFirst => {
+                let theta = (-matrix[(0, 1)]).atan2(matrix[(0, 0)]);
+                let alpha = (-matrix[(1, 2)]).atan2(matrix[(2, 2)]);
+                [theta, alpha, at.z * alpha.cos() - at.y * alpha.sin(), at.x]
+            }
+        }
+    }
+}
+
 fn put(file: &mut RobotFile, place: usize, link: &Isometry3<f64>, order: Order) {
-    let matrix = link.rotation.to_rotation_matrix();
-    let at = link.translation.vector;
-    let (theta, alpha, d, a) = match order {
-        Order::TurnFirst => {
-            let theta = matrix[(1, 0)].atan2(matrix[(0, 0)]);
-            let alpha = matrix[(2, 1)].atan2(matrix[(2, 2)]);
-            (theta, alpha, at.z, at.x * theta.cos() + at.y * theta.sin())
-        }
-        Order::TwistFirst => {
-            let theta = (-matrix[(0, 1)]).atan2(matrix[(0, 0)]);
-            let alpha = (-matrix[(1, 2)]).atan2(matrix[(2, 2)]);
-            (theta, alpha, at.z * alpha.cos() - at.y * alpha.sin(), at.x)
-        }
-    };
+    let [theta, alpha, d, a] = order.quantities(link);
     let joint = &mut file.joint[place];
     joint.a_mm = Some(clean(a));
     joint.alpha_deg = Some(degrees(alpha));

@@ -35,9 +35,7 @@ impl RobotFile {
     }
 
     fn check_mimic(&self, joint: &JointFile) -> Result<(), ArmError> {
-        let Some(mimic) = &joint.mimic else {
-            return Ok(());
-        };
+        let Some(mimic) = &joint.mimic else { return Ok(()) };
         let followed = |other: &JointFile| other.is_reported() && other.name == mimic.joint;
         if !mimic.multiplier.is_finite() {
             return Err(joint.not_finite("mimic.multiplier"));
@@ -69,19 +67,14 @@ impl JointFile {
     fn check(&self, convention: Convention) -> Result<(), ArmError> {
         use Convention::{Cpc, MinimalPoe, Poe};
         if self.kind == JointKind::Fixed && matches!(convention, Cpc | Poe | MinimalPoe) {
-            return Err(ArmError::FixedJoint {
-                joint: self.name.clone(),
-                convention: convention.word(),
-            });
+            let (joint, convention) = (self.name.clone(), convention.word());
+            return Err(ArmError::FixedJoint { joint, convention });
         }
         let (missing, unread) = keys::wrong(self, convention);
         if !missing.is_empty() || !unread.is_empty() {
-            return Err(ArmError::Keys(Box::new(WrongKeys {
-                joint: self.name.clone(),
-                convention: convention.word(),
-                missing,
-                unread,
-            })));
+            let (joint, convention) = (self.name.clone(), convention.word());
+            let wrong = WrongKeys { joint, convention, missing, unread };
+            return Err(ArmError::Keys(Box::new(wrong)));
         }
         if let Some(found) = self.sign.filter(|sign| sign.abs() != 1) {
             return Err(ArmError::Sign { joint: self.name.clone(), found });
@@ -93,9 +86,7 @@ impl JointFile {
 
     fn check_limits(&self) -> Result<(), ArmError> {
         for (key, limits) in [("limits_deg", self.limits_deg), ("limits_mm", self.limits_mm)] {
-            let Some([lower, upper]) = limits else {
-                continue;
-            };
+            let Some([lower, upper]) = limits else { continue };
             if !(lower.is_finite() && upper.is_finite() && lower < upper) {
                 return Err(ArmError::Limits { joint: self.name.clone(), key, lower, upper });
             }

@@ -28,18 +28,26 @@ impl Times {
             times.add(&session, &stations);
         }
         if files.is_empty() {
-            let lake = lake(residuals)?;
-            let sessions: BTreeSet<&str> = sessions.collect();
-            for session in sessions {
-                let read = lake.read("stations", &key.of_session(session));
-                let stations = read.map_err(|source| ExportError::NoTimes {
-                    session: session.to_owned(),
-                    source: Box::new(source),
-                })?;
-                times.add(session, &stations);
-            }
+            times.add_from(&lake(residuals)?, key, sessions.collect())?;
         }
         Ok(times)
+    }
+
+    fn add_from(
+        &mut self,
+        lake: &Lake,
+        key: &RunKey,
+        sessions: BTreeSet<&str>,
+    ) -> Result<(), ExportError> {
+        for session in sessions {
+            let read = lake.read("stations", &key.of_session(session));
+            let stations = read.map_err(|source| ExportError::NoTimes {
+                session: session.to_owned(),
+                source: Box::new(source),
+            })?;
+            self.add(session, &stations);
+        }
+        Ok(())
     }
 
     fn add(&mut self, session: &str, stations: &Table) {

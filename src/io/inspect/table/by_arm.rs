@@ -3,6 +3,7 @@
 //! controller's own position agrees with the arm better than any measured one. What is left over is put to
 //! [`crate::setup`].
 
+use std::iter;
 use std::sync::{Arc, LazyLock};
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -118,8 +119,7 @@ pub fn verdict(
     arms: &Arms,
 ) -> Option<Verdict> {
     let bench = Bench { table, rows, choices, arms };
-    let mut tried: Vec<Tried> =
-        (0..choices.len()).flat_map(|choice| bench.screened(choice)).collect();
+    let mut tried: Vec<_> = (0..choices.len()).flat_map(|choice| bench.screened(choice)).collect();
     tried.sort_by(|a, b| a.median_mm.total_cmp(&b.median_mm));
     let first = bench.chosen(&tried)?;
     let evidence = bench.evidence(first.choice, usize::MAX);
@@ -128,11 +128,8 @@ pub fn verdict(
         ..tried
     };
     let best = whole(first);
-    let others = bench
-        .others(&tried, &first)
-        .into_iter()
-        .map(|(differs, own)| (differs, whole(own)))
-        .collect();
+    let others = bench.others(&tried, &first).into_iter();
+    let others = others.map(|(differs, own)| (differs, whole(own))).collect();
     let alike = bench.alike(best.arm);
     let finding = bench.finding(&tried, &best, &evidence);
     Some(Verdict { best, others, stations: evidence.stations.len(), alike, finding })
@@ -228,30 +225,23 @@ impl Bench<'_> {
 
     /// The reading to take: names come first as far as the arm agrees with them, then its residual decides.
     fn chosen(&self, tried: &[Tried]) -> Option<Tried> {
+        let choice = |own: &Tried| &self.choices[own.choice];
         let of_whose = |whose: Whose| {
-            tried
-                .iter()
-                .filter(move |own| self.choices[own.choice].whose == whose)
-                .collect::<Vec<_>>()
+            let own = tried.iter().filter(move |own| choice(own).whose == whose);
+            own.collect::<Vec<_>>()
         };
         let classes =
             [Whose::Measured, Whose::Unknown, Whose::Controller, Whose::Command].map(of_whose);
         let agreeing =
             classes.iter().find(|own| own.first().is_some_and(|best| best.median_mm <= gate_mm()));
-        let Some(class) = agreeing else {
-            return tried.first().copied();
-        };
+        let Some(class) = agreeing else { return tried.first().copied() };
         let best = **class.first()?;
-        if self.choices[best.choice].part != Part::Whole {
+        if choice(&best).part != Part::Whole {
             return self.chosen_part(class).or(Some(best));
         }
-        let is_named = |own: &&&Tried| {
-            self.choices[own.choice].doubt.is_none()
-                && self.choices[own.choice].joints.doubt.is_none()
-        };
-        let other = class
-            .iter()
-            .find(|own| self.choices[own.choice].targets != self.choices[best.choice].targets);
+        let is_named =
+            |own: &&&Tried| choice(own).doubt.is_none() && choice(own).joints.doubt.is_none();
+        let other = class.iter().find(|own| choice(own).targets != choice(&best).targets);
         let measured = other
             .filter(is_named)
             .filter(|own| own.median_mm <= gate_mm() && best.median_mm < COMPUTED * own.median_mm);
@@ -315,14 +305,12 @@ impl Bench<'_> {
     fn finding(&self, tried: &[Tried], best: &Tried, evidence: &Evidence) -> Option<String> {
         let most = if best.median_mm > gate_mm() { MOST_SEARCHED } else { 1 };
         // A named arm may have been taken for another one; ready ones have all been tried.
-        let alternatives = if self.arms.is_named {
-            Alternatives { arms: Arc::new(LazyLock::new(ready::arms)), ..Alternatives::default() }
-        } else {
-            Alternatives::default()
-        };
-        let first = [best].into_iter().chain(tried.iter().filter(|own| own.choice == best.choice));
+        let mut alternatives = Alternatives::default();
+        if self.arms.is_named {
+            alternatives.arms = Arc::new(LazyLock::new(ready::arms));
+        }
         let mut searched: Vec<Tried> = Vec::new();
-        for own in first {
+        for own in iter::once(best).chain(tried.iter().filter(|own| own.choice == best.choice)) {
             let is_new = searched.iter().all(|other| {
                 Tried { median_mm: 0.0, ..*other } != Tried { median_mm: 0.0, ..*own }
             });

@@ -170,13 +170,18 @@ fn of_targets(targets: Vec<Target>, whose: Whose) -> Choice {
     }
 }
 
+const DOUBTS: [(Whose, &str); 2] = [
+    (Whose::Controller, "its name says that it is the controller's, computed from the joints"),
+    (
+        Whose::Command,
+        "its name says that it is commanded or nominal, and there is no other position",
+    ),
+];
+
 fn targets(columns: &[ColumnSummary], roles: &Roles) -> Vec<Choice> {
     let moving = |whose: Whose| {
-        roles
-            .positions
-            .iter()
-            .filter(move |own| own.whose == whose && own.moves)
-            .collect::<Vec<_>>()
+        let own = roles.positions.iter().filter(move |own| own.whose == whose && own.moves);
+        own.collect::<Vec<_>>()
     };
     let measured = moving(Whose::Measured);
     let mut all = Vec::new();
@@ -186,13 +191,7 @@ fn targets(columns: &[ColumnSummary], roles: &Roles) -> Vec<Choice> {
     for family in families(&moving(Whose::Unknown)) {
         all.push(of_placed(columns, &family, Whose::Unknown));
     }
-    for whose in [Whose::Controller, Whose::Command] {
-        let doubt = match whose {
-            Whose::Command => {
-                "its name says that it is commanded or nominal, and there is no other position"
-            }
-            _ => "its name says that it is the controller's, computed from the joints",
-        };
+    for (whose, doubt) in DOUBTS {
         all.extend(moving(whose).iter().map(|own| Choice {
             doubt: Some(doubt.to_owned()),
             ..of_placed(columns, &[own], whose)

@@ -43,13 +43,11 @@ fn axes(words: &[String]) -> Vec<(Vec<String>, Axis)> {
             let own = with.iter().map(|word| (*word).to_owned());
             [words[..place].to_vec(), own.collect(), words[place + 1..].to_vec()].concat()
         };
-        if let Some(axis) = ["x", "y", "z", "w"].iter().position(|axis| *axis == word) {
-            found.push((put(&[]), axis));
-        }
+        let axis = ["x", "y", "z", "w"].iter().position(|axis| *axis == word);
+        found.extend(axis.map(|axis| (put(&[]), axis)));
         for (own, group) in ANGLES {
-            found.extend(
-                own.iter().position(|axis| *axis == word).map(|axis| (put(&[group]), axis)),
-            );
+            let axis = own.iter().position(|axis| *axis == word);
+            found.extend(axis.map(|axis| (put(&[group]), axis)));
         }
         // Of `qx` and `posx` the last letter is the axis, if the others are there too.
         for (axis, letter) in ["x", "y", "z", "w"].iter().enumerate() {
@@ -88,9 +86,7 @@ pub fn numbered(columns: &[ColumnSummary]) -> Vec<NumberedGroup> {
     for (column, summary) in columns.iter().enumerate().filter(|(_, own)| own.is_numeric()) {
         let words = &summary.named.words;
         for (place, word) in words.iter().enumerate() {
-            let Ok(number) = word.parse::<usize>() else {
-                continue;
-            };
+            let Ok(number) = word.parse::<usize>() else { continue };
             let rest = [&words[..place], &["#".to_owned()], &words[place + 1..]].concat();
             groups.entry(rest).or_default().entry(number).or_insert(column);
         }

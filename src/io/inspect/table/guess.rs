@@ -11,7 +11,7 @@ use super::columns::{ColumnSummary, number};
 use super::commands::{Commands, commands};
 use super::long::{self, Long};
 use super::roles::{Placed, Roles, Whose};
-use super::sum::position;
+use super::sum::{Sum, position};
 use super::uses::{self, Time};
 use crate::ingest::{
     AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
@@ -108,7 +108,7 @@ pub(super) fn guess(
     let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
     let verdict = by_arm::verdict(table, &rows, &choices, arms);
     let choice = choices[verdict.as_ref().map_or(0, |own| own.best.choice)].clone();
-    let work = Work::new(table, columns, choice, verdict, (arms, &rows));
+    let work = Work::new(table, columns, choice, verdict, arms, &rows);
     Ok(work.guess(
         &roles,
         long,
@@ -155,7 +155,8 @@ impl<'t> Work<'t> {
         columns: &'t [ColumnSummary],
         choice: Choice,
         verdict: Option<Verdict>,
-        (arms, rows): (&Arms, &[usize]),
+        arms: &Arms,
+        rows: &[usize],
     ) -> Self {
         let units = verdict.as_ref().map_or_else(
             || (angle_by_size(columns, &choice), LengthUnit::Mm, length_by_size(columns, &choice)),
@@ -345,15 +346,9 @@ impl<'t> Work<'t> {
     /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
         let mut notes = roles.notes.clone();
-        let is_chosen = |columns: &[usize; 3]| {
-            self.choice.targets.iter().any(|target| {
-                target
-                    .position
-                    .iter()
-                    .flat_map(|sum| sum.columns().collect::<Vec<_>>())
-                    .any(|column| columns.contains(&column))
-            })
-        };
+        let sums = self.choice.targets.iter().flat_map(|target| &target.position);
+        let chosen: Vec<usize> = sums.flat_map(Sum::columns).collect();
+        let is_chosen = |columns: &[usize; 3]| columns.iter().any(|own| chosen.contains(own));
         for own in roles.positions.iter().filter(|own| own.moves && !is_chosen(&own.columns)) {
             let why = match own.whose {
                 Whose::Command if has_commands => continue,

@@ -79,9 +79,7 @@ fn targets(
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let mut seen = BTreeSet::new();
     for (row, pose) in poses.iter().enumerate() {
-        let Some(name) = name(table.cell(row, column)) else {
-            continue;
-        };
+        let Some(name) = name(table.cell(row, column)) else { continue };
         if !seen.insert((pose, name.clone())) {
             return None;
         }

@@ -33,12 +33,10 @@ impl Matrices {
             }
         }
         let mut found = Self::default();
-        for (words, cells) in groups {
-            let Some(rows) = rows(&cells) else {
-                continue;
-            };
+        let groups = groups.iter().filter_map(|(words, cells)| Some((words, rows(cells)?)));
+        for (words, rows) in groups {
             match row_by_row(table, &rows) {
-                Ok(rows) => found.add(&words, &rows),
+                Ok(rows) => found.add(words, &rows),
                 Err(why) => found.notes.push(format!(
                     "{} to {} are named like a matrix, but {why}: they are not used",
                     columns[rows[0][0]].name,

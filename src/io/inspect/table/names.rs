@@ -189,11 +189,8 @@ fn words(text: &str) -> Vec<String> {
         }
         before = kind;
     }
-    words
-        .into_iter()
-        .filter(|word| !word.is_empty())
-        .flat_map(|word| large_then_small(&word))
-        .collect()
+    let words = words.iter().filter(|word| !word.is_empty());
+    words.flat_map(|word| large_then_small(word)).collect()
 }
 
 /// A word of large letters with one small one behind them is two: `TCPx`.

@@ -289,9 +289,7 @@ fn whose(columns: &[ColumnSummary], group: &AxisGroup) -> Whose {
 /// Four numbered columns whose squares sum up to one are a quaternion: w first, as ABB and most papers number it from
 /// q1 and q0.
 fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<AxisGroup> {
-    let &[w, x, y, z] = &group.columns[..] else {
-        return None;
-    };
+    let &[w, x, y, z] = &group.columns[..] else { return None };
     let is_unit = |row: usize| {
         let parts = group.columns.iter().map(|&column| number(table, row, column));
         let squares: Option<f64> = parts.map(|part| part.map(|part| part * part)).sum();

@@ -45,18 +45,14 @@ impl Form {
     pub fn all(columns: &TurnColumns, largest: f64) -> Vec<Self> {
         match *columns {
             TurnColumns::Quaternion(own @ [x, y, z, w]) => {
-                let scalar_last = Self::Quaternion([w, x, y, z]);
-                vec![Self::Quaternion(own), scalar_last]
+                vec![Self::Quaternion(own), Self::Quaternion([w, x, y, z])]
             }
             TurnColumns::Matrix(own @ [a, b, c, d, e, f, g, h, i]) => {
                 vec![Self::Matrix(own), Self::Matrix([a, d, g, b, e, h, c, f, i])]
             }
             TurnColumns::Angles(own) => {
-                let units = if largest > LARGEST_RAD {
-                    &[AngleUnit::Deg][..]
-                } else {
-                    &[AngleUnit::Rad, AngleUnit::Deg]
-                };
+                let both = [AngleUnit::Rad, AngleUnit::Deg];
+                let units = if largest > LARGEST_RAD { &both[1..] } else { &both[..] };
                 let of_unit = |&unit: &AngleUnit| {
                     let orders =
                         usual_orders().into_iter().map(move |order| Self::Angles(own, order, unit));

@@ -89,9 +89,7 @@ impl Frames<'_> {
         if self.begins_log(at)? {
             return Ok(true);
         }
-        let Judged::Sound { end, opcode } = self.judge(at)? else {
-            return Ok(false);
-        };
+        let Judged::Sound { end, opcode } = self.judge(at)? else { return Ok(false) };
         match opcode {
             op::CHUNK => {
                 Ok(self.chunk(at)?.is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER)))

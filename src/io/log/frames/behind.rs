@@ -42,8 +42,12 @@ impl Frames<'_> {
         lost(start, start, Loss::NoDataEnd)
     }
 
-    /// Continues after the mark, from `start` to `end`, that data ends here.
+    /// Notes the mark, from `start` to `end`, that data ends here, and continues after it.
     pub(super) fn end_data(&mut self, start: u64, end: u64) -> io::Result<Option<Piece>> {
+        let body = self.source.probe(start + FRAME_HEADER, 4)?;
+        let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
+        self.log.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
+        self.log.data_end = Some(end);
         match self.behind(end)? {
             Behind::End(at) => self.end_log(at),
             Behind::Data => {
@@ -89,9 +93,7 @@ impl Frames<'_> {
             if at >= self.source.length() || self.has_magic(at)? {
                 return Ok(Behind::End(at));
             }
-            let Some((opcode, end)) = self.frame(at)? else {
-                break;
-            };
+            let Some((opcode, end)) = self.frame(at)? else { break };
             if opcode == op::FOOTER && self.footer_fits(end, end - at - FRAME_HEADER)? {
                 return Ok(Behind::End(end));
             }
@@ -123,9 +125,7 @@ impl Frames<'_> {
     fn frame(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
         let header = self.source.probe(at, 9)?;
         let length = header.get(1..9).and_then(|length| length.first_chunk());
-        let (Some(&opcode), Some(length)) = (header.first(), length) else {
-            return Ok(None);
-        };
+        let (Some(&opcode), Some(length)) = (header.first(), length) else { return Ok(None) };
         let end = u64::from_le_bytes(*length)
             .checked_add(FRAME_HEADER)
             .and_then(|length| length.checked_add(at));

@@ -12,9 +12,7 @@ pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTr
     loop {
         let header = source.probe(at, 15)?;
         let length = header.get(1..9).and_then(|length| length.first_chunk());
-        let (Some(&op::MESSAGE_INDEX), Some(length)) = (header.first(), length) else {
-            break;
-        };
+        let (Some(&op::MESSAGE_INDEX), Some(length)) = (header.first(), length) else { break };
         let length = u64::from_le_bytes(*length);
         let Some((channel, messages)) = header.get(9..).and_then(|b| indexed_messages(b, length))
         else {

@@ -25,9 +25,7 @@ impl<'a> Iterator for Records<'a> {
             let length = usize::try_from(u64::from_le_bytes(*length.first_chunk()?)).ok()?;
             rest.get(9..length.checked_add(9)?)
         });
-        let Some(body) = body else {
-            return Some(Err(start));
-        };
+        let Some(body) = body else { return Some(Err(start)) };
         self.at = start + 9 + body.len();
         Some(Ok((start, rest[0], body)))
     }

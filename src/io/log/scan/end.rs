@@ -28,12 +28,10 @@ where
             self.summary = None;
         }
         self.compare(end, range.filter(|_| ending == Ending::Sound))?;
-        if let Some(from) = self.frames.data_end() {
-            match ending {
-                Ending::Cut => self.note((from, end), AFTER_DATA_CUT.to_owned()),
-                Ending::Damaged => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
-                _ => {}
-            }
+        match (self.frames.data_end(), ending) {
+            (Some(from), Ending::Cut) => self.note((from, end), AFTER_DATA_CUT.to_owned()),
+            (Some(from), Ending::Damaged) => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
+            _ => {}
         }
         // A log that was cut is reported, whatever follows it.
         if self.read_summary.logs == 1 || self.read_summary.ending != Ending::Cut {
@@ -45,9 +43,7 @@ where
 
     /// Messages and application-specific records outside chunks have only the checksum of the data section.
     fn check_records(&mut self) -> Result<(), E> {
-        let Some((data_end, stated)) = self.frames.data_crc() else {
-            return Ok(());
-        };
+        let Some((data_end, stated)) = self.frames.data_crc() else { return Ok(()) };
         // Where bytes are lost the checksum is wrong anyway. A message that cannot be used does not make it wrong.
         let rejects = self.read_summary.rejects.get(self.rejects..);
         let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));

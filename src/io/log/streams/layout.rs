@@ -103,9 +103,7 @@ impl Glance {
                 Layout::Markers
                 | Layout::MarkersWithCovariance
                 | Layout::Temperature
-                | Layout::Length => {
-                    return None;
-                }
+                | Layout::Length => return None,
             };
             let paths = fields.iter().map(|field| FieldPath::parse(field));
             schema.reader(&paths.collect::<Result<Vec<_>, _>>().ok()?).ok()
@@ -146,9 +144,7 @@ impl Recipe {
     ) -> Result<Option<Self>, SchemaError> {
         let said = Statements::of(wanted, mapping);
         let common = common(name).filter(|common| common.layout.suits(wanted.stream));
-        let Some(asked) = said.asked(common, wanted, mapping) else {
-            return Ok(None);
-        };
+        let Some(asked) = said.asked(common, wanted, mapping) else { return Ok(None) };
         let stamp_path = said.stamp_path(common, schema)?;
         let (stamp, mut paths) = said.stamp(wanted.time, &stamp_path, schema)?;
         if said.frame.is_some() {
@@ -202,17 +198,7 @@ impl<'m> Statements<'m> {
                 tracker.ignore_orientation,
             ),
             (Stream::Lengths, _) => Self::of_lengths(tracker, &wanted.topic),
-            (Stream::Temperatures, _) => {
-                let field = tracker.fields.temperature.as_deref();
-                Self {
-                    stamp: tracker.fields.stamp.as_ref(),
-                    frame: None,
-                    frame_field: None,
-                    named: field.map(|field| (Meaning::Temperature, vec![field])),
-                    target: None,
-                    ignore_orientation: false,
-                }
-            }
+            (Stream::Temperatures, _) => Self::of_temperatures(tracker),
         }
     }
 
@@ -259,6 +245,18 @@ impl<'m> Statements<'m> {
                 Ok((StampValues::Number(number.unit), vec![field]))
             }
             (TimeSource::Header, _) => time_at(path, schema),
+        }
+    }
+
+    fn of_temperatures(tracker: &'m TrackerSettings) -> Self {
+        let field = tracker.fields.temperature.as_deref();
+        Self {
+            stamp: tracker.fields.stamp.as_ref(),
+            frame: None,
+            frame_field: None,
+            named: field.map(|field| (Meaning::Temperature, vec![field])),
+            target: None,
+            ignore_orientation: false,
         }
     }
 

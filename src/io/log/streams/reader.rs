@@ -410,9 +410,7 @@ impl JointOrder {
         joints: &mut DecodedJoints,
     ) -> bool {
         let Values { row, payload } = values;
-        let Some(angles) = row.doubles(payload, first + 1) else {
-            return false;
-        };
+        let Some(angles) = row.doubles(payload, first + 1) else { return false };
         let known = self.places.len() == joints.angles.joints() && angles.len() == self.of;
         let seen = self.seen_in == Some(row.filled());
         if !known || !(seen || row.texts_are(payload, first, &self.names)) {
@@ -429,10 +427,8 @@ impl JointOrder {
         self.seen_in = None;
         self.of = names.len();
         for (place, joint) in joints.iter().enumerate() {
-            let mut found = names
-                .iter()
-                .enumerate()
-                .filter(|(_, name)| name.is_some_and(|name| name.is(joint)));
+            let named = names.iter().enumerate();
+            let mut found = named.filter(|(_, name)| name.is_some_and(|name| name.is(joint)));
             match (found.next(), found.next()) {
                 (Some((index, _)), None) => self.places.push(index),
                 (None, _) => {

@@ -41,9 +41,7 @@ pub enum Suggestible {
 impl Suggestible {
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
-        let Some(Ok(schema)) = schema else {
-            return Self::Nothing;
-        };
+        let Some(Ok(schema)) = schema else { return Self::Nothing };
         if let Some(layout) = Layout::of_type(type_name) {
             return Self::Common(layout);
         }
@@ -70,6 +68,10 @@ impl Suggestible {
         }
     }
 }
+
+/// Words in the names of fields x, y and z that are no place.
+const NO_PLACES: [&str; 8] =
+    ["velocity", "acceleration", "twist", "force", "torque", "scale", "linear", "angular"];
 
 const MOST_FIELDS: usize = 40;
 const LONGEST_VALUE: usize = 40;
@@ -170,17 +172,7 @@ impl Leaves<'_> {
         let single = |prefix: &&str| !prefix.contains("[]");
         let prefixes: Vec<_> = self.before("x").into_iter().filter(single).collect();
         let is_place = |prefix: &str| {
-            let odd = [
-                "velocity",
-                "acceleration",
-                "twist",
-                "force",
-                "torque",
-                "scale",
-                "linear",
-                "angular",
-            ];
-            axes(prefix, &["w"]).is_none() && !odd.iter().any(|word| prefix.contains(word))
+            axes(prefix, &["w"]).is_none() && !NO_PLACES.iter().any(|word| prefix.contains(word))
         };
         let mut position = prefixes.iter().filter(|prefix| is_place(prefix));
         let position = position.find_map(|prefix| axes(prefix, &["x", "y", "z"]))?;

@@ -90,25 +90,19 @@ impl<'s> Block<'s> {
         let is_text = |row: &SampleRow| {
             !row.is_comment && row.length() > 1 && row.count(PieceKind::Number) == 0
         };
-        let Some(header) = self.sample[..first].iter().rfind(|row| is_text(row)) else {
-            return Ok(());
-        };
-        let names = header.length();
+        let header = self.sample[..first].iter().rfind(|row| is_text(row));
+        let Some(header) = header else { return Ok(()) };
+        let (header, names) = (header.line, header.length());
         let row = &self.sample[first];
         let (line, cells) = (row.line, row.length());
         if is_comma && self.are_halves(first, names) {
-            return Err(MeasuredTableErrorKind::DecimalComma {
-                header: header.line,
-                names,
-                line,
-                cells,
-            });
+            return Err(MeasuredTableErrorKind::DecimalComma { header, names, line, cells });
         }
         // Fewer names than half of the cells are a title.
         if 2 * names <= self.width {
             return Ok(());
         }
-        Err(MeasuredTableErrorKind::HeaderLength { header: header.line, names, line, cells })
+        Err(MeasuredTableErrorKind::HeaderLength { header, names, line, cells })
     }
 
     /// Whether rows look like numbers split at their decimal commas: up to twice as many cells as names.
@@ -124,9 +118,7 @@ impl<'s> Block<'s> {
             lengths.push(row.length());
         }
         let (least, most) = (lengths.iter().min(), lengths.iter().max());
-        let (Some(&least), Some(&most)) = (least, most) else {
-            return false;
-        };
+        let (Some(&least), Some(&most)) = (least, most) else { return false };
         // One cell more in every row is as well a forgotten name.
         names <= least && most <= 2 * names && (most > least || most > names + 1 || names == 1)
     }

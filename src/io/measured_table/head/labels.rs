@@ -28,9 +28,7 @@ pub(super) fn labelled(names: Vec<String>, above: &[SampleRow]) -> Vec<String> {
             let count = distinct(&own);
             (count, !are_codes(&labels[place]), labels.len() - place, with, own)
         });
-        let Some((count, _, _, with, own)) = tried.max() else {
-            return best.0;
-        };
+        let Some((count, _, _, with, own)) = tried.max() else { return best.0 };
         if count <= best.1 {
             return best.0;
         }

@@ -8,14 +8,10 @@ use crate::measured_table::MeasuredTableErrorKind;
 /// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other
 /// value.
 pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKind> {
-    let Node::Map(map) = root else {
-        return Ok(None);
-    };
+    let Node::Map(map) = root else { return Ok(None) };
     let columns = map.members.iter().map(|(key, node)| Some((key, values(node)?)));
     let columns: Option<Vec<Column>> = columns.collect();
-    let Some(columns) = columns.filter(|columns| !columns.is_empty()) else {
-        return Ok(None);
-    };
+    let Some(columns) = columns.filter(|columns| !columns.is_empty()) else { return Ok(None) };
     let length = same_length(&columns)?;
     let row = |row: usize| {
         let members = columns.iter().map(|(key, column)| (Rc::clone(key), column[row].clone()));
@@ -42,9 +38,7 @@ fn values(node: &Node) -> Option<Vec<&Node>> {
 
 /// The length of all columns; an error where they differ.
 fn same_length(columns: &[Column]) -> Result<usize, MeasuredTableErrorKind> {
-    let Some((first, column)) = columns.first() else {
-        return Ok(0);
-    };
+    let Some((first, column)) = columns.first() else { return Ok(0) };
     match columns.iter().find(|(_, own)| own.len() != column.len()) {
         None => Ok(column.len()),
         Some((other, own)) => Err(MeasuredTableErrorKind::ColumnLengths {
@@ -83,9 +77,7 @@ pub(super) fn lists(root: &Node) -> Option<Node> {
     let are_lists = rows.iter().all(|row| matches!(row, Node::List(_)));
     let names: Vec<Rc<str>> = (0..width(rows)).map(|place| name(header, place)).collect();
     let record = |row: &Node| {
-        let Node::List(row) = row else {
-            return Node::Blank;
-        };
+        let Node::List(row) = row else { return Node::Blank };
         let members = names.iter().cloned().zip(row.iter().cloned());
         let (line, members) = (0, members.collect());
         Node::Map(Map { line, members })

@@ -276,11 +276,11 @@ impl Kind {
         *cell = match self {
             Self::Double => Cell::Number(f64::from_le_bytes(wire.fixed()?)),
             Self::Float => Cell::Number(f32::from_le_bytes(wire.fixed()?).into()),
-            Self::Fixed64 => unsigned(u64::from_le_bytes(wire.fixed()?)),
+            Self::Fixed64 => Cell::unsigned(u64::from_le_bytes(wire.fixed()?)),
             Self::Sfixed64 => Cell::Integer(i64::from_le_bytes(wire.fixed()?)),
             Self::Fixed32 => Cell::Integer(u32::from_le_bytes(wire.fixed()?).into()),
             Self::Sfixed32 => Cell::Integer(i32::from_le_bytes(wire.fixed()?).into()),
-            Self::Uint64 => unsigned(wire.varint()?),
+            Self::Uint64 => Cell::unsigned(wire.varint()?),
             Self::Int64 => Cell::Integer(wire.varint()?.cast_signed()),
             Self::Uint32 => Cell::Integer(lower_half(wire.varint()?).into()),
             Self::Int32 => Cell::Integer(lower_half(wire.varint()?).cast_signed().into()),
@@ -301,10 +301,6 @@ impl Kind {
         };
         Ok(())
     }
-}
-
-fn unsigned(stored: u64) -> Cell {
-    i64::try_from(stored).map_or(Cell::Number(stored as f64), Cell::Integer)
 }
 
 /// A number of 32 bits is stored in up to 64.

@@ -90,26 +90,18 @@ impl<'m> Wire<'m> {
         }
     }
 
-    fn skip_within(
-        &mut self,
-        number: u32,
-        wire_type: u8,
-        levels: usize,
-    ) -> Result<(), MessageFault> {
-        match wire_type {
+    fn skip_within(&mut self, number: u32, kind: u8, levels: usize) -> Result<(), MessageFault> {
+        match kind {
             wire_type::VARINT => self.varint().map(drop),
             wire_type::FIXED_64 => self.fixed::<8>().map(drop),
             wire_type::FIXED_32 => self.fixed::<4>().map(drop),
-            wire_type::LENGTH => {
-                self.at = self.length()?;
-                Ok(())
-            }
+            wire_type::LENGTH => self.length().map(|end| self.at = end),
             wire_type::GROUP => {
                 let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
                 loop {
                     match self.tag()?.ok_or(MessageFault::Short)? {
                         (end, wire_type::GROUP_END) if end == number => return Ok(()),
-                        (inner, wire_type) => self.skip_within(inner, wire_type, levels)?,
+                        (inner, kind) => self.skip_within(inner, kind, levels)?,
                     }
                 }
             }

@@ -168,18 +168,14 @@ impl<'t> Parser<'t> {
                 return Err(error);
             }
             let arguments = self.arguments()?;
-            match (name, arguments) {
-                ("final", _) | ("extensibility", Some("FINAL")) => {
-                    extensibility = Extensibility::Final;
-                }
+            extensibility = match (name, arguments) {
+                ("final", _) | ("extensibility", Some("FINAL")) => Extensibility::Final,
                 ("appendable", _) | ("extensibility", Some("APPENDABLE")) => {
-                    extensibility = Extensibility::Appendable;
+                    Extensibility::Appendable
                 }
-                ("mutable", _) | ("extensibility", Some("MUTABLE")) => {
-                    extensibility = Extensibility::Mutable;
-                }
-                _ => {}
-            }
+                ("mutable", _) | ("extensibility", Some("MUTABLE")) => Extensibility::Mutable,
+                _ => extensibility,
+            };
         }
         Ok(extensibility)
     }
@@ -261,12 +257,8 @@ impl<'t> Parser<'t> {
             let mut shape = Shape::One;
             while self.take_if("[") {
                 let more = self.length()?;
-                shape = match shape {
-                    Shape::Fixed(count) => {
-                        Shape::Fixed(count.checked_mul(more).ok_or_else(|| self.wrong())?)
-                    }
-                    _ => Shape::Fixed(more),
-                };
+                let count = if let Shape::Fixed(count) = shape { count } else { 1 };
+                shape = Shape::Fixed(count.checked_mul(more).ok_or_else(|| self.wrong())?);
                 self.expect("]")?;
             }
             found.push((line, name, shape));

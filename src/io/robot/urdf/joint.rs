@@ -82,9 +82,7 @@ impl Origin {
 
     /// An angle of few digits that is nearly a right one, or two, and by how much it misses, rad.
     pub(crate) fn cut_off(&self) -> Option<(f64, f64)> {
-        let Turn::Rpy(angles) = self.turn else {
-            return None;
-        };
+        let Turn::Rpy(angles) = self.turn else { return None };
         let missed = angles.map(|angle| {
             let right = (angle / FRAC_PI_2).round() * FRAC_PI_2;
             let is_short = ((angle * 1e5).round() - angle * 1e5).abs() < 1e-6;
@@ -123,9 +121,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Its origin; that of its parent link where it states none.
     pub(crate) fn origin(&self) -> Result<Origin, UrdfError> {
-        let Some(origin) = self.part("origin")? else {
-            return Ok(Origin::NOWHERE);
-        };
+        let Some(origin) = self.part("origin")? else { return Ok(Origin::NOWHERE) };
         let xyz_m = self.numbers(origin, "xyz", "three numbers in m")?;
         if let Some(found) = xyz_m.filter(|xyz| xyz.iter().any(|m| m.abs() > FAR_M)) {
             let wanted = "three numbers in m, and this is too far away for an arm; is it in mm?";
@@ -178,9 +174,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Direction of its axis in its own frame; x where it states none.
     pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
-        let Some(axis) = self.part("axis")? else {
-            return Ok(Vector3::x());
-        };
+        let Some(axis) = self.part("axis")? else { return Ok(Vector3::x()) };
         let wanted = "three numbers that are not all zero";
         let xyz = self.numbers(axis, "xyz", wanted)?.unwrap_or([1.0, 0.0, 0.0]);
         let direction = Vector3::from(xyz);
@@ -194,9 +188,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
     pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
-        let Some(limit) = self.part("limit")? else {
-            return Ok(None);
-        };
+        let Some(limit) = self.part("limit")? else { return Ok(None) };
         let wanted = "a finite number, in rad or m";
         let [lower] = self.numbers(limit, "lower", wanted)?.unwrap_or_default();
         let [upper] = self.numbers(limit, "upper", wanted)?.unwrap_or_default();
@@ -211,12 +203,9 @@ impl<'a, 'i> Joint<'a, 'i> {
         } else {
             return Ok(Some([lower, upper]));
         };
-        Err(UrdfError::Limits {
-            line: line(limit),
-            joint: self.name.to_owned(),
-            found: format!("limits from {lower} to {upper}"),
-            remedy,
-        })
+        let (line, joint) = (line(limit), self.name.to_owned());
+        let found = format!("limits from {lower} to {upper}");
+        Err(UrdfError::Limits { line, joint, found, remedy })
     }
 
     /// Its element of that name; an error where there are two, or what it says is not written as a URDF has it.
@@ -226,9 +215,7 @@ impl<'a, 'i> Joint<'a, 'i> {
             let tag = node.tag_name();
             node.is_element() && tag.namespace() == own && tag.name().eq_ignore_ascii_case(name)
         });
-        let (Some(node), second) = (alike.next(), alike.next()) else {
-            return Ok(None);
-        };
+        let (Some(node), second) = (alike.next(), alike.next()) else { return Ok(None) };
         let (at, problem) = if node.tag_name().name() != name {
             (node, "a URDF writes origin, axis, limit and mimic in small letters")
         } else if let Some(second) = second {
@@ -251,9 +238,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// The joint that it follows; `None` for one that is driven.
     pub(crate) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
-        let Some(mimic) = self.part("mimic")? else {
-            return Ok(None);
-        };
+        let Some(mimic) = self.part("mimic")? else { return Ok(None) };
         let joint = attribute(mimic, "joint").ok_or_else(|| UrdfError::Incomplete {
             line: line(mimic),
             element: format!("<mimic> of joint {:?}", self.name),
@@ -271,9 +256,7 @@ impl<'a, 'i> Joint<'a, 'i> {
         key: &str,
         wanted: &'static str,
     ) -> Result<Option<[f64; N]>, UrdfError> {
-        let Some(text) = attribute(node, key) else {
-            return Ok(None);
-        };
+        let Some(text) = attribute(node, key) else { return Ok(None) };
         expanded(node, text)?;
         let parsed: Option<Vec<f64>> = text
             .split_whitespace()

@@ -73,17 +73,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     /// Notes for each link the joint that carries it.
     fn carry(&mut self) -> Result<(), UrdfError> {
         for (place, joint) in self.joints.iter().enumerate() {
-            for (role, link) in [("parent", joint.parent), ("child", joint.child)] {
-                if !self.carried.contains_key(link) {
-                    return Err(UrdfError::UnknownLink {
-                        line: joint.line(),
-                        joint: joint.name.to_owned(),
-                        role,
-                        link: link.to_owned(),
-                        links: self.names(),
-                    });
-                }
-            }
+            self.check_links(joint)?;
             let before = self.carried.insert(joint.child, Some(place)).flatten();
             if let Some(other) = before.map(|before| &self.joints[before]) {
                 return Err(UrdfError::TwoParents {
@@ -96,6 +86,20 @@ impl<'a, 'i> Tree<'a, 'i> {
             }
         }
         Ok(())
+    }
+
+    fn check_links(&self, joint: &Joint<'a, 'i>) -> Result<(), UrdfError> {
+        let ends = [("parent", joint.parent), ("child", joint.child)];
+        let unknown = ends.into_iter().find(|(_, link)| !self.carried.contains_key(link));
+        unknown.map_or(Ok(()), |(role, link)| {
+            Err(UrdfError::UnknownLink {
+                line: joint.line(),
+                joint: joint.name.to_owned(),
+                role,
+                link: link.to_owned(),
+                links: self.names(),
+            })
+        })
     }
 
     fn names(&self) -> Vec<String> {
@@ -115,9 +119,7 @@ impl<'a, 'i> Tree<'a, 'i> {
             let mut link = start;
             while !walked.contains_key(link) {
                 walked.insert(link, start);
-                let Some(joint) = self.carrier(link) else {
-                    break;
-                };
+                let Some(joint) = self.carrier(link) else { break };
                 link = joint.parent;
                 if walked.get(link) == Some(&start) {
                     return Err(self.circle(link));
@@ -254,12 +256,9 @@ fn named<'a, 'i>(
     let mut all = Vec::new();
     let mut seen = BTreeMap::new();
     for node in children(robot, kind) {
-        let name = attribute(node, "name").ok_or_else(|| UrdfError::Incomplete {
-            line: line(node),
-            element: format!("a <{kind}>"),
-            wanted: "name",
-        })?;
-        let name = expanded(node, name)?;
+        let element = format!("a <{kind}>");
+        let nameless = || UrdfError::Incomplete { line: line(node), element, wanted: "name" };
+        let name = expanded(node, attribute(node, "name").ok_or_else(nameless)?)?;
         if let Some(first) = seen.insert(name, node) {
             return Err(UrdfError::Twice {
                 line: line(node),

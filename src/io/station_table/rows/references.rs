@@ -43,9 +43,7 @@ impl Reader<'_> {
             return;
         };
         let read = self.reference(reference, &measured.pose.position, row, own.unit);
-        let Some(read) = self.kept(read, row) else {
-            return;
-        };
+        let Some(read) = self.kept(read, row) else { return };
         match self.station_of(row, long) {
             Ok(place) => long.rows[place].references.push(read),
             Err(fault) if fault.is_missing => self.add_apart(row, vec![read]),

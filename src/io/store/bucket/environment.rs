@@ -66,9 +66,7 @@ fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
             );
         }
     }
-    let Some(variable) = ENDPOINTS.into_iter().find(is_set) else {
-        return Ok(());
-    };
+    let Some(variable) = ENDPOINTS.into_iter().find(is_set) else { return Ok(()) };
     let endpoint = env::var(variable).unwrap_or_default();
     let Some((scheme, rest)) = endpoint.split_once("://") else {
         return wrong(variable, "is no address: write https://HOST:PORT");

@@ -100,10 +100,7 @@ fn texts(published: &str, computed: &str) -> Option<CellDifference> {
 }
 
 fn json(at: &str, published: &Value, computed: &Value) -> Option<CellDifference> {
-    let differ = |left: &str, right: &str| {
-        let told = |text: &str| short(&format!("{at}: {text}"));
-        Some(CellDifference::Unlike(told(left), told(right)))
-    };
+    let shown = |value: &Value| short(&format!("{at}: {value}"));
     match (published, computed) {
         (Value::Number(a), Value::Number(b)) if a.is_f64() || b.is_f64() => {
             number(a.as_f64()?, b.as_f64()?)
@@ -119,7 +116,7 @@ fn json(at: &str, published: &Value, computed: &Value) -> Option<CellDifference>
             each.fold(None, |most, ((key, a), b)| larger(most, json(&format!("{at}.{key}"), a, b)))
         }
         (a, b) if a == b => None,
-        (a, b) => differ(&a.to_string(), &b.to_string()),
+        (a, b) => Some(CellDifference::Unlike(shown(a), shown(b))),
     }
 }
 

@@ -61,15 +61,7 @@ fn groups(
     computed: &Table,
     words: &[&str],
 ) -> BTreeMap<Vec<String>, (Vec<usize>, Vec<usize>)> {
-    let name = |table: &Table, row| -> Vec<String> {
-        let cell = |column: &&str| {
-            let array = table.array(column);
-            // A letter before the text distinguishes null from the text "null".
-            let sort = if array.is_null(row) { '-' } else { '+' };
-            format!("{sort}{}", cells::whole_text(array, row))
-        };
-        words.iter().map(cell).collect()
-    };
+    let name = |table: &Table, row| words.iter().map(|word| key_cell(table, word, row)).collect();
     let mut groups: BTreeMap<_, (Vec<usize>, Vec<usize>)> = BTreeMap::new();
     for row in 0..published.rows() {
         groups.entry(name(published, row)).or_default().0.push(row);
@@ -78,6 +70,13 @@ fn groups(
         groups.entry(name(computed, row)).or_default().1.push(row);
     }
     groups
+}
+
+fn key_cell(table: &Table, column: &str, row: usize) -> String {
+    let array = table.array(column);
+    // A letter before the text distinguishes null from the text "null".
+    let sort = if array.is_null(row) { '-' } else { '+' };
+    format!("{sort}{}", cells::whole_text(array, row))
 }
 
 /// The numbers that identify a table's rows.

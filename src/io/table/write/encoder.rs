@@ -103,9 +103,7 @@ impl Encoder {
         if let Some(column) = self.again(place, array) {
             return Ok(column);
         }
-        let Some(says) = says(array) else {
-            return self.fresh(place, array);
-        };
+        let Some(says) = says(array) else { return self.fresh(place, array) };
         let column = self.saying(place, array, says)?;
         locked(&self.latest)[place] = Some((Arc::clone(array), Arc::clone(&column)));
         Ok(column)

@@ -19,7 +19,8 @@ fn row(of: &Iso9283, figure: &Figure) -> AccuracyRow {
         table_id: of.driven_by.clone(),
         ..AccuracyRow::of(
             &of.subject,
-            (of.point, of.moment),
+            of.point,
+            of.moment,
             FigureKind::Iso9283,
             FigureName::Iso(figure.characteristic),
             if is_angle { Unit::Rad } else { Unit::Mm },

@@ -10,6 +10,8 @@ use super::super::names::{self, NamesProblem};
 use super::Found;
 
 const TARGETS: &str = "targets";
+const NO_TARGETS: &str =
+    "no key \"targets\"; targets are an array of objects, by itself or under that key";
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Cell {
@@ -109,12 +111,8 @@ impl<'de> Visitor<'de> for Document<'_> {
             }
             self.0.unused.insert(key);
         }
-        if keys.iter().any(|key| key == TARGETS) {
-            return Ok(());
-        }
-        Err(A::Error::custom(
-            "no key \"targets\"; targets are an array of objects, by itself or under that key",
-        ))
+        let is_there = keys.iter().any(|key| key == TARGETS);
+        if is_there { Ok(()) } else { Err(A::Error::custom(NO_TARGETS)) }
     }
 }
 

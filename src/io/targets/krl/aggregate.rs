@@ -33,9 +33,7 @@ fn of_braces(text: &[u8], value: &Range<usize>, depth: usize) -> Result<Aggregat
     let mut components: Vec<(String, Range<usize>)> = Vec::with_capacity(pieces.len());
     for (place, piece) in pieces.into_iter().enumerate() {
         let mut piece = trimmed(text, piece);
-        if place == 0
-            && let Some((word, rest)) = typed(text, &piece)
-        {
+        if let Some((word, rest)) = typed(text, &piece).filter(|_| place == 0) {
             kind = Some(word);
             piece = rest;
         }
@@ -44,8 +42,7 @@ fn of_braces(text: &[u8], value: &Range<usize>, depth: usize) -> Result<Aggregat
             return Err(KrlProblem::SameComponent { component: name }.into());
         }
         if text[value.start] == b'{' {
-            let depth = depth.checked_sub(1).ok_or(KrlProblem::Open)?;
-            of_braces(text, &value, depth)?;
+            of_braces(text, &value, depth.checked_sub(1).ok_or(KrlProblem::Open)?)?;
         }
         components.push((name, value));
     }
@@ -160,9 +157,7 @@ impl Aggregate {
 
     /// The number of a component; `None` where it is missing.
     pub(super) fn number(&self, text: &[u8], component: &str) -> Result<Option<f64>, RowProblem> {
-        let Some(value) = self.value(text, component) else {
-            return Ok(None);
-        };
+        let Some(value) = self.value(text, component) else { return Ok(None) };
         let of_number = |byte: &u8| byte.is_ascii_digit() || b"+-.eE".contains(byte);
         let number = std::str::from_utf8(value)
             .ok()
@@ -180,9 +175,7 @@ impl Aggregate {
 
     /// The whole number of a component, in decimal, `'B101'` or `'H1A'`; `None` where it is missing.
     pub(super) fn whole(&self, text: &[u8], component: &str) -> Result<Option<i64>, RowProblem> {
-        let Some(value) = self.value(text, component) else {
-            return Ok(None);
-        };
+        let Some(value) = self.value(text, component) else { return Ok(None) };
         let text = String::from_utf8_lossy(value).to_ascii_uppercase();
         let quoted = text.strip_prefix('\'').and_then(|t| t.strip_suffix('\''));
         let digits = |digits: &str, radix| {
@@ -202,9 +195,7 @@ impl Aggregate {
 
     /// The value of S; `None` where it is missing.
     pub(super) fn status(&self, text: &[u8]) -> Result<Option<Status>, RowProblem> {
-        let Some(number) = self.whole(text, "S")? else {
-            return Ok(None);
-        };
+        let Some(number) = self.whole(text, "S")? else { return Ok(None) };
         match Status::of(number) {
             Some(status) => Ok(Some(status)),
             None => Err(KrlProblem::NoStatus { number }.into()),

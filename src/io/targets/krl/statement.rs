@@ -94,10 +94,7 @@ fn is_plain_value(value: &[u8]) -> bool {
 fn left(left: &[u8]) -> Option<(Option<String>, Name)> {
     let left = std::str::from_utf8(left).ok()?.trim().to_ascii_uppercase();
     // Blanks are allowed before an index and in it.
-    let (words, rest) = match left.find(['[', '.']) {
-        Some(place) => left.split_at(place),
-        None => (left.as_str(), ""),
-    };
+    let (words, rest) = left.split_at(left.find(['[', '.']).unwrap_or(left.len()));
     let rest: String = rest.split_ascii_whitespace().collect();
     let (index, part) = rest.split_once('.').unwrap_or((&rest, ""));
     let mut words = typed(words);

@@ -70,9 +70,7 @@ impl Postures {
             Some(own.configuration(*status).to_string().as_str()) == configuration
         })?;
         let agrees = |joints: &[f64]| {
-            let &[_, _, q3, _, q5, _] = joints else {
-                return false;
-            };
+            let &[_, _, q3, _, q5, _] = joints else { return false };
             (q3.abs() < UNSURE_RAD || (q3 > 0.0) == said.is_set(1)) && (q5 < 0.0) == said.is_set(2)
         };
         joints.into_iter().all(agrees).then_some(own)

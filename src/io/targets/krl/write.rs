@@ -10,12 +10,8 @@ use crate::table::Word as _;
 impl DataList {
     /// A target without a command becomes a comment; `outcomes` are in the targets' order.
     pub fn write(&self, outcomes: &[Result<Corrected, Refused>], table_id: &str) -> Vec<u8> {
-        let mut written = Written {
-            text: &self.text,
-            bytes: Vec::with_capacity(self.text.len() + 64 * outcomes.len()),
-            end: self.end_of_lines(),
-            copied: 0,
-        };
+        let bytes = Vec::with_capacity(self.text.len() + 64 * outcomes.len());
+        let mut written = Written { text: &self.text, bytes, end: self.end_of_lines(), copied: 0 };
         written.copy_until(self.head);
         if !self.text[..self.head].ends_with(b"\n") {
             written.bytes.extend(written.end);

@@ -114,9 +114,7 @@ impl Estimate {
 
     /// The estimate from a geometric calibration of one session; `None` when its covariance cannot be inverted.
     pub fn of_geometric(saved: &SavedCalibration) -> Result<Option<Self>, SavedError> {
-        let Some(session) = saved.sessions.first() else {
-            return Ok(None);
-        };
+        let Some(session) = saved.sessions.first() else { return Ok(None) };
         let frames = Compared::of_independent(&session.frames()?);
         let unknowns = &saved.unknowns;
         let is_kept = |place: &usize| frames.has(unknowns[*place].parameter, unknowns[*place].of);

@@ -39,9 +39,7 @@ impl<'c> TestOfAll<'c> {
             if !one_of.is_empty() {
                 return Finding::Moved { surely, one_of };
             }
-            let Some(next) = self.most(&surely) else {
-                break;
-            };
+            let Some(next) = self.most(&surely) else { break };
             surely.push(next);
         }
         Finding::Moved { surely: Vec::new(), one_of: vec![Hypothesis::Anything] }

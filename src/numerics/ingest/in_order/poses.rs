@@ -86,9 +86,7 @@ impl PoseBuffer {
 
     /// Inverts the poses from the sample `first` on; zeros of a missing reading stay.
     fn invert_from(&mut self, first: usize) {
-        let Some(orientations) = &mut self.orientations else {
-            return;
-        };
+        let Some(orientations) = &mut self.orientations else { return };
         let rows = orientations[first..].iter_mut().zip(&mut self.positions[first..]);
         for (row, (quaternion, position)) in rows.enumerate() {
             let covariance = self.covariances.as_mut();

@@ -201,11 +201,8 @@ fn parts(input: &JoinInput, settings: &JoinSettings) -> Result<Vec<Part>, JoinEr
     }
     let mut parts = vec![first];
     for (after, before) in bumps {
-        parts.push(Part {
-            from: told.moment(after, before, &input.references)?,
-            moved: told.followed.motions[before].moved,
-            is_used: true,
-        });
+        let from = told.moment(after, before, &input.references)?;
+        parts.push(Part { from, moved: told.followed.motions[before].moved, is_used: true });
     }
     if !told.followed.tells_turns {
         keep_largest(&mut parts, &*input.readings, settings)?;
@@ -275,9 +272,7 @@ impl BumpReferences {
         let own = references.iter().enumerate();
         let own = own.filter(|(_, own)| own.on == on && own.readings.count() > 0);
         let own: Vec<(usize, &ReferenceReadings)> = own.collect();
-        let Some((first, last)) = span(&own)? else {
-            return Ok(None);
-        };
+        let Some((first, last)) = span(&own)? else { return Ok(None) };
         // Looks since the first reading, which is in the place of a dwell.
         let looking = Looking {
             dwells: vec![(first, first)],
@@ -330,9 +325,7 @@ impl BumpReferences {
         };
         let (from, until) = (last, first);
         for (place, own) in references.iter().enumerate() {
-            let Some(places) = self.places(ReferenceId(place), after, before) else {
-                continue;
-            };
+            let Some(places) = self.places(ReferenceId(place), after, before) else { continue };
             let rows = between(&*own.readings, from, until)?;
             let seen = Seen { readings: own.readings.read(rows.clone())?, rows };
             for row in seen.measured() {

@@ -67,9 +67,7 @@ pub(super) fn find(work: &mut Work<'_>, ratios: Ratios, noise_mm2: f64) {
         let significant = all.into_iter().filter(|(_, chance)| *chance > enough);
         let mut significant: Vec<Candidate> = significant.collect();
         significant.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let Some((_, largest)) = significant.first().copied() else {
-            return;
-        };
+        let Some((_, largest)) = significant.first().copied() else { return };
         let mut taken: Vec<usize> = Vec::new();
         for (event, chance) in significant {
             let is_apart = taken.iter().all(|look| look.abs_diff(event.look()) > ROOM);

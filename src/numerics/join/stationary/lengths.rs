@@ -32,9 +32,7 @@ impl Lengths {
             before += times;
             before > all * 9 / 10
         });
-        let Some((long, _)) = quantile else {
-            return 0;
-        };
+        let Some((long, _)) = quantile else { return 0 };
         let counting = self.occurring().filter(|(length, _)| 2 * length >= long);
         counting.map(|(_, times)| times).sum()
     }

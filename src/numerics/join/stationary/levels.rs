@@ -98,9 +98,7 @@ impl Levels {
         loop {
             let (above, up_to) = self.bounds();
             let of_another = |&range: &f64| range <= above || range > up_to;
-            let Some(same) = ranges[next..].iter().position(of_another) else {
-                return;
-            };
+            let Some(same) = ranges[next..].iter().position(of_another) else { return };
             next += same;
             self.change(first + next, ranges[next], samples);
         }
@@ -224,9 +222,7 @@ impl ByThreshold {
     }
 
     fn close(&mut self, min_stretch_ns: i64, keep: bool, columns: usize) {
-        let Some(open) = self.open.take() else {
-            return;
-        };
+        let Some(open) = self.open.take() else { return };
         let end = open.end.expect("it ended before the next one begins");
         if !open.lasts(end, min_stretch_ns) {
             return;

@@ -39,9 +39,7 @@ impl Quanta {
 
     pub fn push(&mut self, values: &[f64]) {
         let columns = self.of_columns.len();
-        let Some((first, later)) = values.split_at_checked(columns) else {
-            return;
-        };
+        let Some((first, later)) = values.split_at_checked(columns) else { return };
         let before = std::mem::take(&mut self.before);
         self.steps(&before, first);
         let before = values.chunks(columns * TOGETHER);

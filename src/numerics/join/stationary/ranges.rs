@@ -32,9 +32,7 @@ impl Ranges {
     ) {
         median_of_three(values, ends, &mut self.smooth);
         self.gather_block_ends(samples);
-        let Some(range) = self.of_windows.first_mut() else {
-            return;
-        };
+        let Some(range) = self.of_windows.first_mut() else { return };
         let (high, low) = self.to_block_end[0];
         *range = larger(*range, widest(high, low));
         for (block, values) in self.smooth.chunks(samples).enumerate().skip(1) {
@@ -78,9 +76,7 @@ fn median_of_three(
     smooth: &mut Vec<Pair>,
 ) {
     smooth.clear();
-    let (Some(mut before), second) = (values.next(), values.next()) else {
-        return;
-    };
+    let (Some(mut before), second) = (values.next(), values.next()) else { return };
     if is_first {
         smooth.push(before);
     }

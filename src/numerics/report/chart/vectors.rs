@@ -203,17 +203,10 @@ impl<'s> Paper<'s> {
         let [x, y] = self.at(view, [0.0; 3]);
         let side = view.sign();
         let anchor = if view.turned { "end" } else { "start" };
+        let (left, bottom, across, up) = (px(x), px(y), px(side * AXIS), px(AXIS));
+        let (back, on) = (px(side * -4.0), px(side * 4.0));
         let axis = format!(
-            "M{} {}h{}m{} -3l{} 3l{} 3M{} {}v-{}m-3 4l3-4l3 4",
-            px(x),
-            px(y),
-            px(side * AXIS),
-            px(side * -4.0),
-            px(side * 4.0),
-            px(side * -4.0),
-            px(x),
-            px(y),
-            px(AXIS)
+            "M{left} {bottom}h{across}m{back} -3l{on} 3l{back} 3M{left} {bottom}v-{up}m-3 4l3-4l3 4"
         );
         html! {
             path class="base" d={ "M" (px(x - 7.0)) " " (px(y + 4.0)) "h14l-3.5-8h-7z" } {}
@@ -225,9 +218,7 @@ impl<'s> Paper<'s> {
     }
 
     fn bounds(&self, view: &View) -> Markup {
-        let Some([low, high]) = self.scene.bounds else {
-            return html! {};
-        };
+        let Some([low, high]) = self.scene.bounds else { return html! {} };
         let ([x, y], [to_x, to_y]) = (self.at(view, low), self.at(view, high));
         html! { path class="box" d={ "M" (px(x)) " " (px(y)) "H" (px(to_x)) "V" (px(to_y)) "H" (px(x)) "z" } {} }
     }
@@ -252,17 +243,10 @@ impl<'s> Paper<'s> {
             let back = shaft.map(|part| -head * part);
             let side = [-0.45 * back[1], 0.45 * back[0]];
             let (tip_x, tip_y) = (px(x + shaft[0]), px(y + shaft[1]));
-            let (left, right) =
-                ([back[0] + side[0], back[1] + side[1]], [back[0] - side[0], back[1] - side[1]]);
-            write!(
-                path,
-                "m{} {}L{tip_x} {tip_y}l{} {}",
-                px(left[0]),
-                px(left[1]),
-                px(right[0]),
-                px(right[1])
-            )
-            .expect("a string");
+            let (left_x, left_y) = (px(back[0] + side[0]), px(back[1] + side[1]));
+            let (right_x, right_y) = (px(back[0] - side[0]), px(back[1] - side[1]));
+            write!(path, "m{left_x} {left_y}L{tip_x} {tip_y}l{right_x} {right_y}")
+                .expect("a string");
         }
         path
     }

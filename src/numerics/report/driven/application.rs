@@ -103,9 +103,7 @@ impl Ways {
     fn best(&self) -> Application {
         let straight = Rotation3::identity();
         let as_meant = self.way(-1.0, &straight, Application::AsMeant);
-        let least = |one: Way, other: Way| {
-            if other.left < one.left { other } else { one }
-        };
+        let least = |one: Way, other: Way| if other.left < one.left { other } else { one };
         let wrong_sign = self.way(1.0, &straight, Application::WrongSign);
         let mut other = least(wrong_sign, self.way(-2.0, &straight, Application::Twice));
         let turn = turn(&self.errors, &self.made);
@@ -121,11 +119,8 @@ impl Ways {
         }
         let best = least(as_meant, other);
         let explained = best.application.explained();
-        if best.of_stated <= OF_STATED || explained >= EXPLAINS {
-            best.application
-        } else {
-            Application::Unrelated(explained)
-        }
+        let is_found = best.of_stated <= OF_STATED || explained >= EXPLAINS;
+        if is_found { best.application } else { Application::Unrelated(explained) }
     }
 }
 
@@ -186,9 +181,7 @@ fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
         .zip(made)
         .fold(Matrix3::zeros(), |sum, (error, made)| sum - made * error.transpose());
     let svd = cross.svd(true, true);
-    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-        return Rotation3::identity();
-    };
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
     let mended = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
     Rotation3::from_matrix_unchecked(u * mended * v_t)
 }
@@ -202,8 +195,7 @@ fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f
         (positions.iter().map(|p| (p.coords - middle).norm_squared()).sum::<f64>() / n).sqrt();
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let rows = |p: &Point3<f64>| {
-        let mut rows = nalgebra::Matrix3x6::zeros();
-        rows.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        let mut rows = nalgebra::Matrix3x6::identity();
         let lever = (p.coords - middle) / size.max(1.0);
         rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-lever.cross_matrix());
         rows
@@ -214,10 +206,8 @@ fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f
         right += rows.tr_mul(vector);
     }
     // Stations on a line leave the rotation about it undetermined; the smallest motion is used then.
-    let motion = normal
-        .svd(true, true)
-        .solve(&right, 1e-9 * n)
-        .expect("both sides of the decomposition were asked for");
+    let motion = normal.svd(true, true).solve(&right, 1e-9 * n);
+    let motion = motion.expect("both sides of the decomposition were asked for");
     positions.iter().zip(vectors).map(|(p, vector)| vector - rows(p) * motion).collect()
 }
 

@@ -95,9 +95,7 @@ impl FrameKey {
 pub(super) fn frames(stated: &SetUp, readings: &[OtherReading]) -> Vec<Hypothesis> {
     let mut all = Vec::new();
     for frame in FrameKey::ALL {
-        let Some(placed) = frame.of(stated) else {
-            continue;
-        };
+        let Some(placed) = frame.of(stated) else { continue };
         let mut known = vec![placed];
         for (mistake, other) in others(frame, &placed, readings) {
             if known.iter().any(|known| is_same(known, &other)) {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::Hypothesis;
 use super::links::to_write;
@@ -40,11 +40,7 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
     let count = stated.arm.joints().len();
     let turned = |joints: &[usize]| {
         let sign = |joint: usize| if joints.contains(&joint) { -1.0 } else { 1.0 };
-        let map = DMatrix::from_fn(
-            count,
-            count,
-            |row, column| if row == column { sign(row) } else { 0.0 },
-        );
+        let map = DMatrix::from_diagonal(&DVector::from_fn(count, |joint, _| sign(joint)));
         let names: Vec<String> = joints.iter().map(|&joint| name(stated, joint)).collect();
         let mistake = format!("the controller counts {} the other way", names.join(" and "));
         let signs = joints.iter().map(|&joint| {
@@ -59,9 +55,8 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
     let singles = (0..count).map(|joint| vec![joint]);
     let pairs =
         (0..count).flat_map(|first| (first + 1..count).map(move |second| vec![first, second]));
-    let all: Vec<Vec<usize>> =
-        singles.chain(pairs).chain((count > 2).then(|| (0..count).collect())).collect();
-    all.iter().map(|joints| turned(joints)).collect()
+    let all = singles.chain(pairs).chain((count > 2).then(|| (0..count).collect()));
+    all.map(|joints: Vec<usize>| turned(&joints)).collect()
 }
 
 /// The sign of a joint as the robot file has it; `None` where a joint map or another joint that follows reads it too.
@@ -126,23 +121,16 @@ fn zeros(stated: &SetUp) -> Vec<Hypothesis> {
     let parameters = stated.arm.chain().parameters();
     let mut all = Vec::new();
     for (place, parameter) in parameters.iter().enumerate() {
-        let Parameter::Link { joint, quantity: LinkQuantity::Theta } = *parameter else {
-            continue;
-        };
-        let Some(joint) = reported(stated, joint) else {
-            continue;
-        };
+        let Parameter::Link { joint, quantity: LinkQuantity::Theta } = *parameter else { continue };
+        let Some(joint) = reported(stated, joint) else { continue };
         for angle in [FRAC_PI_2, -FRAC_PI_2, PI] {
             let mut offsets = vec![0.0; parameters.len()];
             offsets[place] = angle;
-            let name = name(stated, joint);
-            let degrees = angle.to_degrees();
+            let (name, degrees) = (name(stated, joint), angle.to_degrees());
             let mistake = format!("the zero of {name} is {degrees:+.0}° away");
-            let edit = format!(
-                "robot file, [[joint]] {:?}: {}",
-                stated.arm.joints()[joint].name,
-                to_write(&stated.arm, *parameter, angle)
-            );
+            let (named, value) =
+                (&stated.arm.joints()[joint].name, to_write(&stated.arm, *parameter, angle));
+            let edit = format!("robot file, [[joint]] {named:?}: {value}");
             all.push(Hypothesis::new(mistake, edit, stated.with_offsets(&offsets)));
         }
     }

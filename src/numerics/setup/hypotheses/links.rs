@@ -81,21 +81,16 @@ fn opposite(arm: &Arm, element: &Element) -> Option<(Element, &'static str, Stri
     match element {
         Element::Free { motion, nominal, parameter } => {
             let least = if matches!(motion, Motion::Rotation(_)) { LEAST_RAD } else { LEAST_MM };
-            let Parameter::Link { quantity, .. } = parameter else {
-                return None;
-            };
+            let Parameter::Link { quantity, .. } = parameter else { return None };
             let edit = to_write(arm, *parameter, -2.0 * nominal);
             let element =
                 Element::Free { motion: *motion, nominal: -nominal, parameter: *parameter };
             (nominal.abs() > least).then_some((element, key(*quantity), edit))
         }
         Element::Fixed(fixed) => {
-            let opposite = Element::Fixed(fixed.inverse());
-            (fixed.translation.vector.norm() > LEAST_MM).then_some((
-                opposite,
-                "constant",
-                "its constant length with the opposite sign".to_owned(),
-            ))
+            let edit = "its constant length with the opposite sign".to_owned();
+            let opposite = (Element::Fixed(fixed.inverse()), "constant", edit);
+            (fixed.translation.vector.norm() > LEAST_MM).then_some(opposite)
         }
         Element::Joint { .. } => None,
     }
@@ -120,9 +115,7 @@ pub(in crate::setup) const fn key(quantity: LinkQuantity) -> &'static str {
 
 /// The key of a link quantity with the stated value plus `change` (mm or rad); of what no key of the convention states, the change.
 pub(in crate::setup) fn to_write(arm: &Arm, parameter: Parameter, change: f64) -> String {
-    let Parameter::Link { quantity, .. } = parameter else {
-        return String::new();
-    };
+    let Parameter::Link { quantity, .. } = parameter else { return String::new() };
     let unit = if quantity.is_angle() { 1.0_f64.to_degrees() } else { 1.0 };
     let digits = if quantity.is_angle() { 3 } else { 2 };
     let is_table = matches!(

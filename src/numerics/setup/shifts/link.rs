@@ -52,9 +52,7 @@ fn hypothesis(
     offsets: &[f64],
     value: f64,
 ) -> Option<Hypothesis> {
-    let Parameter::Link { joint, quantity } = parameter else {
-        return None;
-    };
+    let Parameter::Link { joint, quantity } = parameter else { return None };
     let joint = joint_name(&stated.arm, joint);
     let change = if quantity.is_angle() {
         format!("{:+.2}°", value.to_degrees())

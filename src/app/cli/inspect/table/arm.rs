@@ -21,9 +21,7 @@ pub enum NoArm {
 
 /// The arm that was named, or the ready ones.
 pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> {
-    let Some(path) = robot else {
-        return Ok(Arms::ready());
-    };
+    let Some(path) = robot else { return Ok(Arms::ready()) };
     let ready = path.to_str().and_then(ReadyRobot::find);
     let (file, text) = match (robot::text(path), ready) {
         (Ok(text), _) => (path.display().to_string(), text),

@@ -79,9 +79,7 @@ fn entry<'c>(cells: impl Iterator<Item = (&'c str, &'c str)>) -> Result<RobotEnt
 
 /// Whether the key of a column is a text, which is written without quotes whatever it looks like.
 fn is_text(column: &str) -> bool {
-    let Some((section, name)) = column.rsplit_once('.') else {
-        return true;
-    };
+    let Some((section, name)) = column.rsplit_once('.') else { return true };
     let sections = KeyReference::pipeline().sections.iter();
     let own = sections.filter(|own| own.name == section || own.at.iter().any(|at| at == section));
     let mut keys = own.flat_map(|own| &own.keys);

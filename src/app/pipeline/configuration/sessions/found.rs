@@ -53,19 +53,12 @@ impl<'a> Found<'a> {
         tree: &'a Tree,
         folder: &'a Path,
         input: &'a InputSection,
-        (stations, robot): (Option<&'a StationsSettings>, Option<&'a str>),
+        stations: Option<&'a StationsSettings>,
+        robot: Option<&'a str>,
         limits: Limits,
     ) -> io::Result<Self> {
-        let mut found = Self {
-            tree,
-            folder,
-            input,
-            stations,
-            robot,
-            limits,
-            sessions: Vec::new(),
-            left_out: Vec::new(),
-        };
+        let (sessions, left_out) = (Vec::new(), Vec::new());
+        let mut found = Self { tree, folder, input, stations, robot, limits, sessions, left_out };
         match (&input.stations, input.sessions_by) {
             (Some(names), _) => found.tables(names)?,
             (None, SessionsBy::Folder) => found.by_folder()?,
@@ -178,12 +171,8 @@ impl<'a> Found<'a> {
             }
             (Ok(controller), Ok(tracker)) => self.settled(SessionLogs { controller, tracker }),
         };
-        self.sessions.push(Session {
-            name,
-            recorded: logs.map(Recorded::Logs),
-            corrected,
-            robot: None,
-        });
+        let recorded = logs.map(Recorded::Logs);
+        self.sessions.push(Session { name, recorded, corrected, robot: None });
     }
 
     /// The logs, unless one of them is still being written.

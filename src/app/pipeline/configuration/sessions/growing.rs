@@ -59,9 +59,7 @@ fn tail(path: &Path) -> Option<Vec<u8>> {
 /// Whether the last line is not terminated and has fewer cells than the line before.
 fn is_cut(bytes: &[u8]) -> bool {
     let mut lines = bytes.rsplit(|byte| *byte == b'\n');
-    let (Some(last), Some(before)) = (lines.next(), lines.next()) else {
-        return false;
-    };
+    let (Some(last), Some(before)) = (lines.next(), lines.next()) else { return false };
     let cells = |line: &[u8], sign: u8| line.split(|byte| *byte == sign).count();
     let mut separators = [b'\t', b';', b','].into_iter();
     let separator = separators.find(|sign| before.contains(sign));

@@ -3,7 +3,7 @@
 //! Inputs: the rows of `joined_sessions`, and what a result has to be of: the robot, its file, the settings of ingest and join, this
 //! version. Output: the sessions by name, each with its one result, or why it has none that can be used.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::found::Session;
 use super::{JoinedBefore, LeftOut, Recorded, Why};
@@ -39,8 +39,7 @@ pub(super) fn sessions(
     let mut by_name: BTreeMap<String, Vec<Before>> = BTreeMap::new();
     let mut left_out = Vec::new();
     for (place, row) in lake.rows_of_all(JOINED.rows)? {
-        let named = place.named();
-        let table = row.and_then(|row| Ok(row.believed(&named)?));
+        let table = row.and_then(|row| Ok(row.believed(&place.named())?));
         let before = table.map_err(|error| error.to_string()).and_then(|table| {
             let key = table.key().cloned().ok_or("it states no session")?;
             let rows = JoinedSessionRow::read(&table);
@@ -81,13 +80,9 @@ fn session((name, results): (String, Vec<Before>)) -> Session {
             Ok(Recorded::Joined(JoinedBefore { key: one.key.clone(), inputs: one.inputs.clone() }))
         }
         [] => {
-            let mut reasons: Vec<&str> = others.iter().filter_map(|own| own.unusable).collect();
-            reasons.sort_unstable();
-            reasons.dedup();
-            Err(Why::Bad(format!(
-                "as joined the lake has it only {}: run it from its files",
-                reasons.join(" and ")
-            )))
+            let reasons: BTreeSet<&str> = others.iter().filter_map(|own| own.unusable).collect();
+            let why = Vec::from_iter(reasons).join(" and ");
+            Err(Why::Bad(format!("as joined the lake has it only {why}: run it from its files")))
         }
         several => {
             let names: Vec<&str> = several.iter().map(|own| own.key.run.as_str()).collect();

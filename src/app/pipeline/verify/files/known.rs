@@ -6,6 +6,7 @@ use super::super::selection::Selected;
 use crate::io::lake::{Lake, LakeError, LakeFile, STAGES, Stage, Stands, rows_of};
 
 /// The files that the rows of the lake name.
+#[derive(Default)]
 pub(super) struct Known {
     keys: BTreeSet<String>,
     /// Robots, by the names of their folders, and runs that have rows; also those whose rows cannot be read.
@@ -27,17 +28,10 @@ pub(super) enum Judged {
 impl Known {
     /// The files named by all rows of the lake.
     pub(super) fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
-        let mut known = Self {
-            keys: BTreeSet::new(),
-            runs: BTreeSet::new(),
-            unread: BTreeSet::new(),
-            unread_rows: BTreeSet::new(),
-        };
+        let mut known = Self::default();
         for run in selected.register.all() {
             let row = lake.file_key("runs", &run.key)?;
-            if let Some(found) = of_row(&row) {
-                known.runs.insert(found);
-            }
+            known.runs.extend(of_row(&row));
             known.keys.insert(row);
             for file in &run.files {
                 let key = run.key.of_session(&file.session);
@@ -57,9 +51,7 @@ impl Known {
 
     fn add(&mut self, lake: &Lake, stage: Stage) -> Result<(), LakeError> {
         for (place, row) in lake.rows_of_all(stage.rows)? {
-            let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else {
-                continue;
-            };
+            let Some(key) = row.ok().and_then(|row| row.table.key().cloned()) else { continue };
             if lake.place(stage.rows, &key)? == place {
                 for table in stage.tables() {
                     self.keys.insert(lake.file_key(table, &key)?);
@@ -94,9 +86,7 @@ impl Known {
 /// Robot, by the name of its folder, and run of a row.
 fn of_row(key: &str) -> Option<(String, String)> {
     let parts: Vec<&str> = key.split('/').collect();
-    let [_, robot, _, name] = parts[..] else {
-        return None;
-    };
+    let [_, robot, _, name] = parts[..] else { return None };
     let run = name.strip_suffix(".parquet")?;
     Some((robot.to_owned(), run.to_owned()))
 }

@@ -67,9 +67,7 @@ impl<'a> Set<'a> {
 
     /// The ends of the session that are long and outside of `between`.
     fn ends(&self, between: Option<[usize; 2]>) -> Vec<End> {
-        let Some([first, last]) = between else {
-            return Vec::new();
-        };
+        let Some([first, last]) = between else { return Vec::new() };
         let stations = self.stations.saturating_sub(last + 1);
         let ends = [End::Before(first), End::Behind { last, stations }];
         let is_long = |end: &End| {
@@ -152,20 +150,16 @@ impl<'a> Set<'a> {
         let follows = if others >= FOR_TURNS {
             format!("the other {others} tell the motion there")
         } else {
+            let (stations, side, when) = (end.stations(), end.side(), end.when());
             format!(
-                "the {others} left there tell no rotation: at the {} stations {} it is carried on with growing covariance, and what a bump \
-                 turns there is not found; read it {} too",
-                end.stations(),
-                end.side(),
-                end.when(),
+                "the {others} left there tell no rotation: at the {stations} stations {side} it is carried on with growing covariance, \
+                 and what a bump turns there is not found; read it {when} too"
             )
         };
+        let (on, ends) = (self.on.word(), end.words(self.stations));
         Some(format!(
-            "reference {:?} on the {} was read at {} looks, {}: {follows}",
-            own.name,
-            self.on.word(),
-            own.looks,
-            end.words(self.stations),
+            "reference {:?} on the {on} was read at {} looks, {ends}: {follows}",
+            own.name, own.looks
         ))
     }
 }

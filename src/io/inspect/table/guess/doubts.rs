@@ -7,23 +7,15 @@ use crate::inspect::table::names::StatedUnit;
 impl Work<'_> {
     pub(super) fn doubts(&self, choices: &[Choice], arms: &Arms, doubts: &mut Vec<Doubt>) {
         let mut add = |key: Key, words: String| doubts.push(Doubt { key, words });
-        if let Some(words) = &self.choice.joints.doubt {
-            add(Key::Joints, words.clone());
-        }
-        if let Some(words) = &self.choice.doubt {
-            add(Key::Position, words.clone());
-        }
-        let Some(verdict) = &self.verdict else {
-            return self.by_size(arms, &mut add);
-        };
+        self.choice.joints.doubt.iter().for_each(|words| add(Key::Joints, words.clone()));
+        self.choice.doubt.iter().for_each(|words| add(Key::Position, words.clone()));
+        let Some(verdict) = &self.verdict else { return self.by_size(arms, &mut add) };
         if !verdict.agrees() {
-            add(
-                Key::Robot,
-                format!(
-                    "no reading of the columns agrees with the arm: the best leaves {:.1} mm in the median; name the robot's file with --robot",
-                    verdict.best.median_mm
-                ),
+            let words = format!(
+                "no reading of the columns agrees with the arm: the best leaves {:.1} mm in the median; name the robot's file with --robot",
+                verdict.best.median_mm
             );
+            add(Key::Robot, words);
         } else if !arms.is_named {
             add_arm(verdict, arms, &mut add);
         }

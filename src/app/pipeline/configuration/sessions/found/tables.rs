@@ -48,9 +48,8 @@ impl Found<'_> {
             }
         }
         for (whose, tables) in sessions {
-            let name = whose.session.clone().unwrap_or_default();
+            let (name, robot) = (whose.session.clone().unwrap_or_default(), whose.robot.clone());
             let corrected = self.corrected_of(&name);
-            let robot = whose.robot.clone();
             let recorded = match &tables[..] {
                 [path] => Ok(SessionTable { path: path.clone(), whose }),
                 several => Err(Lack::Wrong(format!(
@@ -58,7 +57,7 @@ impl Found<'_> {
                     several.len()
                 ))),
             };
-            self.add_recorded((name, robot), recorded, corrected);
+            self.add_recorded(name, robot, recorded, corrected);
         }
         Ok(())
     }
@@ -76,9 +75,7 @@ impl Found<'_> {
     /// The robots and sessions that a table's rows name, of all robots or of the one that is meant; leaves out a table that cannot be
     /// read, and says how many rows name none.
     fn named_in(&mut self, path: &Path) -> Vec<Whose> {
-        let Some(settings) = self.stations else {
-            return Vec::new();
-        };
+        let Some(settings) = self.stations else { return Vec::new() };
         match station_table::named(path, settings, Bound::of(self.limits)) {
             Err(error) => {
                 self.leave_out(name_of(path), error.to_string());
@@ -86,15 +83,9 @@ impl Found<'_> {
             }
             Ok((names, nameless)) => {
                 if let Some(line) = nameless.first() {
-                    let what = match (&settings.robot, &settings.session) {
-                        (Some(_), Some(_)) => "robot or no session",
-                        (Some(_), None) => "robot",
-                        (None, _) => "session",
-                    };
-                    let reason = format!(
-                        "{} of its rows name no {what}, the first in line {line}",
-                        nameless.len()
-                    );
+                    let (count, what) = (nameless.len(), unnamed(settings));
+                    let reason =
+                        format!("{count} of its rows name no {what}, the first in line {line}");
                     self.leave_out(name_of(path), reason);
                 }
                 let is_meant = |own: &Whose| {
@@ -125,14 +116,14 @@ impl Found<'_> {
             Ok(path) if self.stations.is_some_and(|own| own.robot.is_some()) => path,
             one => {
                 let table = one.map(|path| of(&path, Whose::default()));
-                self.add_recorded((name, None), table, corrected);
+                self.add_recorded(name, None, table, corrected);
                 return Ok(());
             }
         };
         self.opens("robots_by")?;
         for whose in self.named_in(&path) {
             let (robot, corrected) = (whose.robot.clone(), corrected.clone());
-            self.add_recorded((name.clone(), robot), Ok(of(&path, whose)), corrected);
+            self.add_recorded(name.clone(), robot, Ok(of(&path, whose)), corrected);
         }
         Ok(())
     }
@@ -140,7 +131,8 @@ impl Found<'_> {
     /// Adds a session, by its name and the robot that its rows name, or leaves out a folder without a table.
     fn add_recorded(
         &mut self,
-        (name, robot): (String, Option<String>),
+        name: String,
+        robot: Option<String>,
         table: Result<SessionTable, Lack>,
         corrected: Result<Option<PathBuf>, Lack>,
     ) {
@@ -156,5 +148,14 @@ impl Found<'_> {
             }
         };
         self.sessions.push(Session { name, recorded: table, corrected, robot });
+    }
+}
+
+/// What a row lacks that names no session of it.
+const fn unnamed(settings: &StationsSettings) -> &'static str {
+    match (&settings.robot, &settings.session) {
+        (Some(_), Some(_)) => "robot or no session",
+        (Some(_), None) => "robot",
+        (None, _) => "session",
     }
 }
