@@ -1,5 +1,7 @@
 //! Faults of recordings: one test each, on synthetic sessions with known truth.
 
+use nalgebra::Point3;
+
 use super::scene::{Scene, check_conservation, join_recorded, paired, ur10};
 use super::*;
 use crate::ingest::{JointSamples, Recording, TargetReadings};
