@@ -226,7 +226,7 @@ fn finished(
     let finish = |stream: OrderedStream<_, SpillingPoses<Tracker>>| {
         let (summary, poses) = stream.finish();
         summaries.push((of, summary));
-        Ok(poses.finish()?)
+        poses.finish()
     };
     streams.into_iter().map(finish).collect()
 }
