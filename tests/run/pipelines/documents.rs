@@ -108,6 +108,22 @@ fn the_readme_is_short_and_its_links_lead_to_files() {
     let guide = fs::read_dir("src/guide").expect("part of the project");
     for chapter in guide.map(|entry| entry.expect("listed").path()) {
         let chapter = chapter.to_str().expect("UTF-8");
-        assert!(links.contains(&chapter), "{chapter} is not in the README");
+        let is_there = links.contains(&chapter) || chapter.ends_with("/links.md");
+        assert!(is_there, "{chapter} is not in the README");
+        links_lead_to_chapters(chapter);
     }
+}
+
+/// Reference links of a chapter are to files beside it, for whoever reads it as a file.
+fn links_lead_to_chapters(chapter: &str) {
+    let text = fs::read_to_string(chapter).expect("part of the project");
+    let definitions = text.lines().filter_map(|line| line.strip_prefix('[')?.split_once("]: "));
+    for (label, target) in definitions.filter(|_| !chapter.ends_with("/links.md")) {
+        let (file, _) = target.split_once('#').unwrap_or((target, ""));
+        assert!(
+            Path::new("src/guide").join(file).exists(),
+            "{chapter}: [{label}] leads to {target}"
+        );
+    }
+    assert!(!text.contains("](crate::"), "{chapter}: a link that leads nowhere in a file");
 }
