@@ -60,7 +60,7 @@ fn pretend(cell: &Cell) {
             fs::write(row, "no table").expect("writable");
         }
         let state = known.state(own.configuration, own.piece);
-        known.keep(state.as_deref(), (own.configuration, own.piece), &done);
+        known.keep(state.as_deref(), own.configuration, own.piece, &done);
     }
     known.write().expect("writable");
 }

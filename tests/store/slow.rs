@@ -159,13 +159,13 @@ fn of_a_process_of_its_own() {
     let mut first = None;
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
-        let piece = (own.configuration, own.piece);
-        let state = known.state(own.configuration, own.piece).expect("it has a tag");
+        let (configuration, piece) = (own.configuration, own.piece);
+        let state = known.state(configuration, piece).expect("it has a tag");
         if done.robot == "kr000" {
-            known.keep_alone(&state, piece, &done).expect("writable");
+            known.keep_alone(&state, configuration, piece, &done).expect("writable");
             first.get_or_insert(state);
         } else {
-            known.keep(Some(&state), piece, &done);
+            known.keep(Some(&state), configuration, piece, &done);
         }
     }
     known.write().expect("writable");

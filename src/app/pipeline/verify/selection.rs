@@ -156,7 +156,7 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
         });
         let claimed = claim.as_ref().ok();
         let pipeline = claimed.and_then(|own| pipelines.get(&own.run.pipeline).cloned());
-        PastRun { pipeline, place, claim, seal }
+        PastRun { place, claim, seal, pipeline }
     };
     Ok(rows.into_iter().map(run).collect())
 }

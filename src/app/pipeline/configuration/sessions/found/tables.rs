@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::super::growing::growing_table;
 use super::{Bound, Found, Lack, Recorded, Session, SessionTable, Tree, Why, logs, name_of};
+use crate::ingest::StationsSettings;
 use crate::io::station_table::{self, Whose};
 use crate::pipeline::file::{LogNames, SessionsBy};
 
