@@ -113,17 +113,17 @@ fn is_alike(step: &StepRow, other: &StepRow) -> bool {
 
 /// The chosen table judged by test sessions.
 fn session_rows(steps: &[&StepRow]) -> Markup {
-    let head = html! { th.word { "Test session" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" } };
+    let head = html! { th.word { "Test session" } th.word { "Verdict" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } };
     let body = html! {
         @for step in steps {
             tr {
                 th.word scope="row" { (step.of_session) }
+                td.word { (words::verdict(step.verdict)) }
                 td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.max_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
-                td.word { (words::verdict(step.verdict)) }
             }
         }
     };
@@ -136,18 +136,18 @@ fn judged_on(step: &StepRow) -> Markup {
 }
 
 fn own_rows(steps: &[&StepRow]) -> Markup {
-    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Interpolation shown, %" } th { "Mean" } th { "Bound" } th.word { "Verdict" } };
+    let head = html! { th { "Step, mm" } th.word { "Verdict" } th { "Bound" } th { "Mean" } th { "Nodes" } th { "Covers, %" } th { "Judged on" } th { "Interpolation shown, %" } };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
                 th scope="row" { (step.step_mm) (pitches(step)) @if step.chosen { small { "chosen" } } }
+                td.word { (words::verdict(step.verdict)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td { (words::optional(step.mean_mm, 3)) }
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
                 td { (covers(step)) }
                 td { (judged_on(step)) }
                 td { (percent(step.interpolation_shown_share, 0)) }
-                td { (words::optional(step.mean_mm, 3)) }
-                td { (words::optional(step.bound_mm, 3)) }
-                td.word { (words::verdict(step.verdict)) }
             }
         }
     };
@@ -156,13 +156,14 @@ fn own_rows(steps: &[&StepRow]) -> Markup {
 
 fn all_rows(steps: &[&StepRow]) -> Markup {
     let head = html! {
-        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Covers, % of stations / box" }
-        th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th { "Model's own" } th.word { "Verdict" }
+        th { "Step, mm" } th.word { "Verdict" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Covers, % of stations / box" }
+        th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th { "Model's own" }
     };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
                 th scope="row" { (step.step_mm) (pitches(step)) }
+                td.word { @if step.judgement == Judgement::Table { (words::verdict(step.verdict)) } @else { "–" } }
                 td.word { (step.source.word()) }
                 td.word { (step.interpolation.word()) }
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
@@ -173,7 +174,6 @@ fn all_rows(steps: &[&StepRow]) -> Markup {
                 td { (words::optional(step.max_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
                 td { (words::optional(step.model_bound_mm, 3)) }
-                td.word { @if step.judgement == Judgement::Table { (words::verdict(step.verdict)) } @else { "–" } }
             }
         }
     };
@@ -237,7 +237,7 @@ fn points(steps: &[&StepRow], value: impl Fn(&StepRow) -> Option<f64>) -> Vec<[f
     points
 }
 
-/// Bound with the uncertainty above it, 95th percentile and mean.
+/// Bound with the uncertainty above it, 95th percentile, and the bound of the model.
 fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
     let bounds = points(steps, |step| step.bound_mm);
     let guarded = bounds.iter().map(|[x, bound]| [*x, *bound, bound + uncertainty_mm]).collect();
@@ -245,7 +245,6 @@ fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
     vec![
         Series::new("bound, with U above it", marks),
         Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
-        Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
         Series::line_and_points(
             "bound of the model itself",
             points(steps, |step| step.model_bound_mm),
@@ -261,7 +260,7 @@ fn other_bounds(steps: &[&StepRow]) -> Vec<Series> {
         families.entry(name).or_default().push(step);
     }
     let bounds = |(place, (name, steps)): (usize, (String, Vec<&StepRow>))| {
-        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(4 + place)
+        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(3 + place)
     };
     families.into_iter().enumerate().map(bounds).collect()
 }
