@@ -37,6 +37,15 @@ fn a_table_gives_a_pipeline_file_and_tables_of_two_kinds_none() {
         ended(posegrid().arg("init").args(files).arg("--out").arg(at(out)))
     };
     init(&["stations.csv"], "one.toml").expect(0, &["is written"]);
+    // With the ready robot that is named, the file lacks nothing.
+    let named = posegrid()
+        .arg("init")
+        .arg(at("stations.csv"))
+        .args(["--robot", "kr210-r2700-extra", "--out"])
+        .arg(at("named.toml"))
+        .output();
+    assert!(named.is_ok_and(|named| named.status.success()));
+    ended(posegrid().arg("check").arg(at("named.toml"))).expect(0, &["learns from stations"]);
     init(&["stations.csv", "b.csv"], "two.toml").expect(2, &["b.csv"]);
     assert!(!at("two.toml").exists());
     init(&["c.csv"], "three.toml").expect(2, &["c.csv"]);

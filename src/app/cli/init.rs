@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use thiserror::Error;
 
-use super::inspect::table::{arm, is_table, section};
-use super::inspect::{FROM_DATA_SHEET, UNCERTAINTY, files_in, snippet, toml_text};
+use super::inspect::table::{self, arm, is_table, section};
+use super::inspect::{Form, files, files_in, sections, toml_text};
 use super::progress::Bars;
 use super::robot::ArmFlags;
 use crate::at::At;
@@ -19,7 +19,7 @@ use crate::io::inspect::table::{Guess, inspect as inspect_table};
 use crate::io::inspect::{Inspection, inspect};
 use crate::io::log::{FileError, Limits};
 use crate::io::measured_table::MeasuredTableError;
-use crate::io::robot::ready::{READY, arms as ready_arms};
+use crate::io::robot::ready::{ReadyRobot, arms as ready_arms};
 
 /// Write a pipeline file for logs or tables of stations
 #[derive(Debug, Clone, Args)]
@@ -29,7 +29,7 @@ Examples:
   posegrid init sessions/mon                  (a folder with the logs of a session, or with such folders)
   posegrid init measured.csv --robot my.urdf --tip tool0 --out cells/7.toml
 
-What is guessed is said by posegrid inspect; lines with `unsure` or `to state` are those to look at. A ready robot that the table or the
+posegrid inspect shows what it is guessed from; lines with `unsure` or `to state` are those to look at. A ready robot that the table or the
 logs' metadata name is written beside the pipeline file. No file is replaced.")]
 pub struct InitArgs {
     /// The logs or tables of sessions, or their folder
@@ -54,8 +54,10 @@ pub enum InitError {
     Log(#[from] FileError),
     #[error(transparent)]
     Table(#[from] MeasuredTableError),
-    #[error("{0}: how it would be read is not told; posegrid inspect shows its columns")]
-    NotTold(PathBuf),
+    #[error(
+        "{0}: how to read it is not known; posegrid inspect shows its columns and what it lacks"
+    )]
+    NotKnown(PathBuf),
     #[error("{0} is not read as the tables before it: write a pipeline file for each kind")]
     Unlike(PathBuf),
     #[error("{0} is a log beside tables: write a pipeline file for each kind")]
@@ -80,11 +82,12 @@ confidence = 0.95
 [output]
 lake = \"lake\"
 ";
-const NAME: &str = "name = \"arm-1\"  # to state: the arm's name in the tables\n";
-const UP: &str =
-    "up = [0, 0, 1]  # to state: against gravity in the base frame; so for an arm on the floor\n";
-const OF_DATA_SHEET: &str =
-    "  # to state: a laser tracker's usual limits; write those of the instrument's data sheet\n";
+/// The sections of a pipeline file that follow from what was found.
+struct Sections {
+    text: String,
+    /// The file of the ready robot that they name, if they name one.
+    ready: Option<String>,
+}
 
 /// Writes the file; gives what was written and what to do now.
 pub fn run(args: &InitArgs, bars: &Bars) -> Result<String, InitError> {
@@ -93,13 +96,12 @@ pub fn run(args: &InitArgs, bars: &Bars) -> Result<String, InitError> {
     }
     let files = args.files.iter().map(|path| args.seen_from_out(path));
     let files = files.collect::<Result<Vec<PathBuf>, InitError>>()?;
-    let text = match files.iter().find(|path| is_table(path)) {
-        Some(_) => args.of_tables(&files)?,
-        None => args.of_logs(&files, bars)?,
+    let sections = if files.iter().any(|path| is_table(path)) {
+        args.of_tables(&files)?
+    } else {
+        args.of_logs(&files, bars)?
     };
-    let usual = format!("# {UNCERTAINTY}{FROM_DATA_SHEET}");
-    let text = text.replace(&usual, &format!("{UNCERTAINTY}{OF_DATA_SHEET}"));
-    args.write(&format!("{HEAD}{}\n{TO_STATE}", text.trim_end()))
+    args.write(&sections)
 }
 
 impl InitArgs {
@@ -114,7 +116,7 @@ impl InitArgs {
         path.canonicalize().map_err(|error| InitError::Write(At::new(path.display(), error)))
     }
 
-    fn of_tables(&self, files: &[PathBuf]) -> Result<String, InitError> {
+    fn of_tables(&self, files: &[PathBuf]) -> Result<Sections, InitError> {
         let selection = self.arm.selection();
         let arms = arm::arms(self.robot.as_deref(), &selection)?;
         let mut known: Option<Guess> = None;
@@ -123,65 +125,74 @@ impl InitArgs {
                 return Err(InitError::Mixed(path.clone()));
             }
             let found = inspect_table(path, Bound::of(Limits::default()), &arms)?;
-            let guess = found.guess.map_err(|_| InitError::NotTold(path.clone()))?;
+            let guess = found.guess.map_err(|_| InitError::NotKnown(path.clone()))?;
             if known.as_ref().is_some_and(|first| first.settings != guess.settings) {
                 return Err(InitError::Unlike(path.clone()));
             }
             known.get_or_insert(guess);
         }
         let paths: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-        let text = known.map(|guess| section(&paths, &guess, &selection)).unwrap_or_default();
-        let (_, text) = text.split_once("\n\n").unwrap_or_default();
-        let lines: Vec<&str> =
-            text.lines().filter(|line| !line.starts_with("# posegrid robot ")).collect();
-        let text = lines.join("\n");
-        Ok(text.replacen("\n\n[input]", &format!("\n{NAME}{UP}\n[input]"), 1))
+        let found = || known.as_ref().and_then(table::ready).map(str::to_owned);
+        let ready = self.ready().or_else(found);
+        let text = known.map(|guess| section(&paths, &guess, &selection, Form::File));
+        Ok(Sections { text: text.unwrap_or_default(), ready })
     }
 
-    fn of_logs(&self, files: &[PathBuf], bars: &Bars) -> Result<String, InitError> {
+    fn of_logs(&self, given: &[PathBuf], bars: &Bars) -> Result<Sections, InitError> {
         let progress = bars.of("inspect");
-        let (folder, sessions) = sessions(files);
-        let first = sessions.first().map(|session| folder.join(session));
-        let logs = first.map_or_else(|| files.to_vec(), |own| files_in(&own));
+        let (folder, names) = of_sessions(given);
+        let first = names.first().map(|session| folder.join(session));
+        let logs = first.map_or_else(|| given.to_vec(), |own| files_in(&own));
         let mut found: Vec<Inspection> = Vec::new();
         for log in &logs {
             found.push(inspect(log, Limits::default(), &progress)?);
         }
-        let text = snippet(&found).unwrap_or_default();
-        let (_, text) = text.split_once("[input]\n").unwrap_or_default();
-        let (_, text) = text.split_once('\n').unwrap_or_default();
-        let names: Vec<String> = sessions.iter().map(|own| toml_text(own)).collect();
-        let mut all = self.robot_of(&found);
-        let folder = toml_text(&folder.to_string_lossy());
-        write!(all, "\n[input]\nfolder = {folder}\nsessions = [{}]\n", names.join(", "))
-            .expect("a string");
-        Ok(all + &without_commands(text))
+        let (robot, ready) = self.robot_of(&found);
+        let names: Vec<String> = names.iter().map(|own| toml_text(own)).collect();
+        let text = format!(
+            "{robot}\n[input]\nfolder = {}\nsessions = [{}]\n{}{}",
+            toml_text(&folder.to_string_lossy()),
+            names.join(", "),
+            files(&found),
+            sections(&found, Form::File)
+        );
+        Ok(Sections { text, ready })
+    }
+
+    /// The file of the ready robot that was given by its name.
+    fn ready(&self) -> Option<String> {
+        let name = self.robot.as_deref().filter(|path| !path.exists())?.to_str()?;
+        ReadyRobot::find(name).map(|robot| robot.file.to_owned())
     }
 
     /// The section of the arm that was given, or of the ready one that has the model of the logs' metadata.
-    fn robot_of(&self, found: &[Inspection]) -> String {
+    fn robot_of(&self, found: &[Inspection]) -> (String, Option<String>) {
         let metadata = found.iter().flat_map(|log| &log.read_summary.metadata);
         let mut models = metadata.filter(|(_, key, _)| key == "model").map(|(_, _, model)| model);
         let of_model = |model: &String| {
             ready_arms().into_iter().find(|own| own.arm.model() == model).map(|own| own.file)
         };
-        let (file, doubt) = match (&self.robot, models.find_map(of_model)) {
-            (Some(path), _) => (path.to_string_lossy().into_owned(), ""),
-            (None, Some(ready)) => {
-                (ready, "  # unsure: the ready robot of the model in the logs' metadata")
+        let (given, of_model) = (self.ready(), models.find_map(of_model));
+        let (file, doubt) = match (&given, &self.robot, &of_model) {
+            (Some(ready), ..) => (ready.clone(), ""),
+            (None, Some(path), _) => (path.to_string_lossy().into_owned(), ""),
+            (None, None, Some(ready)) => {
+                (ready.clone(), "  # unsure: the ready robot of the model in the logs' metadata")
             }
-            (None, None) => (
+            (None, None, None) => (
                 "robot.toml".to_owned(),
                 "  # to state: the arm; posegrid robot --list names the ready ones, posegrid robot NAME > robot.toml writes one",
             ),
         };
-        format!("[robot]\nfile = {}{doubt}\n{UP}", toml_text(&file))
+        let ready = given.or_else(|| of_model.filter(|_| self.robot.is_none()));
+        let up = Form::File.of_arm(true);
+        (format!("[robot]\nfile = {}{doubt}\n{up}", toml_text(&file)), ready)
     }
 
-    fn write(&self, text: &str) -> Result<String, InitError> {
+    fn write(&self, sections: &Sections) -> Result<String, InitError> {
+        let text = format!("{HEAD}{}\n{TO_STATE}", sections.text.trim_end());
         let mut told = String::new();
-        let ready = READY.iter().find(|own| text.contains(&format!("\nfile = \"{}\"", own.file)));
-        if let Some(robot) = ready.filter(|_| self.robot.is_none()) {
+        if let Some(robot) = sections.ready.as_deref().and_then(ReadyRobot::find) {
             let path = self.out.with_file_name(robot.file);
             if path.exists() {
                 writeln!(told, "{} was there already, and is kept", path.display())
@@ -191,7 +202,7 @@ impl InitArgs {
                 writeln!(told, "{} is the ready robot", path.display()).expect("a string");
             }
         }
-        create(&self.out, text)?;
+        create(&self.out, &text)?;
         let doubts: Vec<&str> = text
             .lines()
             .filter(|line| line.contains("# unsure: ") || line.contains("# to state: "))
@@ -208,7 +219,7 @@ impl InitArgs {
 }
 
 /// The folder of the sessions, and the name of each: folders with logs in the folder that was given, or the one of the logs.
-fn sessions(files: &[PathBuf]) -> (PathBuf, Vec<String>) {
+fn of_sessions(files: &[PathBuf]) -> (PathBuf, Vec<String>) {
     let has_logs = |path: &PathBuf| path.is_dir() && files_in(path) != [path.clone()];
     let folder_of = |path: &PathBuf| {
         let parent = || path.parent().map(Path::to_owned);
@@ -231,22 +242,6 @@ fn sessions(files: &[PathBuf]) -> (PathBuf, Vec<String>) {
     let names = sessions.iter().filter_map(|own| own.file_name());
     let names = names.map(|own| own.to_string_lossy().into_owned()).collect();
     (if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder }, names)
-}
-
-/// The sections of logs with that of the commands as comments: no log states their frame, nor the controller's tool.
-fn without_commands(text: &str) -> String {
-    let mut is_command = false;
-    let mut lines = String::new();
-    for line in text.lines() {
-        if line == "[commanded]" {
-            is_command = true;
-            lines += "# Commands are left out until their frame and the controller's tool are stated, which no log does:\n";
-        }
-        is_command &= !line.is_empty();
-        let comment = if is_command && !line.starts_with('#') { "# " } else { "" };
-        lines.extend([comment, line, "\n"]);
-    }
-    lines
 }
 
 fn create(path: &Path, text: &str) -> Result<(), InitError> {

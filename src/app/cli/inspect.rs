@@ -22,7 +22,7 @@ use crate::io::log::Limits;
 use crate::io::robot::Selection;
 
 pub use describe::describe;
-pub use snippet::snippet;
+pub use snippet::{files, sections, snippet};
 
 /// Show what is in MCAP logs or tables of stations, and how a pipeline file would read them.
 #[derive(Debug, Clone, Args)]
@@ -52,9 +52,40 @@ pub struct InspectArgs {
     pub arm: ArmFlags,
 }
 
-/// The usual limits of a laser tracker, as the key that states them.
-pub(super) const UNCERTAINTY: &str = "uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }";
-pub(super) const FROM_DATA_SHEET: &str = "  # from the instrument's data sheet\n";
+/// What the sections of a pipeline file are for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// To be looked at: what no log or table states is a comment.
+    Shown,
+    /// A whole file, which can be checked and run.
+    File,
+}
+
+impl Form {
+    /// The usual limits of a laser tracker.
+    fn uncertainty(self) -> String {
+        let key = "uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }";
+        match self {
+            Self::Shown => format!("# {key}  # from the instrument's data sheet\n"),
+            Self::File => {
+                format!(
+                    "{key}  # to state: a laser tracker's usual limits; write those of the instrument's data sheet\n"
+                )
+            }
+        }
+    }
+
+    /// What a whole file states of the arm beside its robot file; its name only of tables, since logs have it.
+    pub fn of_arm(self, is_named: bool) -> String {
+        let name = "name = \"arm-1\"  # to state: the arm's name in the tables\n";
+        let up = "up = [0, 0, 1]  # to state: against gravity in the base frame; so for an arm on the floor\n";
+        match self {
+            Self::Shown => String::new(),
+            Self::File if is_named => up.to_owned(),
+            Self::File => [name, up].concat(),
+        }
+    }
+}
 
 /// Inspects each file; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable, 2: no arm.
 pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
@@ -131,10 +162,14 @@ fn inspect_tables(
         }
     }
     for (paths, guess) in &guesses {
-        messages::result(table::section(paths, guess, selection), bars)?;
+        let section = table::section(paths, guess, selection, Form::Shown);
+        messages::result(format!("{TABLES_READ}{section}"), bars)?;
     }
     Ok(outcome(unreadable, left_out))
 }
+
+const TABLES_READ: &str =
+    "# A pipeline file would read this with (guessed: check it; what is unsure says why):\n\n";
 
 /// Adds a table to those with the same settings beside it in the folder.
 fn add<'p>(guesses: &mut Vec<(Vec<&'p Path>, Guess)>, path: &'p Path, guess: Option<Guess>) {

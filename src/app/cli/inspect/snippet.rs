@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{FROM_DATA_SHEET, UNCERTAINTY, escaped, shown, toml_text};
+use super::{Form, escaped, shown, toml_text};
 use crate::io::inspect::{ChannelSummary, Inspection};
 use crate::io::log::Layout;
 
@@ -48,7 +48,7 @@ impl Section {
         }
     }
 
-    fn to_fill_in(self) -> String {
+    fn to_fill_in(self, form: Form) -> String {
         match self {
             Self::Controller => {
                 "# length_unit = \"m\"  # m or mm: only for an arm with a joint that slides\n"
@@ -61,7 +61,7 @@ impl Section {
                  # flange_from_tool = { … }  # the controller's tool, where it is not\n"
                     .to_owned()
             }
-            Self::Tracker => format!("# {UNCERTAINTY}{FROM_DATA_SHEET}"),
+            Self::Tracker => form.uncertainty(),
         }
     }
 }
@@ -78,17 +78,19 @@ const SECTIONS: [Section; 3] = [Section::Controller, Section::Commanded, Section
 
 /// The sections of a pipeline file that would read the logs, with what to check; `None` where no log was read.
 pub fn snippet(found: &[Inspection]) -> Option<String> {
-    if found.is_empty() {
-        return None;
-    }
-    let mut text = String::from(
-        "# A pipeline file would read this with (units are guessed: check them; fill in what follows #):\n\n",
-    );
-    text += &input(found);
+    let head = "# A pipeline file would read this with (units are guessed: check them; fill in what follows #):\n\n\
+                [input]\n# folder = \"…\"  # the folder with one sub-folder per session\n";
+    let of_logs = || format!("{head}{}{}", files(found), sections(found, Form::Shown));
+    (!found.is_empty()).then(of_logs)
+}
+
+/// The sections behind `[input]`.
+pub fn sections(found: &[Inspection], form: Form) -> String {
+    let mut text = String::new();
     let mut missing = Vec::new();
     for section in SECTIONS {
         match most(found, &|beside_joints, channel| section.suits(beside_joints, channel)) {
-            Some(channel) => text += &of_section(section, channel, found),
+            Some(channel) => text += &of_section(section, channel, found, form),
             None if section == Section::Commanded => {}
             None => missing.push(section),
         }
@@ -96,7 +98,7 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
     for section in missing {
         text += &of_missing(section, found);
     }
-    Some(text)
+    text
 }
 
 /// The channel with the most messages among those that suit, of a log with joint states or without.
@@ -113,7 +115,12 @@ fn most<'f>(
     found.iter().flat_map(of_log).max_by_key(|channel| channel.traffic.messages)
 }
 
-fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) -> String {
+fn of_section(
+    section: Section,
+    channel: &ChannelSummary,
+    found: &[Inspection],
+    form: Form,
+) -> String {
     let (usual, choices) = section.unit();
     let (unit, guessed) = match channel.unit() {
         Some(unit) => (unit, format!("by values up to {:.4}", channel.traffic.sizes.largest)),
@@ -142,13 +149,26 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
         writeln!(text, "temperature = {}", toml_text(&temperature.topic))
             .expect("writing to a string");
     }
-    text + &section.to_fill_in() + "\n"
+    text += &section.to_fill_in(form);
+    if form == Form::File && section == Section::Commanded {
+        text = left_out(&text);
+    }
+    text + "\n"
 }
 
-/// Which files belong to which side, in the order of the times in them.
-fn input(found: &[Inspection]) -> String {
-    let mut text =
-        String::from("[input]\n# folder = \"…\"  # the folder with one sub-folder per session\n");
+/// The section of the commands as comments: no log states their frame, nor the controller's tool.
+fn left_out(section: &str) -> String {
+    let commented = section.lines().map(|line| {
+        let comment = if line.starts_with('#') { "" } else { "# " };
+        [comment, line, "\n"].concat()
+    });
+    let why = "# Commands are left out until their frame and the controller's tool are stated, which no log does:\n";
+    [why.to_owned()].into_iter().chain(commented).collect()
+}
+
+/// The keys of `[input]` that say which files belong to which side, in the order of the times in them.
+pub fn files(found: &[Inspection]) -> String {
+    let mut text = String::new();
     for (key, section) in [("controller", Section::Controller), ("tracker", Section::Tracker)] {
         let Some(topic) =
             most(found, &|beside_joints, channel| section.suits(beside_joints, channel))

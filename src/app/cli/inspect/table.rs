@@ -12,7 +12,7 @@ use super::{escaped, shown};
 use crate::ingest::AngleUnit;
 use crate::io::inspect::table::{ColumnSummary, Differs, Guess, TableInspection, Tried, Verdict};
 
-pub use section::section;
+pub use section::{ready, section};
 
 const MOST_PRINTED: usize = 20;
 const MOST_TEXTS: usize = 5;

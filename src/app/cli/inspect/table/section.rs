@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Isometry3;
 
-use crate::cli::inspect::{FROM_DATA_SHEET, UNCERTAINTY, escaped, toml_text};
+use crate::cli::inspect::{Form, escaped, toml_text};
 use crate::geometry::rpy;
 use crate::ingest::{
     OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
@@ -21,25 +21,28 @@ struct Lines<'g> {
 }
 
 /// The sections that read the tables at `paths`, which are all of one guess.
-pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection) -> String {
-    let mut lines = Lines {
-        guess,
-        text: "# A pipeline file would read this with (guessed: check it; what is unsure says why):\n\n".to_owned(),
-    };
-    lines.robot(selection);
+pub fn section(paths: &[&Path], guess: &Guess, selection: &Selection, form: Form) -> String {
+    let mut lines = Lines { guess, text: String::new() };
+    lines.robot(selection, form);
     lines.input(paths);
     lines.stations(&guess.settings);
     if let Some(commands) = guess.commands.as_ref().filter(|_| guess.settings.commanded.is_some()) {
         lines.commanded(commands);
     }
     lines.head("tracker");
-    lines.text.extend(["# ", UNCERTAINTY, FROM_DATA_SHEET]);
+    lines.text += &form.uncertainty();
     lines.text
+}
+
+/// The file of the ready robot that the table is of, by its residual.
+pub fn ready(guess: &Guess) -> Option<&str> {
+    let found = guess.verdict.as_ref().filter(|own| !guess.arm_is_named && own.agrees())?;
+    Some(&guess.arms[found.best.arm])
 }
 
 impl Lines<'_> {
     fn head(&mut self, name: &str) {
-        let gap = if self.text.ends_with("\n\n") { "" } else { "\n" };
+        let gap = if self.text.is_empty() || self.text.ends_with("\n\n") { "" } else { "\n" };
         self.text.extend([gap, "[", name, "]\n"]);
     }
 
@@ -55,22 +58,22 @@ impl Lines<'_> {
         self.text.extend([key, " = ", value, &unsure, "\n"]);
     }
 
-    fn robot(&mut self, selection: &Selection) {
+    fn robot(&mut self, selection: &Selection, form: Form) {
         self.head("robot");
         let guess = self.guess;
-        let found = guess.verdict.as_ref().filter(|verdict| guess.arm_is_named || verdict.agrees());
         let named = if guess.arm_is_named { guess.arms.first() } else { None };
-        let file = found.map(|verdict| &guess.arms[verdict.best.arm]).or(named);
-        if let Some(ready) = file.filter(|_| !guess.arm_is_named) {
+        if let Some(ready) = ready(guess).filter(|_| form == Form::Shown) {
             let name = ready.trim_end_matches(".toml");
             self.text.extend(["# posegrid robot ", name, " > ", ready, "\n"]);
         }
-        self.key("file", &toml_text(file.map_or("robot.toml", String::as_str)), Some(Key::Robot));
+        let file = ready(guess).or(named.map(String::as_str)).unwrap_or("robot.toml");
+        self.key("file", &toml_text(file), Some(Key::Robot));
         for (key, value) in [("base", &selection.base), ("tip", &selection.tip)] {
             if let Some(value) = value {
                 self.key(key, &toml_text(value), None);
             }
         }
+        self.text += &form.of_arm(false);
     }
 
     fn input(&mut self, paths: &[&Path]) {
@@ -321,7 +324,7 @@ T1\u{1b} x;T1\u{1b} y;T1\u{1b} z;T2 x;T2 y;T2 z;T1\u{1b} rx;T1\u{1b} ry;T1\u{1b}
         let found = inspect(&path, Bound::TARGETS, &Arms::ready()).expect("a table");
         let guess = found.guess.expect("joints and positions");
         assert_eq!(guess.settings.measured.len(), 2, "{:?}", guess.settings);
-        let text = section(&[&path], &guess, &Selection::default());
+        let text = section(&[&path], &guess, &Selection::default(), Form::Shown);
         assert!(!text.contains('\u{1b}'), "{text}");
         let sections: toml::Table = toml::from_str(&text).expect("sound TOML");
         let stations: StationsSettings = sections["stations"].clone().try_into().expect("settings");
