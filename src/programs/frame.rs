@@ -191,7 +191,7 @@ pub struct Cell {
     /// Motion instructions of one's own, each like one of the controller's.
     #[serde(default)]
     pub motions: BTreeMap<String, String>,
-    /// Of the frames that are taught; the file of the cell does not state them.
+    /// Where each taught frame really is: worked out from its points, never read from a file.
     #[serde(skip)]
     pub true_places: Vec<TruePlace>,
 }

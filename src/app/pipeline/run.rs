@@ -20,7 +20,7 @@ use super::compared::pairs;
 use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
 use super::promise;
-use super::summary::{Summary, summary, warnings, when};
+use super::summary::{Summary, summary, when};
 use super::words::{notes, words};
 use super::{damage, driven};
 use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
@@ -226,7 +226,7 @@ fn run_local(
     let rows = RunRows::of(&outcome, &context, &key)?;
     let parameters = &rows.parameters.rows;
     let summary = summary(&outcome, configuration, parameters, &context.pairs, state.as_deref());
-    let said = said(configuration, &outcome, &remarks, state, context.pairs.clone())?;
+    let said = said(configuration, &outcome, &summary, &remarks, state, context.pairs.clone())?;
     let corrects = lake.place(summary.next.table(), &key)?;
     let commit = publish(&outcome, rows, &context, run, work, &said)?;
     let done = Done {
@@ -248,6 +248,7 @@ fn run_local(
 fn said(
     configuration: &Configuration,
     outcome: &Outcome<'_>,
+    summary: &Summary,
     remarks: &[String],
     table_state: Option<String>,
     pairs: Pairs,
@@ -255,7 +256,7 @@ fn said(
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
         rejected: damage::rejected_beyond(&counts, configuration.file.input.max_rejected_share),
-        warnings: warnings(outcome, &configuration.stages.tolerance),
+        warnings: summary.warnings.clone(),
         doubts_set_up: outcome.doubts_set_up(),
         notes: notes(outcome).into_iter().chain(remarks.iter().cloned()).collect(),
         table_state,

@@ -15,6 +15,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Point3;
 
 use super::{JoinedSession, Outcome};
+use crate::figures::Figures;
 use crate::join::{Pairing, Station};
 use crate::report::{Angles, ResidualSet, Split};
 
@@ -67,8 +68,8 @@ fn left(sets: &[ResidualSet], session: &str) -> Option<f64> {
         subject.of_session == session && subject.angles == Angles::Reported && is_held_out
     });
     let rms = own.filter_map(|set| {
-        let squares: Vec<f64> = set.judged().map(|own| own.residual.norm_squared()).collect();
-        root_mean(&squares)
+        let norms: Vec<f64> = set.judged().map(|own| own.residual.norm()).collect();
+        Some(Figures::of(&norms)?.rms)
     });
     rms.min_by(f64::total_cmp)
 }
@@ -82,7 +83,7 @@ fn effect(
     let rounded: Vec<(usize, f64)> =
         steps.iter().enumerate().filter_map(|(joint, step)| Some((joint, (*step)?))).collect();
     rounded.first()?;
-    let square = |own: &&[f64]| {
+    let norm = |own: &&[f64]| {
         let at = place(own);
         let by = |&(joint, step): &(usize, f64)| {
             let mut off = own.to_vec();
@@ -90,13 +91,9 @@ fn effect(
             off[joint] += step / 2.0;
             (place(&off) - at).norm_squared() / 3.0
         };
-        rounded.iter().map(by).sum::<f64>()
+        rounded.iter().map(by).sum::<f64>().sqrt()
     };
-    root_mean(&joints.iter().map(square).collect::<Vec<f64>>())
-}
-
-fn root_mean(squares: &[f64]) -> Option<f64> {
-    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    Some(Figures::of(&joints.iter().map(norm).collect::<Vec<f64>>())?.rms)
 }
 
 /// The step of each joint.

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::summary::Totals;
+use super::summary::{Totals, in_order};
 use super::work::Ending;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::{Row as _, Word as _};
@@ -21,15 +21,10 @@ pub fn document(
     exit_code: u8,
 ) -> Result<String, LakeError> {
     let lake = Lake::at(&fleet.lake)?;
-    let mut aside = set_aside.iter().peekable();
-    let mut sessions = Vec::new();
-    for (place, (own, ending)) in fleet.pieces().iter().zip(endings).enumerate() {
-        while let Some(before) = aside.next_if(|aside| aside.before <= place) {
-            sessions.push(of_aside(before));
-        }
-        sessions.push(session(&lake, own, ending)?);
-    }
-    sessions.extend(aside.map(of_aside));
+    let pieces = fleet.pieces();
+    let of_pieces = pieces.iter().zip(endings).map(|(own, ending)| session(&lake, own, ending));
+    let sessions = in_order(of_pieces, set_aside, |own| Ok(of_aside(own)));
+    let sessions = sessions.into_iter().collect::<Result<Vec<Value>, LakeError>>()?;
     let document = json!({
         "version": VERSION,
         "lake": fleet.lake.to_string(),

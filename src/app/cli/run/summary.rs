@@ -57,21 +57,31 @@ pub fn summary(
     text
 }
 
-/// A line for each session, those set aside in between where they were listed.
+/// A line for each session.
 fn lines<'a>(
     endings: impl Iterator<Item = (&'a str, &'a Ending)>,
     set_aside: &[SetAside],
 ) -> String {
+    let lines = endings.map(|(session, ending)| line(session, ending));
+    in_order(lines, set_aside, aside_line).concat()
+}
+
+/// What is told of each piece of work, with what `of_aside` tells of sessions set aside where they were listed.
+pub(super) fn in_order<T>(
+    of_pieces: impl Iterator<Item = T>,
+    set_aside: &[SetAside],
+    of_aside: impl Fn(&SetAside) -> T,
+) -> Vec<T> {
     let mut aside = set_aside.iter().peekable();
-    let mut text = String::new();
-    for (place, (session, ending)) in endings.enumerate() {
+    let mut all = Vec::new();
+    for (place, own) in of_pieces.enumerate() {
         while let Some(before) = aside.next_if(|aside| aside.before <= place) {
-            text += &aside_line(before);
+            all.push(of_aside(before));
         }
-        text += &line(session, ending);
+        all.push(own);
     }
-    aside.map(aside_line).for_each(|line| text += &line);
-    text
+    all.extend(aside.map(of_aside));
+    all
 }
 
 fn line(session: &str, ending: &Ending) -> String {

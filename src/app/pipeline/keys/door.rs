@@ -166,7 +166,7 @@ impl Door<'_, '_> {
         self.known(section, place).any(|known| known == name)
     }
 
-    /// What is read of a section: its keys, and the sections inside it.
+    /// The names that a section may have: its keys, and the sections inside it.
     fn known<'o>(
         &'o self,
         section: &'o KeySection,
