@@ -1,16 +1,17 @@
 //! The guide, chapter by chapter: how posegrid is used, from the first robot file to years of runs.
 //!
-//! The README is the first hour. These modules hold text only and say the rest. What is computed, and why, stands in
-//! [`crate::method`]. Every command has an example in its `--help`, and `posegrid schema TABLE` shows each column of a table, `posegrid
-//! schema pipeline` each key of a pipeline file.
+//! The README is the first hour, the tutorials are the second. These modules hold text only. What is computed, and why, stands in
+//! [`crate::method`], with what was measured. Every command has an example in its `--help`, and `posegrid schema TABLE` shows each
+//! column of a table, `posegrid schema pipeline` each key of a pipeline file.
 //!
 //! | chapter | question it answers | command |
 //! |---|---|---|
+//! | [`first_night`] | From the logs of a cell to a page every morning: a tutorial | `init`, `check`, `run` |
+//! | [`spreadsheet_abb`] | From a spreadsheet to a corrected RAPID program: a tutorial | `init`, `compensate` |
 //! | [`install`] | How does it reach a machine: source, wheel, package, image, Windows? | |
 //! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | `schema robot` |
 //! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `schema pipeline`, `check` |
 //! | [`fleet`] | How are many robots stated in one pipeline file, and how is their work shared out? | `run`, `tasks`, `task` |
-//! | [`fleet_on_paper`] | What would 5,000 robots cost in five years, and what breaks first? | |
 //! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
 //! | [`station_tables`] | How is a table of stations read, where there are no logs? | `inspect` |
 //! | [`cameras`] | How are a camera's poses, markers and several targets in one log read? | |
@@ -21,19 +22,23 @@
 //! | [`driven_session`] | Did the correction work? | `run` |
 //! | [`planning`] | How many poses, and which, before anything is measured? | `plan` |
 //! | [`simulate`] | How is a session of known truth made? | `simulate` |
-//! | [`operating`] | How does it run every night, and how does it end? | `run` |
+//! | [`operating`] | What waits, what is kept, what of several batches and interruptions? | `run` |
 //! | [`history`] | What moved since the last session? | `history` |
 //! | [`verify`] | Is a result of years ago still what it was? What may be deleted? | `verify` |
-//! | [`benchmark`] | How do the models do on open data, beside kriging, a network and other programs on the same splits? | |
-//! | [`library`] | How are the steps called from Rust? | |
 //! | [`storage`] | How are sessions and lake kept on object storage? | |
-//! | [`performance`] | Which build, how much time and memory? | |
-//! | [`proofs`] | Which tests are there, and which longer proofs? | |
 
 #![expect(
     clippy::doc_markdown,
     reason = "the chapters are prose: names of products are not names of items"
 )]
+
+#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("guide/first_night.md")]
+pub mod first_night {}
+
+#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("guide/spreadsheet_abb.md")]
+pub mod spreadsheet_abb {}
 
 #[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/install.md")]
@@ -50,10 +55,6 @@ pub mod pipeline_file {}
 #[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/fleet.md")]
 pub mod fleet {}
-
-#[doc = include_str!("guide/links.md")]
-#[doc = include_str!("guide/fleet_on_paper.md")]
-pub mod fleet_on_paper {}
 
 #[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/logs.md")]
@@ -74,6 +75,7 @@ pub mod tables {}
 #[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/questions.md")]
 pub mod questions {}
+
 #[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/figures.md")]
 pub mod figures {}
@@ -107,21 +109,5 @@ pub mod history {}
 pub mod verify {}
 
 #[doc = include_str!("guide/links.md")]
-#[doc = include_str!("guide/benchmark.md")]
-pub mod benchmark {}
-
-#[doc = include_str!("guide/links.md")]
-#[doc = include_str!("guide/library.md")]
-pub mod library {}
-
-#[doc = include_str!("guide/links.md")]
 #[doc = include_str!("guide/storage.md")]
 pub mod storage {}
-
-#[doc = include_str!("guide/links.md")]
-#[doc = include_str!("guide/performance.md")]
-pub mod performance {}
-
-#[doc = include_str!("guide/links.md")]
-#[doc = include_str!("guide/proofs.md")]
-pub mod proofs {}

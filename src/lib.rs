@@ -53,6 +53,47 @@
 //!
 //! `tests/house` holds the modules inside a crate against the same order, and names the circles that there are inside a room.
 //!
+//! # Calling the steps
+//!
+//! The steps of `posegrid run` as plain functions; a result is a value.
+//!
+//! ```
+//! use std::path::Path;
+//! use posegrid::fit::model::{At, PoseModel, Query};
+//! use posegrid::fit::{FitSettings, Freedom, identify, observations};
+//! use posegrid::io::log::{SessionLogs, read_session};
+//! use posegrid::join::join;
+//! use posegrid::pipeline::configuration::{Configuration, Overrides};
+//! use posegrid::progress::Quiet;
+//!
+//! // Both logs of the quickstart's session, and what its pipeline file says of them.
+//! let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+//! let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
+//! let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
+//! let mapping = configuration.reads.mapping().expect("a pipeline file of logs");
+//! let read = read_session(&logs, mapping, configuration.file.limits, &configuration.file.join.arm_rule(), &mut (), &Quiet)?;
+//! assert!(read.rejects.is_empty(), "nothing is lost");
+//!
+//! // Dwells of the arm become stations; the two clocks of this session drift apart by less than a thousandth.
+//! let joined = join(&read.input, &configuration.arm, &configuration.file.join)?;
+//! assert!(joined.stations.iter().filter(|station| !station.measured().is_empty()).count() > 50);
+//! assert!(joined.clock.model.drift.abs() < 1e-3);
+//!
+//! // Base and target alone, then the geometry as well.
+//! let seen = observations(0, &joined.stations, &configuration.arm, &configuration.stages.noise);
+//! let settings = FitSettings::default();
+//! let before = identify(&configuration.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
+//! let after = identify(&configuration.arm, &seen, 1, Freedom::Geometry, &settings)?;
+//! assert!(after.misfit_mm < before.misfit_mm, "training errors: no verdict");
+//!
+//! // The reflector at the first station by the identified geometry, in the tracker frame, and its covariance, mm.
+//! let prediction = after.predict(&At::Joints(Query::of(&seen[0])))?;
+//! let left = seen[0].point().expect("the tracker reads points").position - prediction.position;
+//! let covariance = after.spread(0, seen[0].source, &prediction).covariance();
+//! assert!(left.norm() < 1.0 && covariance.trace().sqrt() < 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! # Where to add
 //!
 //! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], where its

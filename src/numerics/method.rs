@@ -20,6 +20,7 @@
 //! | [`history`] | Did the arm change between sessions? | [`crate::history`] |
 //! | [`planning`] | How many poses, and which, before anything is measured? | [`crate::plan`] |
 //! | [`uncertainty`] | What is in a stated standard deviation, and does it hold? | all of them |
+//! | [`measured`] | What time, memory and storage does it take, how do other models do, and what did the longer proofs give? | |
 //! | [`sources`] | Where does it come from? | |
 
 #![expect(
@@ -71,6 +72,9 @@ pub mod planning {}
 
 #[doc = include_str!("method/uncertainty.md")]
 pub mod uncertainty {}
+
+#[doc = include_str!("method/measured.md")]
+pub mod measured {}
 
 #[doc = include_str!("method/sources.md")]
 pub mod sources {}

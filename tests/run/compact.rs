@@ -350,7 +350,7 @@ fn figures(session: &str, day: i64) -> Vec<AccuracyRow> {
 }
 
 #[test]
-#[ignore = "73,000 sessions, a quarter of an hour and 2 GB of disk; see src/guide/proofs.md"]
+#[ignore = "73,000 sessions, a quarter of an hour and 2 GB of disk; see .github/CONTRIBUTING.md"]
 fn a_year_of_200_robots_is_compacted_and_asked() {
     let folder = tempfile::tempdir().expect("a folder");
     let lake = Lake::new(folder.path());

@@ -10,7 +10,7 @@ const PIPELINE: &str = "/srv/cell/cell.toml";
 
 /// The fenced text of the guide that begins with this line.
 fn text(first: &str) -> String {
-    let guide = fs::read_to_string("src/guide/operating.md").expect("part of the project");
+    let guide = fs::read_to_string("src/guide/first_night.md").expect("part of the project");
     let start = guide.find(&format!("\n{first}\n"));
     let start = start.unwrap_or_else(|| panic!("{first:?} begins no text of the guide"));
     let text = guide[start + 1..].split("\n```").next();

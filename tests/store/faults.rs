@@ -251,7 +251,7 @@ fn an_outage_from_the_first_request_on_is_reported_and_nothing_is_lost() {
 }
 
 #[test]
-#[ignore = "five minutes; see src/guide/proofs.md"]
+#[ignore = "five minutes; see .github/CONTRIBUTING.md"]
 fn a_minute_without_an_answer_is_waited_for() {
     if !is_there() {
         return;
@@ -266,7 +266,7 @@ fn a_minute_without_an_answer_is_waited_for() {
 }
 
 #[test]
-#[ignore = "half an hour: every fault at every request; see src/guide/proofs.md"]
+#[ignore = "half an hour: every fault at every request; see .github/CONTRIBUTING.md"]
 fn any_request_may_go_wrong() {
     if !is_there() {
         return;

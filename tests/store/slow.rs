@@ -140,7 +140,7 @@ fn single_tasks_are_listed_by_their_own_files_which_are_read_once() {
 
 /// Prints how long a year of 200 robots takes, with what it asks for.
 #[test]
-#[ignore = "73,000 sessions; see src/guide/proofs.md"]
+#[ignore = "73,000 sessions; see .github/CONTRIBUTING.md"]
 fn a_year_of_a_fleet_on_slow_storage_is_known_within_a_minute() {
     let begun = Instant::now();
     told(200, 365);

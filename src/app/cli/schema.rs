@@ -159,14 +159,6 @@ mod tests {
     }
 
     #[test]
-    fn the_guide_has_the_views_as_they_are_printed() {
-        let views = shown(Some("views"), Format::Text).unwrap();
-        assert!(include_str!("../../guide/tables.md").contains(&views), "{views}");
-        let guide = include_str!("../../guide/tables.md");
-        assert!(guide.contains(schema::COMPACT_VIEWS_SQL));
-    }
-
-    #[test]
     fn the_keys_of_files_show_type_unit_default_and_words() {
         let text = shown(Some("pipeline"), Format::Text).unwrap();
         for expected in [

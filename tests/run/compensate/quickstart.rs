@@ -16,18 +16,8 @@ pub struct Quickstart {
 }
 
 impl Quickstart {
-    /// The lines of a shell run in the folder, with our program on the path; what they print on stdout. They have to succeed.
     pub fn sh(&self, lines: &str) -> String {
-        let program = assert_cmd::cargo::cargo_bin!("posegrid");
-        let mut path = OsString::from(program.parent().expect("in a folder"));
-        path.push(":/usr/bin:/bin");
-        let done = Command::new("sh")
-            .args(["-e", "-c", lines])
-            .env("PATH", path)
-            .current_dir(&self.folder)
-            .assert()
-            .success();
-        String::from_utf8_lossy(&done.get_output().stdout).into_owned()
+        sh(&self.folder, lines)
     }
 
     /// The run's file of a table, its path from the folder.
@@ -44,6 +34,20 @@ impl Quickstart {
         let stem = file.file_stem().expect("named");
         stem.to_string_lossy().into_owned()
     }
+}
+
+/// The lines of a shell run in a folder, with our program on the path; what they print on stdout. They have to succeed.
+pub fn sh(folder: &Path, lines: &str) -> String {
+    let program = assert_cmd::cargo::cargo_bin!("posegrid");
+    let mut path = OsString::from(program.parent().expect("in a folder"));
+    path.push(":/usr/bin:/bin");
+    let done = Command::new("sh")
+        .args(["-e", "-c", lines])
+        .env("PATH", path)
+        .current_dir(folder)
+        .assert()
+        .success();
+    String::from_utf8_lossy(&done.get_output().stdout).into_owned()
 }
 
 /// The quickstart's run.

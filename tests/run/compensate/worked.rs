@@ -1,4 +1,4 @@
-//! Numbers and commands of the README and the guide, held against a run of the quickstart.
+//! Numbers and commands of the README, the guide and the method, held against a run of the quickstart.
 //!
 //! Where a text has grown stale, the test names the file and prints what has to stand there.
 
@@ -10,7 +10,7 @@ use posegrid::io::schema;
 use posegrid::io::table;
 
 use super::cell::field;
-use super::quickstart::quickstart;
+use super::quickstart::{quickstart, sh};
 
 /// A section of a document, from the line below its heading to the next heading of the same level.
 fn section(file: &str, heading: &str) -> String {
@@ -82,6 +82,10 @@ fn the_commands_of_the_readme_give_what_it_says() {
         written(vector(&corrected, "A", SD), 3),
     );
     says("README.md", &apply, &wanted);
+    let guide = fs::read_to_string("src/guide/compensate.md").expect("part of the project");
+    done.sh(fenced(&guide, "sh"));
+    let by_name = fs::read_to_string(done.folder.join("by-name.csv")).expect("written");
+    assert_eq!(vector(&by_name, "A", POSITION), vector(&corrected, "A", POSITION));
     let night = done.sh(fenced(&section("README.md", "## Every night"), "sh"));
     assert!(night.contains("done-before  quickstart"), "{night}");
 }
@@ -128,7 +132,7 @@ impl Exported {
     }
 }
 
-/// The guide's worked example: interpolation as a reader does it with a calculator, from the printed digits.
+/// The method's worked example: interpolation as a reader does it with a calculator, from the printed digits.
 fn by_hand(target: Vector3<f64>, table: &Exported, commanded: Vector3<f64>) -> String {
     let pitch = table.pitch();
     let weight = |place: &Vector3<f64>| {
@@ -180,8 +184,8 @@ fn the_target_worked_by_hand_is_the_programs() {
     assert_eq!(exported.terms["interpolation"], "trilinear", "the example's weights are those");
     let example =
         by_hand(vector(&targets, "A", POSITION), &exported, vector(&corrected, "A", POSITION));
-    let guide = "src/guide/compensate.md";
-    says(guide, &section(guide, "# A target by hand"), &example);
+    let method = "src/numerics/method/compensation.md";
+    says(method, &section(method, "# A target by hand"), &example);
 }
 
 #[test]
@@ -214,4 +218,45 @@ fn the_figures_to_expect_are_those_of_the_run() {
     );
     let guide = "src/guide/figures.md";
     says(guide, &section(guide, "# What to expect"), &wanted);
+}
+
+/// Runs the commands of a tutorial in their order, in a folder with the files that it shows; what they print on stdout.
+fn tutorial(chapter: &str) -> String {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = fs::read_to_string(chapter).expect("part of the project");
+    let mut printed = String::new();
+    for piece in text.split("\n```").skip(1).step_by(2) {
+        let (language, lines) = piece.split_once('\n').expect("a language");
+        match (language, lines.lines().next()) {
+            ("sh", _) => printed += &sh(folder.path(), lines),
+            (_, Some("MODULE Part")) => {
+                fs::write(folder.path().join("part.mod"), lines).expect("writable");
+            }
+            (_, Some("# cell.toml")) => {
+                fs::write(folder.path().join("cell.toml"), lines).expect("writable");
+            }
+            _ => {}
+        }
+    }
+    let [given, back] = ["part.mod", "original/part.mod"].map(|file| folder.path().join(file));
+    if given.exists() {
+        assert_eq!(fs::read(given).expect("there"), fs::read(back).expect("given back"));
+    }
+    printed
+}
+
+#[test]
+fn the_commands_of_a_spreadsheet_and_an_abb_run_as_they_stand() {
+    let printed = tutorial("src/guide/spreadsheet_abb.md");
+    for told in ["within tolerance by the identified arm", "2 corrected, 0 refused, 0 computed"] {
+        assert!(printed.contains(told), "{told}: {printed}");
+    }
+}
+
+#[test]
+fn the_commands_of_the_first_night_run_as_they_stand() {
+    let printed = tutorial("src/guide/first_night.md");
+    for told in ["2 of 2 within 0.5 mm, 0 without a result", "newest: nothing moved"] {
+        assert!(printed.contains(told), "{told}: {printed}");
+    }
 }

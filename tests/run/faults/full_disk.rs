@@ -42,7 +42,7 @@ fn a_few_writes_that_find_no_space_are_reported_and_harm_nothing() {
 }
 
 #[test]
-#[ignore = "minutes: every write of a run; see src/guide/proofs.md"]
+#[ignore = "minutes: every write of a run; see .github/CONTRIBUTING.md"]
 fn any_write_that_finds_no_space_is_reported_and_harms_nothing() {
     if strace::is_there() {
         let calls = calls();
@@ -95,7 +95,7 @@ fn a_run_on_a_full_disk_is_finished_when_there_is_room() {
 }
 
 #[test]
-#[ignore = "a minute: full disks of many sizes; see src/guide/proofs.md"]
+#[ignore = "a minute: full disks of many sizes; see .github/CONTRIBUTING.md"]
 fn a_run_on_full_disks_of_many_sizes_is_finished_when_there_is_room() {
     if mounting_is_allowed() {
         // The lake takes some 600 KiB with its folders.

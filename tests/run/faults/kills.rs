@@ -30,7 +30,7 @@ fn a_run_killed_at_any_of_a_few_calls_is_finished_by_the_next_one() {
 }
 
 #[test]
-#[ignore = "minutes: every write of a run; see src/guide/proofs.md"]
+#[ignore = "minutes: every write of a run; see .github/CONTRIBUTING.md"]
 fn a_run_killed_at_any_call_is_finished_by_the_next_one() {
     if !strace::is_there() {
         return;

@@ -77,7 +77,7 @@ fn a_second_signal_is_the_end() {
 }
 
 #[test]
-#[ignore = "minutes: both signals at many calls; see src/guide/proofs.md"]
+#[ignore = "minutes: both signals at many calls; see .github/CONTRIBUTING.md"]
 fn a_run_that_is_asked_to_end_at_any_call_does_so() {
     if !strace::is_there() {
         return;

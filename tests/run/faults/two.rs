@@ -66,7 +66,7 @@ fn without_locks_two_batches_do_the_same_work_and_one_commits() {
 }
 
 #[test]
-#[ignore = "a minute: twenty races; see src/guide/proofs.md"]
+#[ignore = "a minute: twenty races; see .github/CONTRIBUTING.md"]
 fn without_locks_two_batches_race_twenty_times() {
     if strace::is_there() {
         for round in 0..20 {

@@ -187,7 +187,7 @@ fn a_run_of_which_no_word_can_be_written_publishes_what_it_always_does() {
 }
 
 #[test]
-#[ignore = "minutes: every write of a run, a plain one and a recomputing one; see src/guide/proofs.md"]
+#[ignore = "minutes: every write of a run, a plain one and a recomputing one; see .github/CONTRIBUTING.md"]
 fn every_write_of_what_a_run_tells_may_be_refused() {
     if !strace::is_there() {
         return;
