@@ -123,10 +123,7 @@ fn other_than_file(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;
     }
-    if kind.is_dir() {
-        return Some("a folder");
-    }
-    Some(system::special(kind))
+    Some(if kind.is_dir() { "a folder" } else { system::special(kind) })
 }
 
 #[cfg(test)]

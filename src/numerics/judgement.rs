@@ -190,9 +190,8 @@ pub fn results<'a>(
         stations: &stations(&training, &observed, &models, &error_frame),
         settings,
     };
-    let grids = judges.grids(&folds, known, progress)?;
     let Corrections { grids, driven, scales, accuracy, at_tip, iso_9283, verdict } =
-        judges.corrections(grids, &residuals, &semivariograms)?;
+        judges.corrections(judges.grids(&folds, known, progress)?, &residuals, &semivariograms)?;
     residuals.extend(driven.iter().flat_map(Driven::sets).cloned());
     Ok(Outcome {
         best: models.best().0,

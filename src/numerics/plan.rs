@@ -126,8 +126,7 @@ pub fn fresh_poses(
     settings: &PlanSettings,
 ) -> Result<Vec<Commanded>, PlanError> {
     let mut stream = Stream::new(settings.seed, Ingredient::TestPoses);
-    let wanted = POOL.max(settings.test_poses);
-    Ok(placer.random(region, wanted, &mut stream, &|_| Ok(()))?.0)
+    Ok(placer.random(region, POOL.max(settings.test_poses), &mut stream, &|_| Ok(()))?.0)
 }
 
 /// The number of poses of the smallest chosen design that holds: those of the table, then sizes halved between the largest

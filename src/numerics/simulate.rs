@@ -144,13 +144,8 @@ fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandS
 }
 
 fn samples(rate_hz: f64, end_s: f64) -> Vec<f64> {
-    let mut times = Vec::new();
-    let mut next = 0.0;
-    while next <= end_s {
-        times.push(next);
-        next = times.len() as f64 / rate_hz;
-    }
-    times
+    let times = (0_usize..).map(|place| place as f64 / rate_hz);
+    times.take_while(|time| *time <= end_s).collect()
 }
 
 fn stamp(settings: &SimulateSettings, t_s: f64) -> Stamp<Controller> {

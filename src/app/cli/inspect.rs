@@ -223,10 +223,7 @@ const LONGEST_SHOWN: usize = 200;
 fn shown(text: &str) -> String {
     match text.char_indices().nth(LONGEST_SHOWN) {
         None => escaped(text),
-        Some((end, _)) => {
-            let more = text.len() - end;
-            format!("{}… and {more} bytes more", escaped(&text[..end]))
-        }
+        Some((end, _)) => format!("{}… and {} bytes more", escaped(&text[..end]), text.len() - end),
     }
 }
 

@@ -74,8 +74,7 @@ fn rows(figures: &[AccuracyRow], subjects: &[Subject]) -> Markup {
         @for (_, heading) in COLUMNS { th { (heading) } }
         th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
-    let body = html! { @for subject in subjects { (row(figures, subject)) } };
-    super::table(&head, &body)
+    super::table(&head, &html! { @for subject in subjects { (row(figures, subject)) } })
 }
 
 /// The stations that judged; a table that did not drive them is compared with another session, as models are.

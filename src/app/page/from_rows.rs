@@ -101,8 +101,7 @@ fn dwells(session: &SessionRows) -> Vec<(PairingVerdict, Option<Unpaired>, usize
     let mut dwells = BTreeMap::new();
     for station in &session.stations.rows {
         let words = (station.verdict.word(), station.dwell.reason.map(Unpaired::word));
-        let entry = dwells.entry(words);
-        entry.or_insert((station.verdict, station.dwell.reason, 0)).2 += 1;
+        dwells.entry(words).or_insert((station.verdict, station.dwell.reason, 0)).2 += 1;
     }
     dwells.into_values().collect()
 }

@@ -166,8 +166,7 @@ fn whose((evidence, subject): &Of) -> String {
         Moment::After => "Predicted",
         Moment::MeasuredAfter => "Measured after",
     };
-    let (model, stations) = (words::subject(subject), words::stations(subject));
-    format!("{evidence}: {model}; {stations}")
+    format!("{evidence}: {}; {}", words::subject(subject), words::stations(subject))
 }
 
 /// A symbol of the standard; the part after the underscore is a subscript.

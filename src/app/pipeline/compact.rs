@@ -140,10 +140,8 @@ fn attempt(
 fn known(lake: &Lake, state: &CompactState, damaged: &BTreeSet<String>) -> BTreeMap<String, Month> {
     let files = state.files.par_iter();
     let files = files.filter(|file| file.table == KEYS && !damaged.contains(&file.month));
-    let read = |file: &CompactFile| {
-        let keys = lake.read_compact_keys(file)?;
-        Some((file.month.clone(), Month::of(keys)))
-    };
+    let read =
+        |own: &CompactFile| Some((own.month.clone(), Month::of(lake.read_compact_keys(own)?)));
     files.filter_map(read).collect()
 }
 

@@ -337,8 +337,7 @@ fn source_names(file: &PipelineFile) -> Vec<String> {
         return Vec::new();
     }
     let places = (file.first_length() > 0).then(|| "tracker".to_owned());
-    let lengths = lengths.iter().map(|own| own.name.to_owned());
-    places.into_iter().chain(lengths).collect()
+    places.into_iter().chain(lengths.iter().map(|own| own.name.to_owned())).collect()
 }
 
 /// Stated place and offset of each source that reads lengths, in the order of sources; none of that of places.

@@ -17,8 +17,7 @@ use crate::units::NS_PER_S;
 
 /// Findings that a page has no section for: named scales, and stations with little weight in the full error model.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
-    let named = sizes::named(&outcome.scales).into_iter();
-    let named = several_sources(outcome).chain(named);
+    let named = several_sources(outcome).chain(sizes::named(&outcome.scales));
     let named =
         references::followed(outcome).into_iter().chain(several_targets(outcome)).chain(named);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));

@@ -98,8 +98,7 @@ impl BatchChain {
     fn block<const N: usize, C: AsRef<[f64]>>(&self, axes: &[C], first: usize) -> Vectors<N> {
         let mut vectors = self.at_end();
         for (link, joint) in self.joints.iter().rev() {
-            let variable = read(axes[joint.axis].as_ref(), first);
-            joint.pass(&variable, &mut vectors);
+            joint.pass(&read(axes[joint.axis].as_ref(), first), &mut vectors);
             link.pass(&mut vectors);
         }
         vectors
@@ -200,12 +199,8 @@ fn cross([a, b, c]: &[Block; 3], [d, e, f]: &[Block; 3]) -> [Block; 3] {
 /// The block of `column` that begins at `first`; zeros after the column's end.
 fn read(column: &[f64], first: usize) -> Block {
     let rest = &column[first..];
-    if let Some(block) = rest.first_chunk() {
-        return *block;
-    }
-    let mut block = [0.0; BLOCK];
-    block[..rest.len()].copy_from_slice(rest);
-    block
+    let filled = || std::array::from_fn(|place| rest.get(place).copied().unwrap_or(0.0));
+    rest.first_chunk().copied().unwrap_or_else(filled)
 }
 
 fn write(columns: &mut [Vec<f64>; 3], first: usize, block: &[Block; 3]) {

@@ -20,8 +20,7 @@ use crate::report::frame::StatedFrame;
 /// Writes the geometry in a file of table `calibrations`; gives remarks for a person, a line each.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportError> {
     let PublishedArm { key, arm, error_frame, .. } = calibrations_table::read_geometry(path)?;
-    let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
-    let pieces = Pieces::of(&arm).map_err(refused)?;
+    let pieces = Pieces::of(&arm).map_err(|problem| ExportErrorKind::NoUrdf(problem).at(path))?;
     let limits = Limits::of(path);
     let urdf = text(&key, &arm, &error_frame, &pieces, &limits.words());
     sink.write_all(urdf.as_bytes())?;

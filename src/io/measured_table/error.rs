@@ -124,8 +124,7 @@ fn listed(columns: &[usize]) -> String {
 }
 
 pub(super) fn find(columns: &[String], name: &str) -> Result<usize, ColumnError> {
-    let own = columns.iter().enumerate().filter(|(_, own)| *own == name);
-    let own: Vec<usize> = own.map(|(place, _)| place).collect();
+    let own: Vec<usize> = (0..columns.len()).filter(|&place| columns[place] == name).collect();
     match own.as_slice() {
         [place] => Ok(*place),
         [] => Err(ColumnError::Unknown { name: name.to_owned(), nearest: nearest(columns, name) }),

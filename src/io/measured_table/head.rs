@@ -137,11 +137,8 @@ pub(super) fn find(
 fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -> Head {
     let line = sample[comment].line;
     let head = below(sample, comment, width);
-    Head {
-        remark: Some(format!("the comment in line {line} is the header")),
-        above: head.above.max(first),
-        ..head
-    }
+    let remark = Some(format!("the comment in line {line} is the header"));
+    Head { remark, above: head.above.max(first), ..head }
 }
 
 fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKind> {

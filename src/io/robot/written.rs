@@ -56,8 +56,7 @@ fn push(text: &mut String, table: &Table, order: &[&str]) {
 /// The value on one line; the origin of a placement stands before its rotation.
 fn inline(value: &Value) -> String {
     let Value::Table(table) = value else { return value.to_string() };
-    let first = ["xyz_mm", "joint"].into_iter();
-    let first = first.filter_map(|key| table.get_key_value(key));
+    let first = ["xyz_mm", "joint"].into_iter().filter_map(|key| table.get_key_value(key));
     let others = table.iter().filter(|(key, _)| !["xyz_mm", "joint"].contains(&key.as_str()));
     let all: Vec<String> =
         first.chain(others).map(|(key, value)| format!("{key} = {value}")).collect();

@@ -518,8 +518,7 @@ impl Reader<'_> {
         row: usize,
         columns: &OrientationColumns,
     ) -> Result<UnitQuaternion<f64>, Fault> {
-        let values = self.values(sums, row)?;
-        rotation(&values, &columns.form)
+        rotation(&self.values(sums, row)?, &columns.form)
     }
 
     fn values(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {

@@ -85,14 +85,18 @@ impl Bucket {
         })
     }
 
+    fn objects(&self, folder: &str) -> Result<Vec<ObjectMeta>, StoreError> {
+        let prefix = self.object(folder)?;
+        self.wait("list", folder, self.clients.now().list(Some(&prefix)).try_collect())
+    }
+
     fn wait<T>(
         &self,
         doing: &'static str,
         key: &str,
         answer: impl Future<Output = Result<T, Error>>,
     ) -> Result<T, StoreError> {
-        let answer = noted(self.runtime.block_on(answer));
-        answer.map_err(|error| self.failure(doing, key, &error))
+        noted(self.runtime.block_on(answer)).map_err(|error| self.failure(doing, key, &error))
     }
 
     fn failure(&self, doing: &'static str, key: &str, error: &Error) -> StoreError {
@@ -283,9 +287,7 @@ impl Store for Bucket {
     }
 
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError> {
-        let prefix = self.object(folder)?;
-        let found: Vec<ObjectMeta> =
-            self.wait("list", folder, self.clients.now().list(Some(&prefix)).try_collect())?;
+        let found = self.objects(folder)?;
         let listed = found.into_iter().filter_map(|found| self.listed(found, folder, &levels));
         let mut listed: Vec<Listed> = listed.collect();
         listed.sort_by(|a, b| by_parts(&a.key, &b.key));
@@ -293,9 +295,7 @@ impl Store for Bucket {
     }
 
     fn all(&self, folder: &str) -> Result<Vec<String>, StoreError> {
-        let prefix = self.object(folder)?;
-        let found = self.clients.now().list(Some(&prefix)).try_collect();
-        let found: Vec<ObjectMeta> = self.wait("list", folder, found)?;
+        let found = self.objects(folder)?;
         let keys = found.iter().filter_map(|found| self.key_of(found));
         let mut keys: Vec<String> = keys.map(str::to_owned).collect();
         keys.sort_by(|a, b| by_parts(a, b));

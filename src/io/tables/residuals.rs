@@ -65,8 +65,7 @@ pub fn sets(rows: Vec<ResidualRow>, targets: &[String]) -> Option<Vec<ResidualSe
         let residual = residual(&row, targets)?;
         sets.entry(row.subject).or_default().push(residual);
     }
-    let sets = sets.into_iter();
-    Some(sets.map(|(subject, residuals)| ResidualSet { subject, residuals }).collect())
+    Some(sets.into_iter().map(|(subject, residuals)| ResidualSet { subject, residuals }).collect())
 }
 
 fn residual(row: &ResidualRow, targets: &[String]) -> Option<Residual> {

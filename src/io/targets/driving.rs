@@ -76,10 +76,8 @@ fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError>
 
 fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
     let table = table::read_within(path, schema::find("corrected_targets")?, bound)?;
-    let keys = (0..table.rows()).map(|row| {
-        let part = |column| table.text(column).value(row).to_owned();
-        KEY_COLUMNS.map(part)
-    });
+    let keys = (0..table.rows())
+        .map(|row| KEY_COLUMNS.map(|column| table.text(column).value(row).to_owned()));
     let rows = CorrectedRow::read(&table).into_iter().zip(keys);
     Ok(rows.map(|(row, key)| DrivingRow::of(row, key)).collect())
 }

@@ -164,8 +164,7 @@ impl IdentifiedArm {
     /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a linear joint, and for one
     /// that moves axes by another share than whole turns.
     pub(super) fn periods(&self) -> Vec<Option<f64>> {
-        let full = self.model.is::<FullModel>();
-        let turns = full.map_or(1, FullModel::curve_period_turns);
+        let turns = self.model.is::<FullModel>().map_or(1, FullModel::curve_period_turns);
         let of = |variable| {
             let repeats = variable == JointVariable::Turning;
             repeats.then(|| TAU * f64::from(turns))
@@ -309,8 +308,7 @@ impl Correction<'_> {
     /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.
     fn on_turn(&self, wanted: &Wanted, command: &[f64]) -> Result<JointCommand, Reason> {
         let turned = |joints: &[f64]| -> Vec<f64> {
-            let pairs = joints.iter().zip(&wanted.turns_rad);
-            pairs.map(|(joint, turns)| joint + turns).collect()
+            joints.iter().zip(&wanted.turns_rad).map(|(joint, turns)| joint + turns).collect()
         };
         let joints = JointCommand { target: turned(&wanted.joints), command: turned(command) };
         within_limits(&self.identified.arm, &joints.command)?;

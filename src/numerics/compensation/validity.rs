@@ -120,11 +120,9 @@ impl Validity {
     /// Refuses an error that is too large to be one of the arm that was measured.
     pub(super) fn admit_error(&self, error: &Vector3<f64>) -> Result<(), Reason> {
         let error_mm = error.norm();
-        match self.largest_error_mm {
-            Some(largest_mm) if error_mm > MOST_OF_LARGEST * largest_mm => {
-                Err(Reason::TooLarge { error_mm, largest_mm })
-            }
-            _ => Ok(()),
+        match self.largest_error_mm.filter(|largest_mm| error_mm > MOST_OF_LARGEST * largest_mm) {
+            Some(largest_mm) => Err(Reason::TooLarge { error_mm, largest_mm }),
+            None => Ok(()),
         }
     }
 

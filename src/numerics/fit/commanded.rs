@@ -162,11 +162,10 @@ pub fn dwells<'s>(
 
 fn pose(station: &Station, frames: &CommandFrames) -> Option<CommandedPose> {
     let command = station.command.as_ref()?;
+    let from_command = &frames.base_from_command;
     Some(CommandedPose {
-        position: frames.base_from_command * command.position,
-        orientation: command
-            .orientation
-            .map(|orientation| frames.base_from_command.rotation * orientation),
+        position: from_command * command.position,
+        orientation: command.orientation.map(|orientation| from_command.rotation * orientation),
     })
 }
 

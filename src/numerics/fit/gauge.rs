@@ -60,11 +60,8 @@ impl Anchor {
     fn to(&self, target: &Point3<f64>) -> (f64, Vector3<f64>) {
         let away = target - self.place;
         let length_mm = away.norm();
-        if length_mm > AT_ANCHOR_MM {
-            (length_mm, away / length_mm)
-        } else {
-            (length_mm, Vector3::zeros())
-        }
+        let along = if length_mm > AT_ANCHOR_MM { away / length_mm } else { Vector3::zeros() };
+        (length_mm, along)
     }
 }
 

@@ -180,8 +180,7 @@ impl Read {
     }
 
     fn without(&self, places: &[usize]) -> Self {
-        let kept = self.readings.iter().enumerate();
-        let kept = kept.filter(|(place, _)| !places.contains(place));
+        let kept = self.readings.iter().enumerate().filter(|(place, _)| !places.contains(place));
         Self {
             readings: kept.map(|(_, own)| *own).collect(),
             predicted: self.predicted.clone(),

@@ -50,8 +50,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         source: SourceId,
         predictions: &[&Prediction],
     ) -> Vec<Spread> {
-        let each = predictions.iter();
-        each.map(|own| self.spread(session, source, own)).collect()
+        predictions.iter().map(|own| self.spread(session, source, own)).collect()
     }
 
     /// Covariance of predictions due to the model's unknowns: three rows of [`Open::rows`] for each, mm².

@@ -151,8 +151,7 @@ impl Judging<'_> {
         some: Option<&BTreeSet<usize>>,
         progress: &dyn Progress,
     ) -> PlacedGrid {
-        let orientation = self.plan.orientation;
-        PlacedGrid::new(self.reach, lattice, orientation, self.like, some, progress)
+        PlacedGrid::new(self.reach, lattice, self.plan.orientation, self.like, some, progress)
     }
 
     /// The row of a chosen table whose nodes were not placed to judge it.

@@ -142,8 +142,7 @@ const MOST: f64 = 0.5;
 fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> {
     let (own, motion) = base_motion(after)?;
     let squares = |set: &ResidualSet| -> f64 {
-        let judged = set.residuals.iter().filter(|r| !r.used_for_refit);
-        judged.map(|r| r.residual.norm_squared()).sum()
+        set.residuals.iter().filter(|r| !r.used_for_refit).map(|r| r.residual.norm_squared()).sum()
     };
     let most = squares(&own) < (1.0 - MOST) * squares(after);
     (most && !kept(*promise, &own)?.is_broken()).then_some(motion)

@@ -87,10 +87,8 @@ impl LoggedCovariance {
     pub fn judged(&self, with_orientation: bool, counts: &mut CovarianceCounts) -> PoseCovariance {
         let position = counts.position.counted(position_of(self));
         let whole = self.whole().filter(|_| with_orientation);
-        let turn = whole.and_then(|whole| {
-            let own = turn_of(&whole, position.is_some());
-            counts.orientation.counted(own)
-        });
+        let turn = whole.map(|whole| turn_of(&whole, position.is_some()));
+        let turn = turn.and_then(|turn| counts.orientation.counted(turn));
         PoseCovariance { position, turn }
     }
 }

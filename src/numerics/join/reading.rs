@@ -218,8 +218,7 @@ pub struct SeveralSources {
 pub fn one_source(stations: &[Station]) -> Result<(), SeveralSources> {
     let readings = stations.iter().flat_map(|station| &station.readings);
     let places = readings.filter(|reading| !reading.value.kind().is_length());
-    let sources = places.map(|reading| reading.source.0 + 1).max();
-    match sources {
+    match places.map(|reading| reading.source.0 + 1).max() {
         None | Some(..=1) => Ok(()),
         Some(sources) => Err(SeveralSources { sources }),
     }

@@ -65,11 +65,10 @@ impl JoinSettings {
     /// while stationary.
     pub(super) fn target_rule(&self) -> StationaryRule {
         StationaryRule {
-            window_s: self.window_s,
-            gap_s: self.gap_s,
             min_stretch_s: 0.0,
             threshold: self.stationary_mm,
             floor: FLOOR_MM,
+            ..self.arm_rule()
         }
     }
 }

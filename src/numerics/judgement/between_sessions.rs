@@ -52,8 +52,10 @@ pub(super) fn add_between_session_variation(
 
 /// The settling errors of the session's stations (command minus feedback), by station number.
 fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
-    let stations = session.joined.stations.iter();
-    stations
+    session
+        .joined
+        .stations
+        .iter()
         .zip(&session.commanded.settling_errors)
         .filter_map(|(station, settling_error)| {
             Some((station.number, settling_error.as_ref()?.sent()?))

@@ -65,13 +65,9 @@ impl Sources<'_> {
     }
 
     fn error_frame(&self, frames: FramePair) -> ErrorFrame<'_> {
-        let settings = self.judges.settings;
-        ErrorFrame::new(
-            self.judges.arm,
-            frames,
-            settings.flange_from_tool,
-            settings.noise.takes_orientations(),
-        )
+        let Judges { arm, settings, .. } = self.judges;
+        let turned = settings.noise.takes_orientations();
+        ErrorFrame::new(arm, frames, settings.flange_from_tool, turned)
     }
 
     /// The commands compared with the tool point, at all stations or, of a session that took no part, at those which did not find

@@ -33,8 +33,12 @@ impl Judges<'_> {
         let errors = ToolErrors::new(model, self.last(), self.error_frame);
         for test in self.test {
             let stations = self.stations(test, &errors);
-            let tolerance = &self.settings.tolerance;
-            grids.judge_by_session(&test.session.name, &stations, &errors, tolerance);
+            grids.judge_by_session(
+                &test.session.name,
+                &stations,
+                &errors,
+                &self.settings.tolerance,
+            );
         }
     }
 

@@ -213,8 +213,7 @@ fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
     (0..half.ncols() / 3)
         .map(|place| {
             let own = half.columns(3 * place, 3);
-            let covariance = own.tr_mul(&own);
-            Matrix3::from_fn(|row, column| covariance[(row, column)])
+            own.tr_mul(&own).fixed_view::<3, 3>(0, 0).into_owned()
         })
         .collect()
 }

@@ -59,8 +59,7 @@ impl KnownArm {
         observations: &[Observation],
         found: &Frames,
     ) -> Option<FullModel> {
-        let frames = self.mounting.starts(&self.model.starts()[0], found);
-        self.model.learned(arm, observations, frames)
+        self.model.learned(arm, observations, self.mounting.starts(&self.model.starts()[0], found))
     }
 
     /// The model after stations of the session are measured, where it has further targets and instruments of one length than were

@@ -198,10 +198,7 @@ impl Source {
     pub(super) fn joint_names(&self) -> Vec<String> {
         match self {
             Self::Table(_) => Vec::new(),
-            Self::Arm(own) => {
-                let joints = own.arm.arm.joints().iter();
-                joints.map(|joint| joint.name.clone()).collect()
-            }
+            Self::Arm(own) => own.arm.arm.joints().iter().map(|joint| joint.name.clone()).collect(),
         }
     }
 

@@ -107,8 +107,7 @@ fn rows<'h>(
 ) -> Vec<(&'h PastSession, &'h Figure)> {
     let sessions = robots.iter().flat_map(|robot| &robot.sessions);
     let figures = sessions.zip(all.iter().flatten());
-    let each = figures.flat_map(|(session, own)| own.iter().map(move |figure| (session, figure)));
-    each.collect()
+    figures.flat_map(|(session, own)| own.iter().map(move |figure| (session, figure))).collect()
 }
 
 /// A robot's name may hold any character, so it is encoded as in the lake; of a robot named like the page of the fleet

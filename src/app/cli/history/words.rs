@@ -27,13 +27,9 @@ pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
 }
 
 fn headline(robot: &RobotHistory) -> String {
-    let text = format!("{}: {} sessions", robot.robot, robot.sessions.len());
-    match (robot.sessions.first(), robot.sessions.last()) {
-        (Some(first), Some(last)) => {
-            format!("{text}, {} to {}", first.key.session, last.key.session)
-        }
-        _ => text,
-    }
+    let ends = robot.sessions.first().zip(robot.sessions.last());
+    let ends = ends.map(|(first, last)| format!(", {} to {}", first.key.session, last.key.session));
+    format!("{}: {} sessions{}", robot.robot, robot.sessions.len(), ends.unwrap_or_default())
 }
 
 fn newest(session: &PastSession) -> String {

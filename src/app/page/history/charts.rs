@@ -123,11 +123,10 @@ pub(super) fn control(content: &Content) -> Markup {
 /// Averages over their limits, thinned where there are many; an average that is out of control always stays.
 fn averages(series: &Series) -> Vec<[f64; 2]> {
     let own = series.points.iter();
-    let all = own.filter_map(|point| Some([point.session as f64, point.average?]));
+    let all = own.filter_map(|point| Some([point.session as f64, point.average?])).enumerate();
     let every = series.points.len().div_ceil(MOST).max(1);
-    let kept = all.enumerate();
     let kept =
-        kept.filter(|(place, [_, average])| place.is_multiple_of(every) || average.abs() > 1.0);
+        all.filter(|(place, [_, average])| place.is_multiple_of(every) || average.abs() > 1.0);
     kept.map(|(_, point)| point).collect()
 }
 

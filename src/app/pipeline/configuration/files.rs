@@ -83,8 +83,7 @@ impl Source {
         robots: &Robots,
         robot: &StatedRobot,
     ) -> Result<PipelineFile, ConfigurationError> {
-        let values = robots.file_of_any(&robot.entry);
-        let file = values.try_into();
+        let file = robots.file_of_any(&robot.entry).try_into();
         file.map_err(|source| robot.fault(unread(&self.path, &source)))
     }
 

@@ -238,11 +238,10 @@ fn named_after(input: &mut Table, robot: &str) {
 
 /// File names with the robot in its place.
 fn with_robot(names: Value, robot: &str) -> Value {
+    let each = |own| with_robot(own, robot);
     match names {
         Value::String(name) => Value::String(name.replace(ROBOT_PLACE, robot)),
-        Value::Array(names) => {
-            Value::Array(names.into_iter().map(|own| with_robot(own, robot)).collect())
-        }
+        Value::Array(names) => Value::Array(names.into_iter().map(each).collect()),
         other => other,
     }
 }

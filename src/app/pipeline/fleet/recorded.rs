@@ -60,8 +60,7 @@ fn unknown(session: Session, robot: &str) -> (String, Why) {
         let reason = format!("{not_known}, as rows of tables state: add it to the robots");
         return (robot.to_owned(), Why::Waits(reason));
     }
-    let reason = format!("its logs are of {robot:?}, and {not_known}");
-    (session.name, Why::Waits(reason))
+    (session.name, Why::Waits(format!("its logs are of {robot:?}, and {not_known}")))
 }
 
 /// The robot that a session's logs name, or why they name none.

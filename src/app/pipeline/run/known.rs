@@ -398,8 +398,7 @@ fn inode_and_change(metadata: &Metadata) -> (u64, Option<SystemTime>) {
     use std::os::unix::fs::MetadataExt as _;
     let seconds = u64::try_from(metadata.ctime()).ok();
     let nanoseconds = u32::try_from(metadata.ctime_nsec()).ok();
-    let since =
-        seconds.zip(nanoseconds).map(|(seconds, nanoseconds)| Duration::new(seconds, nanoseconds));
+    let since = seconds.zip(nanoseconds).map(|(seconds, ns)| Duration::new(seconds, ns));
     let changed = since.and_then(|since| SystemTime::UNIX_EPOCH.checked_add(since));
     (metadata.ino(), changed)
 }

@@ -196,8 +196,7 @@ fn words(text: &str) -> Vec<String> {
 /// A word of large letters with one small one behind them is two: `TCPx`.
 fn large_then_small(word: &str) -> Vec<String> {
     let large = word.chars().take_while(|c| c.is_uppercase()).count();
-    let all = word.chars().count();
-    if large < 2 || all != large + 1 {
+    if large < 2 || word.chars().count() != large + 1 {
         return vec![word.to_lowercase()];
     }
     let end = word.char_indices().nth(large).map_or(word.len(), |(at, _)| at);

@@ -219,8 +219,7 @@ impl<'t> Parser<'t> {
         let of = self.type_spec(0)?;
         for (_, name, shape) in self.declarators()? {
             let (scope, of) = (self.scope.clone(), of.clone());
-            let name = self.full(&name);
-            self.parsed.aliases.insert(name, Alias { scope, of, shape });
+            self.parsed.aliases.insert(self.full(&name), Alias { scope, of, shape });
         }
         Ok(())
     }

@@ -231,13 +231,10 @@ pub(super) fn is_xacro(node: &Node<'_, '_>) -> bool {
 
 /// An error where an element of xacro stands in the node, or is it.
 pub(super) fn refuse_xacro(own: Node<'_, '_>) -> Result<(), UrdfError> {
-    match own.descendants().find(is_xacro) {
-        Some(node) => Err(UrdfError::Xacro {
-            line: line(node),
-            found: format!("xacro:{}", node.tag_name().name()),
-        }),
-        None => Ok(()),
-    }
+    own.descendants().find(is_xacro).map_or(Ok(()), |node| {
+        let found = format!("xacro:{}", node.tag_name().name());
+        Err(UrdfError::Xacro { line: line(node), found })
+    })
 }
 
 /// A text of the file; an error where it is still to be expanded.

@@ -24,8 +24,7 @@ pub(super) fn properties(table: &Table) -> WriterProperties {
         .set_compression(Compression::SNAPPY)
         .set_write_batch_size(VALUES_AT_ONCE)
         .set_key_value_metadata(Some(metadata(table)));
-    let columns = table.schema.columns.iter();
-    columns.fold(properties, encoding).build()
+    table.schema.columns.iter().fold(properties, encoding).build()
 }
 
 fn encoding(properties: WriterPropertiesBuilder, column: &ColumnSchema) -> WriterPropertiesBuilder {

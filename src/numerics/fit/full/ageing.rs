@@ -45,8 +45,7 @@ pub(super) fn ages_years(days: &[Option<f64>]) -> Vec<f64> {
         return Vec::new();
     };
     let latest = days.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let ages = days.iter().map(|day| (latest - day) / DAYS_PER_YEAR);
-    let ages: Vec<f64> = ages.collect();
+    let ages: Vec<f64> = days.iter().map(|day| (latest - day) / DAYS_PER_YEAR).collect();
     if ages.iter().any(|age| *age > FIRST_YEARS) { ages } else { Vec::new() }
 }
 

@@ -55,8 +55,7 @@ impl Components {
         let mut components = Self { all: Vec::new(), fixed: vec![0.0; layout.size()] };
         let mut spectra = Spectra::default();
         for (block, columns) in layout.blocks() {
-            let known = (unknowns, &mut spectra);
-            components.add(layout, (block, columns), known, settings, span);
+            components.add(layout, (block, columns), (unknowns, &mut spectra), settings, span);
         }
         components
     }

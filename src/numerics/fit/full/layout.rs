@@ -131,13 +131,10 @@ impl Layout {
     /// The share of the change of a joint over a step of years that a session came before. Of a session before a repair of the joint
     /// none since the last session with the gear of then: it shows nothing of the new one.
     pub fn ageing(&self, session: usize, joint: usize, step: usize) -> f64 {
-        let Some(age) = self.ages_years.get(session) else {
-            return 0.0;
-        };
-        if super::ageing::begin_years(step) < self.latest_alike_years(session, joint) {
-            return 0.0;
-        }
-        super::ageing::share(*age, step)
+        let begin = super::ageing::begin_years(step);
+        let age = self.ages_years.get(session);
+        let age = age.filter(|_| begin >= self.latest_alike_years(session, joint));
+        age.map_or(0.0, |age| super::ageing::share(*age, step))
     }
 
     /// The age of the latest session with the gear of a joint that a session had, years; 0 of that of now.

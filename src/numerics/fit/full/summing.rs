@@ -84,8 +84,7 @@ impl<'s> Summing<'s> {
         let mut along = DMatrix::zeros(width, joints * self.stations.len());
         let of_stations = along.as_mut_slice().par_chunks_exact_mut((width * joints).max(1));
         let stations = self.stations.par_iter().zip(of_stations);
-        let stations = stations.with_min_len(CHUNK);
-        stations.for_each(|(own, into)| own.add_along(into));
+        stations.with_min_len(CHUNK).for_each(|(own, into)| own.add_along(into));
         along
     }
 

@@ -47,8 +47,7 @@ pub fn train(
     settings: &FullSettings,
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    let state = State::expected(problem, start, settings, up.is_some());
-    settled(problem, state, settings, up, ROUNDS)
+    settled(problem, State::expected(problem, start, settings, up.is_some()), settings, up, ROUNDS)
 }
 
 impl Settled {

@@ -89,8 +89,7 @@ impl PoseBuffer {
         let Some(orientations) = &mut self.orientations else { return };
         let rows = orientations[first..].iter_mut().zip(&mut self.positions[first..]);
         for (row, (quaternion, position)) in rows.enumerate() {
-            let covariance = self.covariances.as_mut();
-            let covariance = covariance.and_then(|all| all.get_mut(first + row));
+            let covariance = self.covariances.as_mut().and_then(|all| all.get_mut(first + row));
             poses::invert(position, quaternion, covariance);
         }
     }

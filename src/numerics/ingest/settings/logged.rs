@@ -79,13 +79,7 @@ impl TrackerSettings {
     }
 
     pub fn length_topics(&self) -> Vec<&str> {
-        let mut topics: Vec<&str> = Vec::new();
-        for own in &self.lengths {
-            if !topics.contains(&own.topic.as_str()) {
-                topics.push(&own.topic);
-            }
-        }
-        topics
+        distinct(self.lengths.iter().map(|own| own.topic.as_str()))
     }
 
     /// Everything that readings are of: the targets, the main one first, then the references.
@@ -107,13 +101,7 @@ impl TrackerSettings {
 
     /// The topics of the readings, each once, the main target's first.
     pub fn topics(&self) -> Vec<&str> {
-        let mut topics: Vec<&str> = Vec::new();
-        for own in self.seen() {
-            if !topics.contains(&own.topic) {
-                topics.push(own.topic);
-            }
-        }
-        topics
+        distinct(self.seen().into_iter().map(|own| own.topic))
     }
 
     /// Whether messages of a topic name what they are of, at `fields.target`.
@@ -161,6 +149,17 @@ impl TrackerSettings {
         }
         Ok(())
     }
+}
+
+/// Each topic once, in their order.
+fn distinct<'t>(all: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
+    let mut topics: Vec<&str> = Vec::new();
+    for topic in all {
+        if !topics.contains(&topic) {
+            topics.push(topic);
+        }
+    }
+    topics
 }
 
 #[cfg(test)]

@@ -32,8 +32,7 @@ impl Path {
             let time = |(q, speed): (&f64, &f64)| if *speed > 0.0 { q / speed } else { 0.0 };
             pose.iter().zip(speeds).map(time).collect()
         };
-        let poses = joints.iter().map(|pose| times(pose));
-        Self { points: poses.chain([times(home)]).collect() }
+        Self { points: joints.iter().map(|pose| times(pose)).chain([times(home)]).collect() }
     }
 
     pub fn seconds(&self, order: &[usize]) -> f64 {

@@ -23,8 +23,7 @@ const LEAST_STATIONS: usize = 20;
 /// The errors of the stations that judge, without the motion of the base that explains most of them; and that motion.
 /// `None` where too few stations judge, or where they do not span space.
 pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
-    let judged = after.residuals.iter().filter(|r| !r.used_for_refit);
-    let judged: Vec<&Residual> = judged.collect();
+    let judged: Vec<&Residual> = after.residuals.iter().filter(|r| !r.used_for_refit).collect();
     let last = judged.len().checked_sub(LEAST_STATIONS)?;
     let moved = (0..=last).filter_map(|place| moved_at(&judged, place));
     let (_, settled, motion) = moved.min_by(|a, b| a.0.total_cmp(&b.0))?;

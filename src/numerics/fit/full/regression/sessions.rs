@@ -285,8 +285,7 @@ impl Arrow {
             (row_squares(inverse) + row_squares(&shared)).map(|own| 1.0 - own)
         });
         let own: Vec<DVector<f64>> = own.collect();
-        let shared = row_squares(&inverse.shared).map(|own| 1.0 - own);
-        self.partition.gathered(&own, &shared)
+        self.partition.gathered(&own, &row_squares(&inverse.shared).map(|own| 1.0 - own))
     }
 
     pub(super) fn inverse(&self) -> Inverse {
