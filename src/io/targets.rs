@@ -1,4 +1,4 @@
-//! Files of targets, CSV, Parquet, JSON or KUKA data lists → [`Target`]s; their commands → files of the same kinds.
+//! Files of targets, CSV, Parquet or JSON → [`Target`]s; their commands → files of the same kinds.
 //! [`read()`] refuses a file with any wrong value, by its row and column: half a program is worse than none.
 //! [`corrected`] makes table `corrected_targets`; [`driving::read()`] reads such a file again, for the session that it
 //! drove.
@@ -11,7 +11,6 @@ pub mod driving;
 mod error;
 pub(crate) mod formula;
 mod json;
-pub mod krl;
 mod names;
 mod parquet;
 pub(crate) mod spread;
@@ -26,18 +25,27 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
 use crate::input::Bound;
+use crate::tables::words::CorrectedForm;
 
 pub use angles::JointUnits;
 pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
 pub use error::{RowProblem, TargetsError, TargetsErrorKind};
-pub use krl::DataList;
 pub use names::NamesProblem;
 #[cfg(test)]
 pub(crate) use parquet::TargetRow;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 
-pub use super::tables::words::Form;
+/// Forms of a file of targets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Comma-separated text, the columns named in its first line.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+    /// An array of objects, their keys as the columns of CSV.
+    Json,
+}
 
 impl Form {
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
@@ -47,8 +55,17 @@ impl Form {
             Some("csv") => Ok(Self::Csv),
             Some("parquet") => Ok(Self::Parquet),
             Some("json") => Ok(Self::Json),
-            Some("dat") => Ok(Self::Krl),
             _ => Err(TargetsErrorKind::UnknownForm.at(path)),
+        }
+    }
+}
+
+impl From<Form> for CorrectedForm {
+    fn from(form: Form) -> Self {
+        match form {
+            Form::Csv => Self::Csv,
+            Form::Parquet => Self::Parquet,
+            Form::Json => Self::Json,
         }
     }
 }
@@ -58,8 +75,6 @@ pub struct Targets {
     pub targets: Vec<Target>,
     pub unused: Vec<String>,
     pub units: JointUnits,
-    /// The text around the targets, where the file is a data list; otherwise `None`.
-    pub list: Option<DataList>,
 }
 
 fn rows(path: &Path) -> Result<Rows, TargetsError> {
@@ -68,12 +83,11 @@ fn rows(path: &Path) -> Result<Rows, TargetsError> {
         Form::Csv => csv::rows(path, bound),
         Form::Parquet => parquet::rows(path, bound),
         Form::Json => json::rows(path, bound),
-        Form::Krl => krl::rows(path, bound),
     }
 }
 
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
-    let Rows { placed, unused, units, list } = rows(path)?;
+    let Rows { placed, unused, units } = rows(path)?;
     if placed.is_empty() {
         return Err(TargetsErrorKind::Empty.at(path));
     }
@@ -86,7 +100,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         }
         targets.push(row.target().map_err(|problem| problem.at(path, place))?);
     }
-    Ok(Targets { targets, unused, units, list })
+    Ok(Targets { targets, unused, units })
 }
 
 /// Each target's name with its joint angles; from a corrected file, the corrected ones without the refused targets.
@@ -113,7 +127,6 @@ struct Rows {
     placed: Vec<(Place, Row)>,
     unused: Vec<String>,
     units: JointUnits,
-    list: Option<DataList>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -37,11 +37,12 @@ mod value;
 pub mod write;
 
 // Names of the crates below, as if they were modules here.
-use posegrid_arm::geometry;
+use posegrid_arm::{geometry, kinematics};
 
 pub use ask::{Asked, Branch, Wanted};
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use further::{ADDED, Further};
+pub use krl::postures::Postures;
 pub use program::{Computed, File, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};

@@ -34,7 +34,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),
     // What reads and writes.
-    ("programs", "geometry"),
+    ("programs", "geometry kinematics"),
     ("manifest", ""),
     (
         "io",

@@ -23,8 +23,7 @@ use posegrid::io::tables::grids;
 use posegrid::io::tables::joined_sessions::JoinedSessionRow;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::{self, Ending};
-use posegrid::io::tables::words::CorrectingTable;
-use posegrid::io::targets::Form;
+use posegrid::io::tables::words::{CorrectedForm, CorrectingTable};
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
 use posegrid::manifest::{RunKey, Work, Written, canonical};
@@ -156,7 +155,7 @@ fn correction() -> Correction {
     Correction {
         key: hostile_work().key(),
         corrected_by: CorrectingTable::Compensation,
-        form: Form::Krl,
+        form: CorrectedForm::Csv,
         version: "0.1.0".to_owned(),
         targets_digest: "00".to_owned(),
         file_digest: "ff".to_owned(),

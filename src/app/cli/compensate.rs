@@ -31,7 +31,6 @@ use named::Named;
 use record::{Recorded, Recording};
 use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
-use write::Written;
 
 /// Correct a file of targets with a table that a run published
 #[derive(Debug, Clone, Args)]
@@ -48,23 +47,19 @@ TARGETS is one of
                   (`posegrid schema targets`); angles a whole turn away from the measured ones are corrected on their turn
                   where the arm's errors repeat
   .json           an array of objects with the same keys, by itself or under the key targets
-  .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool; one of another BASE_NO
-                  or TOOL_NO than 0 is refused until --base and --tool name what these are
-
-  .src, .mod, …   a whole robot program of KUKA or ABB: its files, or the folder of a backup, with --points and --cell; every byte but
-                  the numbers of positions stays; --undo gives the originals of a corrected folder back
+  .src, .mod, …   a whole robot program of KUKA or ABB: its files, a data list .dat with its .src, or the folder of a backup, with
+                  --points and --cell; every byte but the numbers of positions stays; --undo gives the originals of a corrected
+                  folder back
 
 The result has the commands, each correction, its covariance and the reason for each refusal
 (`posegrid schema corrected_targets`). Where TABLE is in its lake, table corrections there gains a row for the file
-written, and a file of commands that it knows is refused, whatever was removed from it. A data list keeps all but X, Y
-and Z; a refused position becomes a comment; the other columns are in OUT.corrections.csv. Orientations are not corrected.
+written, and a file of commands that it knows is refused, whatever was removed from it. Orientations are
+not corrected.
 
-Example: the drilling program of a left wing, as positions, as joint angles and at a KUKA controller
+Example: the drilling program of a left wing, as positions and as joint angles
   posegrid compensate lake/compensation/kr210/monday/0a1b….parquet left-wing.csv --out left-wing-corrected.csv
   posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left-wing-joints.csv --out corrected.csv
-  posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left_wing.dat --out corrected/left_wing.dat \\
-    --tool \"drill 6\" --base \"jig 2\" --payload-kg 92.5 --temperature-c 21
-  posegrid compensate kr210 left-wing.csv --lake lake --out corrected.csv
+  posegrid compensate kr210 left-wing.csv --lake lake --out corrected.csv --tool \"drill 6\" --payload-kg 92.5 --temperature-c 21
 Example: a whole program, and its original back
   posegrid compensate kr210 part.src part.dat '$config.dat' '$machine.dat' --lake lake --cell cell.toml --points off-line \\
     --out corrected
@@ -78,7 +73,7 @@ pub struct CompensateArgs {
     // With --undo nothing reads it.
     #[arg(default_value_if("undo", ArgPredicate::IsPresent, "-"))]
     pub table: PathBuf,
-    /// The targets: a .csv, .parquet, .json or .dat (KUKA) file; or a robot program: its files, or the folder of a backup.
+    /// The targets: a .csv, .parquet or .json file; or a robot program: its files, or the folder of a backup.
     #[arg(default_value_if("undo", ArgPredicate::IsPresent, "-"))]
     pub targets: PathBuf,
     /// Where to write the result: of a program a new folder; of targets a new file of one of these forms; without it, CSV on standard output, or JSON of JSON.
@@ -163,24 +158,16 @@ pub fn run(
     needed.extend(held.outside.iter().map(|own| Exception::Term(own.term)));
     let recorded = Recorded::around(&named.path, &source)?;
     recorded.check_file(&args.targets)?;
-    let mut targets = targets::read(&args.targets)?;
+    let targets = targets::read(&args.targets)?;
     recorded.check_targets(&args.targets, &targets.targets)?;
-    args.check_frames(&targets)?;
-    source.name_configurations(&mut targets)?;
     let outcomes = args.outcomes(&source, &needed, &targets);
     let joint_names = source.joint_names();
     let by = source.by(&joint_names);
     let result = targets::corrected(&targets.targets, &outcomes, by)?;
-    let written = Written {
-        result: &result,
-        targets: &targets,
-        outcomes: &outcomes,
-        table_id: by.table_id,
-        units: source.units(&targets),
-    };
-    let bytes = written.bytes(form).map_err(|source| args.not_written(source))?;
+    let bytes = write::bytes(&result, form, source.units(&targets));
+    let bytes = bytes.map_err(|source| args.not_written(source))?;
     let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
-    args.write(&written, &bytes, form, stdout)?;
+    args.write(&bytes, stdout)?;
     Ok(Compensated { named, source, held, targets, outcomes, recording })
 }
 
@@ -205,20 +192,6 @@ impl CompensateArgs {
             run: source.by(&[]).key.run.clone(),
             needed,
         })
-    }
-
-    /// Refuses a data list whose positions stand in a base or are of a tool that nobody names.
-    fn check_frames(&self, targets: &Targets) -> Result<(), CompensateCommandError> {
-        let given = &self.used_with;
-        let is_named = |number: i64, name: &Option<String>| number == 0 || name.is_some();
-        match targets.list.as_ref().and_then(targets::DataList::frames) {
-            Some(frames)
-                if !(is_named(frames.base, &given.base) && is_named(frames.tool, &given.tool)) =>
-            {
-                Err(CompensateCommandError::Frames { path: self.targets.clone(), frames })
-            }
-            _ => Ok(()),
-        }
     }
 
     /// Holds what the targets will be run with against what the table is valid for.

@@ -10,7 +10,7 @@ use crate::manifest::RunKey;
 use crate::schema::{self, KEY_COLUMNS};
 use crate::store::Place;
 use crate::table::{self, Row as _, Table, TableError, Word as _, row};
-use crate::tables::words::{CorrectingTable, Form};
+use crate::tables::words::{CorrectedForm, CorrectingTable};
 
 pub const CORRECTIONS: &str = "corrections";
 
@@ -18,7 +18,7 @@ row! {
     pub struct CorrectionRow of "corrections" {
         correction: String,
         corrected_by: CorrectingTable,
-        form: Form,
+        form: CorrectedForm,
         version: String,
         targets_digest: String,
         file_digest: String,
@@ -47,7 +47,7 @@ pub fn is_correction(key: &str) -> bool {
 pub struct Correction {
     pub key: RunKey,
     pub corrected_by: CorrectingTable,
-    pub form: Form,
+    pub form: CorrectedForm,
     pub version: String,
     /// BLAKE3 of the file of targets, hexadecimal.
     pub targets_digest: String,
@@ -221,7 +221,7 @@ mod tests {
         Correction {
             key: RunKey::new("kr 210", "mon", "00ff"),
             corrected_by: CorrectingTable::Calibrations,
-            form: Form::Krl,
+            form: CorrectedForm::Krl,
             version: "0.1.0".to_owned(),
             targets_digest: "aa".to_owned(),
             file_digest: "bb".to_owned(),

@@ -80,16 +80,13 @@ pub enum CorrectingTable {
     Calibrations,
 }
 
-/// Forms of a file of targets.
+/// Forms of the files that `posegrid compensate` writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// Comma-separated text, the columns named in its first line.
+pub enum CorrectedForm {
     Csv,
-    /// Apache Parquet.
     Parquet,
-    /// An array of objects, their keys as the columns of CSV.
     Json,
-    /// A data list of KUKA's robot language.
+    /// A data list of KUKA's robot language, of versions before 0.2.5.
     Krl,
 }
 
@@ -121,7 +118,7 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
-    Form { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
+    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     VerdictOf {

@@ -46,7 +46,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     }
     let units = header.angles.as_ref();
     let units = units.map_or_else(|| AngleUnit::Rad.into(), |own| own.units.clone());
-    Ok(Rows { placed: rows, unused: header.unused(), units, list: None })
+    Ok(Rows { placed: rows, unused: header.unused(), units })
 }
 
 /// The sign that parts the name `target` from others in the first line; a comma where none does.
@@ -301,7 +301,7 @@ mod tests {
             assert!(error.contains(expected), "{error}");
         }
         let error = read(Path::new("targets.txt")).unwrap_err().to_string();
-        assert_eq!(error, "targets.txt: files of targets are .csv, .parquet, .json or .dat (KUKA)");
+        assert_eq!(error, "targets.txt: files of targets are .csv, .parquet or .json");
         let error = read(Path::new("/nowhere/targets.csv")).unwrap_err().to_string();
         assert!(
             error.starts_with("/nowhere/targets.csv: it cannot be read: No such file"),

@@ -44,7 +44,6 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         Form::Csv => from_csv(path, bound)?,
         Form::Parquet => from_parquet(path, bound)?,
         Form::Json => from_json(path, bound)?,
-        Form::Krl => return Err(TargetsErrorKind::NotDriving.at(path)),
     };
     let of = rows.iter().map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by));
     let mut of = of.collect::<BTreeSet<_>>().into_iter();
@@ -258,7 +257,7 @@ mod tests {
         let moved = json.targets[0].command - json.targets[0].target;
         // Lengths are written to the nanometre.
         assert!((moved - nalgebra::Vector3::new(0.123_456, -0.2, 0.000_001)).norm() < 2e-6);
-        assert_eq!(json, written("corrected.dat.corrections.csv", csv));
+        assert_eq!(json, written("corrected.csv", csv));
         let parquet = written("corrected.parquet", parquet);
         assert_eq!((json.key, json.table), (parquet.key, parquet.table));
         let apart = json.targets[0].command - parquet.targets[0].command;

@@ -5,7 +5,6 @@ use std::path::Path;
 use thiserror::Error;
 
 use super::Place;
-use super::krl::KrlProblem;
 use super::names::NamesProblem;
 use crate::at::At;
 use crate::schema::SchemaError;
@@ -23,15 +22,10 @@ pub enum TargetsError {
 
 #[derive(Debug, Error)]
 pub enum TargetsErrorKind {
-    #[error("files of targets are .csv, .parquet, .json or .dat (KUKA)")]
+    #[error("files of targets are .csv, .parquet or .json")]
     UnknownForm,
     #[error("it holds no target")]
     Empty,
-    #[error(
-        "a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file of corrections \
-         beside it"
-    )]
-    NotDriving,
     #[error(
         "its targets are corrected by {0:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\""
     )]
@@ -80,8 +74,6 @@ pub enum RowProblem {
     Names(#[from] NamesProblem),
     #[error("{0}; see `posegrid compensate --help`")]
     Angles(String),
-    #[error(transparent)]
-    Krl(KrlProblem),
     #[error("column {column:?} is empty, and every target has a value there")]
     NoValue { column: &'static str },
     #[error("target {target:?} is in {first} already; names are unique within a file")]

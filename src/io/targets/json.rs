@@ -33,7 +33,6 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         placed: found.placed,
         unused: found.unused.into_iter().collect(),
         units: found.units.unwrap_or_else(|| AngleUnit::Rad.into()),
-        list: None,
     })
 }
 

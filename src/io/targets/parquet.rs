@@ -41,7 +41,6 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         placed: placed.collect::<Result<_, TargetsError>>()?,
         unused: Vec::new(),
         units: AngleUnit::Rad.into(),
-        list: None,
     })
 }
 

@@ -2,7 +2,7 @@
 //!
 //! `POSEGRID_FUZZ_SECONDS=600 cargo test --release --test run compensate::fuzz::` takes ten minutes for each target. What is
 //! read must be whole (every target has a place, all numbers are finite, no name twice), and what is written of it must be
-//! known as corrected, with and without its comments.
+//! known as corrected.
 
 #[path = "../../common/fuzz.rs"]
 mod harness;
@@ -23,7 +23,7 @@ use posegrid::io::input::Bound;
 use posegrid::io::schema;
 use posegrid::io::table;
 use posegrid::io::tables::words::CorrectingTable;
-use posegrid::io::targets::{self, CorrectedBy, DataList, Targets, driving};
+use posegrid::io::targets::{self, CorrectedBy, Targets, driving};
 use posegrid::manifest::RunKey;
 
 use super::cell::{Cell, SAMPLE, Sample};
@@ -34,12 +34,6 @@ const CSV: &str = "target,x_mm,y_mm,z_mm,qx,qy,qz,qw,configuration,tool,q1_deg,q
 A,749.7,20,450,0,0,0,1,\"shoulder+ elbow- wrist+\",drill,1,2,x\n\"b, \"\"2\"\"\",652.5,-20.25,555.1,,,,,,,,,\n'=1,1,2,3,,,,,,,,,\n";
 const JSON: &str = r#"{"part": 7, "targets": [{"target": "A", "x_mm": 749.7, "y_mm": 20, "z_mm": 450, "q1_deg": 1},
 {"target": "b", "x_mm": 652.5, "y_mm": -20.25, "z_mm": 5e2, "qx": 0, "qy": 0, "qz": 0, "qw": 1, "note": {"table_id": null}}]}"#;
-const LIST: &str = "&ACCESS RVP\r\nDEFDAT  WING PUBLIC\r\n;FOLD A;%{PE}\r\nEXT  BAS (BAS_COMMAND  :IN,REAL  :IN )\r\n;ENDFOLD\r\n\
-DECL INT COUNT=3\r\nDECL CHAR NOTE[9]=\"a={X 1;\"\r\n\
-DECL E6POS XP1={X 751.0,Y 20.0,Z 450.0,A 0.0,B 0.0,C 0.0,S 5,T 27,E1 0.0} ; left\r\n\
-DECL FDAT FP1={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE,POINT2[] \" \"}\r\nDECL FRAME P[4]\r\nP[3]={X 1600,Y 10.0,Z -0.5}\r\n\
-SOME={POS: X 1,Y 2,Z 3,A 0,B 0,C 0,S 18,T 'B10'}\r\nDECL LOAD L={M 1,CM {X 0,Y 0,Z 1}}\r\nENDDAT\r\n";
-
 /// A folder with one file that changes.
 struct Place {
     folder: tempfile::TempDir,
@@ -144,49 +138,6 @@ fn targets_csv() {
 fn targets_json() {
     let place = Place::new("targets.json");
     fuzz("targets_json", vec![JSON.into()], change_words, |bytes| read_targets(&place.with(bytes)));
-}
-
-/// A text without its comments, as far as a `;` in a text is none.
-fn without_comments(text: &[u8]) -> Vec<u8> {
-    let mut bare = Vec::new();
-    for line in text.split_inclusive(|&byte| byte == b'\n') {
-        let mut quoted = false;
-        let is_comment = |&byte: &u8| {
-            quoted ^= byte == b'"';
-            byte == b';' && !quoted
-        };
-        let end = line.iter().position(is_comment).unwrap_or(line.len());
-        bare.extend(&line[..end]);
-        bare.push(b'\n');
-    }
-    bare
-}
-
-/// What is written of a data list is known as corrected with and without its comments.
-fn check_list(place: &Place, found: &Targets, list: &DataList) {
-    let outcomes: Vec<Result<_, Refused>> =
-        found.targets.iter().map(|own| Ok(moved(own))).collect();
-    let written = list.write(&outcomes, "00ff");
-    for text in [without_comments(&written), written] {
-        let told = targets::read(&place.with(&text)).expect_err("corrected already").to_string();
-        assert!(told.contains("corrected already"), "{told}");
-    }
-}
-
-#[test]
-fn targets_krl() {
-    let place = Place::new("targets.dat");
-    fuzz("targets_krl", vec![LIST.into()], change_words, |bytes| {
-        match targets::read(&place.with(bytes)) {
-            Err(error) => told(&error),
-            Ok(found) => {
-                check(&found);
-                let list = found.list.as_ref().expect("a data list");
-                check_list(&place, &found, list);
-                list.notes().join(" ")
-            }
-        }
-    });
 }
 
 /// Targets as Parquet, of other writers' types too.

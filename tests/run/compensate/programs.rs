@@ -113,3 +113,26 @@ fn a_base_that_was_touched_is_corrected_where_it_really_is() {
     assert_eq!(fs::read(folder.join("back/R1/t.src")).expect("there"), TOUCHED);
     correct(folder, "other", &["--densify", "0"]).expect(2, &["a length in mm, above 0"]);
 }
+
+#[test]
+fn a_data_list_without_its_routines_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let list = "DEFDAT WING\r\nDECL E6POS XP1={X 751.0,Y 20.0,Z 450.0,A 0.0,B 0.0,C 0.0,S 2,T 2}\r\n\
+                DECL FDAT FP1={TOOL_NO 3,BASE_NO 5,IPO_FRAME #BASE}\r\nENDDAT\r\n";
+    fs::write(folder.join("wing.dat"), list).expect("writable");
+    fs::write(folder.join("$machine.dat"), MACHINE).expect("writable");
+    let table = text_of(&file_of(lake(), "compensation"));
+    let [wing, machine] = ["wing.dat", "$machine.dat"].map(|own| text_of(&folder.join(own)));
+    let told = ["wing.dat is a data list of KUKA", "give the .src of its module too"];
+    compensate(&[&table, &wing]).expect(2, &told);
+    compensate(&[&table, &machine, &wing]).expect(2, &told);
+    // With its routines a base that is in no given file refuses its positions.
+    let source = "DEF wing()\r\nFDAT_ACT=FP1\r\nBAS(#PTP_PARAMS,100)\r\nPTP XP1\r\nEND\r\n";
+    write_cell(folder, source.as_bytes(), CELL);
+    fs::write(folder.join("backup/R1/t.dat"), list).expect("writable");
+    let done = correct(folder, "out", &[]);
+    done.expect(1, &[]);
+    let told = "BASE_DATA[5] has no value in the files given; give $config.dat";
+    assert!(done.results.contains(told), "{}", done.results);
+}

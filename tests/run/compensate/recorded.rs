@@ -36,8 +36,6 @@ fn record_files(cell: &Cell) -> Vec<PathBuf> {
 
 const TARGETS: &str =
     "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,652.5,-20.25,555.125\nfar,1951,20,450\n";
-const LIST: &str = "DEFDAT WING\r\nDECL POS A={X 751,Y 20,Z 450}\r\nDECL POS B={X 652.5,Y -20.25,Z 555.125}\r\nENDDAT\r\n";
-
 fn refused(cell: &Cell, targets: &str) -> String {
     let error = cell.compensate(targets, None).unwrap_err();
     assert_eq!(error.exit_code(), 2, "{error}");
@@ -72,22 +70,22 @@ fn what_was_written_is_recorded_once_and_its_targets_may_be_corrected_again() {
 }
 
 #[test]
-fn a_list_without_comments_and_mark_is_known_by_its_positions() {
+fn a_file_without_its_marks_is_known_by_its_positions() {
     let (cell, _) = in_lake(&SAMPLE);
-    fs::write(cell.path("wing.dat"), LIST).unwrap();
-    cell.compensate("wing.dat", Some("out.dat")).unwrap();
-    let written = fs::read_to_string(cell.path("out.dat")).unwrap();
-    assert!(refused(&cell, "out.dat").contains("the file posegrid wrote"));
-    let bare = |with_mark: bool| -> String {
-        let lines = written.lines().filter(|line| !line.starts_with(';'));
-        let lines = lines.filter(|line| with_mark || !line.contains("POSEGRID_CORRECTED"));
-        let lines: Vec<String> = lines.map(str::to_lowercase).collect();
-        format!("{}\n", lines.join("\n"))
+    fs::write(cell.path("targets.csv"), TARGETS).unwrap();
+    cell.compensate("targets.csv", Some("out.csv")).unwrap();
+    let written = fs::read_to_string(cell.path("out.csv")).unwrap();
+    assert!(refused(&cell, "out.csv").contains("the file posegrid wrote"));
+    let marked = written.replace("refused,", "note,");
+    fs::write(cell.path("bare.csv"), marked).unwrap();
+    assert!(refused(&cell, "bare.csv").contains("with table \"t-1\""));
+    let row = |name: &str| {
+        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|column| field(&written, name, column));
+        format!("{name},{x},{y},{z}\n")
     };
-    fs::write(cell.path("bare.dat"), bare(true)).unwrap();
-    assert!(refused(&cell, "bare.dat").contains("by table \"t-1\""));
-    fs::write(cell.path("bare.dat"), bare(false)).unwrap();
-    let told = refused(&cell, "bare.dat");
+    let bare = format!("target,x_mm,y_mm,z_mm\n{}{}", row("A"), row("B"));
+    fs::write(cell.path("bare.csv"), bare).unwrap();
+    let told = refused(&cell, "bare.csv");
     for part in [
         "2 of its 2 targets, \"A\" first,",
         "posegrid wrote on 20",

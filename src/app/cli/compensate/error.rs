@@ -16,7 +16,6 @@ use crate::io::lake::LakeError;
 use crate::io::store::Place;
 use crate::io::table::{self, FileError, TableError};
 use crate::io::targets::TargetsError;
-use crate::io::targets::krl::FdatFrames;
 use crate::io::whole_file;
 use crate::pipeline::history::HistoryError;
 
@@ -110,24 +109,6 @@ pub enum CompensateCommandError {
         .0.iter().map(|own| option(Exception::Term(own.term))).collect::<Vec<_>>().join(" ")
     )]
     Outside(Vec<Outside>),
-    #[error(
-        "{}: its positions are of {frames}, and the table corrects positions in its own frame of commands and of its own tool; where \
-         these are the same, say so by --base NAME and --tool NAME, as the pipeline file names them; otherwise teach or convert the \
-         positions to that base and tool",
-        path.display()
-    )]
-    Frames { path: PathBuf, frames: FdatFrames },
-    #[error(
-        "{}: a KUKA data list is made only from one, and the targets are {}; take --out as .csv, .json or .parquet",
-        out.display(),
-        targets.display()
-    )]
-    OnlyFromKrl { out: PathBuf, targets: PathBuf },
-    #[error(
-        "the targets state S, but KUKA's S does not describe the arm of this {what}: its axes differ, or are counted \
-         differently; use table \"calibrations\" of a KUKA arm's run, or leave S out"
-    )]
-    Status { what: &'static str },
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
     #[error(transparent)]
@@ -186,9 +167,6 @@ impl CompensateCommandError {
             | Self::Unreadable { .. }
             | Self::Records(_)
             | Self::Digest(_)
-            | Self::Frames { .. }
-            | Self::OnlyFromKrl { .. }
-            | Self::Status { .. }
             | Self::Exists(_) => 2,
             Self::Result(_) | Self::NotRecorded { .. } | Self::Write { .. } => 1,
         }

@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::{CompensateArgs, CompensateCommandError};
 use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
-use crate::compensation::Target;
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::io::table::Word as _;
 use crate::io::tables::words::CorrectingTable;
-use crate::io::targets::{self, DataList, Form, Targets};
+use crate::io::targets::{self, Form, Targets};
 use crate::manifest::RunKey;
 use crate::pipeline::history;
 
@@ -28,7 +27,7 @@ impl CompensateArgs {
         if self.targets.is_dir() {
             let is_targets = |path: &Path| Form::of(path).is_ok();
             let files = files_in(&self.targets, 0, &is_targets);
-            let wanted = "a file of targets: .csv, .parquet, .json or .dat";
+            let wanted = "a file of targets: .csv, .parquet or .json";
             return Err(FolderGiven::new(&self.targets, wanted, files).into());
         }
         match self.out.as_deref().filter(|out| out.is_dir()) {
@@ -114,15 +113,10 @@ fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey, Compensate
 
 /// Whether every target states joint angles, or an orientation and an arm configuration.
 fn is_for_the_arm(targets: &Targets) -> bool {
-    let statuses = targets.list.iter().flat_map(DataList::statuses);
-    let mut statuses = statuses.map(|status| status.is_some());
-    let mut is_for_it = |target: &Target| {
-        let has_status = statuses.next().unwrap_or(false);
-        let has_configuration = target.configuration.is_some() || has_status;
-        target.joints.is_some() || (target.orientation.is_some() && has_configuration)
-    };
-    // Every target takes its own status, so all are asked.
-    targets.targets.iter().filter(|target| !is_for_it(target)).count() == 0
+    targets.targets.iter().all(|target| {
+        let is_whole_pose = target.orientation.is_some() && target.configuration.is_some();
+        target.joints.is_some() || is_whole_pose
+    })
 }
 
 fn table_folder(path: &Path) -> CompensateCommandError {

@@ -156,7 +156,12 @@ pub enum ProgramError {
     #[error("two files are called {0}; give the folder that they stand in")]
     TwoFiles(String),
     #[error(
-        "no file of a program is among those given: .src, .dat, .mod, .prg, .sys or .modx; programs of FANUC and of Universal Robots are not \
+        "{0} is a data list of KUKA, and no .src is given: which motions use its positions, and in which base with which tool, stands there; \
+         give the .src of its module too"
+    )]
+    OnlyData(String),
+    #[error(
+        "no file of a program is among those given: .src with its .dat, .mod, .prg, .sys or .modx; programs of FANUC and of Universal Robots are not \
          read"
     )]
     NoProgram,
@@ -180,14 +185,12 @@ const UNREAD: [&str; 5] = ["ls", "tp", "script", "urscript", "urp"];
 impl CompensateArgs {
     /// Whether what is given is a program and not a file of targets.
     pub(super) fn is_of_program(&self) -> bool {
-        // A data list alone is a file of targets.
         let is_program = |path: &Path| {
             let file = File { name: path.to_string_lossy().into_owned(), bytes: Vec::new() };
-            match file.ending().as_str() {
-                "dat" => false,
-                "cfg" => true,
-                ending => UNREAD.contains(&ending) || crate::programs::is_program(&file),
-            }
+            let ending = file.ending();
+            ending == "cfg"
+                || UNREAD.contains(&ending.as_str())
+                || crate::programs::is_program(&file)
         };
         let folder_of_program = |path: &Path| {
             path.is_dir()
@@ -227,6 +230,7 @@ pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
 
 /// Corrects a program and writes it into its new folder.
 fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError> {
+    let (files, unread) = args.files()?;
     let taught_on = args.taught_on()?;
     if args.program.densify.is_some_and(|limit_mm| !(limit_mm.is_finite() && limit_mm > 0.0)) {
         return Err(ProgramError::Densify.into());
@@ -249,7 +253,6 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
         return Err(ProgramError::Table.into());
     };
     let mut cell = args.cell()?;
-    let (files, unread) = args.files()?;
     let programs = crate::programs::read(files, &cell);
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
@@ -377,10 +380,14 @@ impl CompensateArgs {
                 }
             }
         }
-        if files.is_empty() {
-            return Err(ProgramError::NoProgram);
+        let files: Vec<File> = files.into_values().collect();
+        if files.iter().all(|file| file.ending() == "dat") {
+            let list = files.iter().find(|file| !file.is_of_system());
+            return Err(list.map_or(ProgramError::NoProgram, |list| {
+                ProgramError::OnlyData(list.name.clone())
+            }));
         }
-        Ok((files.into_values().collect(), unread))
+        Ok((files, unread))
     }
 }
 

@@ -127,7 +127,7 @@ impl Recorded {
         let correction = Correction {
             key: by.key.clone(),
             corrected_by: by.table,
-            form,
+            form: form.into(),
             version: VERSION.to_owned(),
             targets_digest: digest(&args.targets)?,
             file_digest: blake3::hash(bytes).to_hex().to_string(),

@@ -12,7 +12,6 @@ use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
 use crate::io::tables::words::CorrectingTable;
-use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, JointUnits, Targets};
 
 #[derive(Debug)]
@@ -118,36 +117,6 @@ impl Source {
                     refused.slip = Some(slip);
                 }
             }
-        }
-    }
-
-    /// Gives the targets of a data list the arm configurations that their S asks for.
-    pub(super) fn name_configurations(
-        &self,
-        targets: &mut Targets,
-    ) -> Result<(), CompensateCommandError> {
-        let Some(list) = &targets.list else {
-            return Ok(());
-        };
-        if list.statuses().flatten().next().is_none() {
-            return Ok(());
-        }
-        let postures =
-            self.postures().ok_or(CompensateCommandError::Status { what: self.what() })?;
-        for (target, status) in targets.targets.iter_mut().zip(list.statuses()) {
-            target.configuration = status.map(|s| postures.configuration(s).to_string());
-        }
-        Ok(())
-    }
-
-    fn postures(&self) -> Option<Postures> {
-        match self {
-            Self::Table(own) => {
-                let known = own.table.nodes().iter().flatten();
-                let configuration = own.table.terms().configuration.as_deref();
-                Postures::of_table(configuration, known.map(|known| known.joints.as_slice()))
-            }
-            Self::Arm(own) => Postures::of_arm(&own.arm.arm),
         }
     }
 

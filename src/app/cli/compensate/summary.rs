@@ -5,7 +5,7 @@ use super::Compensated;
 use crate::compensation::Validity;
 use crate::compensation::validity::{Held, Term};
 use crate::io::table::Word as _;
-use crate::io::targets::{DataList, RefusedFor};
+use crate::io::targets::RefusedFor;
 
 const REFUSALS_SHOWN: usize = 20;
 
@@ -58,9 +58,6 @@ impl Compensated {
     fn write_warnings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for warning in self.source.warnings(&self.targets.targets) {
             writeln!(f, "{warning}")?;
-        }
-        for note in self.targets.list.iter().flat_map(DataList::notes) {
-            writeln!(f, "{note}")?;
         }
         let mut allowed = BTreeMap::<&str, usize>::new();
         let needed = self.corrected().flat_map(|done| &done.allowed);

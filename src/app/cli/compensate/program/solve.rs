@@ -11,10 +11,9 @@ use rayon::prelude::*;
 
 use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
 use crate::geometry::{Position, Tool, Transform};
-use crate::io::targets::krl::{Postures, Status};
 use crate::kinematics::{Anywhere, Configuration, Inverse, InverseSettings};
 use crate::programs::write::Command;
-use crate::programs::{Asked, Branch, Wanted};
+use crate::programs::{Asked, Branch, Postures, Wanted};
 
 /// Tool points nearer to each other are one, mm.
 const SAME_POINT_MM: f64 = 0.01;
@@ -311,9 +310,8 @@ impl<'a> Solver<'a> {
         match branch {
             Branch::Status { status, .. } => {
                 let postures = self.postures.as_ref().ok_or_else(none)?;
-                let status = Status::of(i64::from(*status))
-                    .ok_or_else(|| format!("S is {status}, which has bits of no meaning"))?;
-                Ok(postures.configuration(status))
+                let unknown = || format!("S is {status}, which has bits of no meaning");
+                postures.configuration(*status).ok_or_else(unknown)
             }
             Branch::Joints(joints) => {
                 let joints = self.joints(joints)?;
