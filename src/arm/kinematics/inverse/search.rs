@@ -15,6 +15,8 @@ const LONGEST_STEP: f64 = 0.5;
 const FAR: f64 = 1.5;
 /// A residual below this share of the tolerances is rounding.
 const ROUNDING: f64 = 0.01;
+/// Tolerances within which a pose on the way is passed: a µm, since the next search only starts there.
+const WAYPOINT: f64 = 1e6;
 
 #[derive(Debug)]
 pub(super) struct Search<'a> {
@@ -78,11 +80,12 @@ impl<'a> Search<'a> {
         let mut joints = seed.to_vec();
         for step in 1..=steps {
             let way = f64::from(step) / f64::from(steps);
-            let waypoint = if step == steps { *target } else { between(&start, target, way) };
-            joints = match self.solve(&waypoint, &joints) {
-                Ok(next) => next,
-                Err(_) => return Err(self.not_reachable(target, &joints)),
+            let next = if step == steps {
+                self.solve(target, &joints)
+            } else {
+                self.neared(&between(&start, target, way), &joints, WAYPOINT).map(|(next, _)| next)
             };
+            joints = next.map_err(|_| self.not_reachable(target, &joints))?;
         }
         Ok(joints)
     }
@@ -94,11 +97,22 @@ impl<'a> Search<'a> {
         target: &Isometry3<f64>,
         seed: &[f64],
     ) -> Result<Vec<f64>, Vec<f64>> {
+        let (joints, residual) = self.neared(target, seed, 1.0)?;
+        Ok(self.polished(target, joints, &residual))
+    }
+
+    /// Damped Newton steps from `seed` until the pose is within so many tolerances, with the residual that is left.
+    fn neared(
+        &self,
+        target: &Isometry3<f64>,
+        seed: &[f64],
+        tolerances: f64,
+    ) -> Result<(Vec<f64>, Vector6<f64>), Vec<f64>> {
         let (mut joints, mut damping) = (seed.to_vec(), 1.0);
         let mut residual = self.residual(target, &self.end(&joints));
         for _ in 0..self.settings.iterations {
-            if self.reached(&residual) {
-                return Ok(self.polished(target, joints, &residual));
+            if self.is_within(&residual, tolerances) {
+                return Ok((joints, residual));
             }
             let next = self.moved(&joints, &self.step(&joints, &residual, damping));
             let left = self.residual(target, &self.end(&next));
@@ -120,10 +134,7 @@ impl<'a> Search<'a> {
         joints: Vec<f64>,
         residual: &Vector6<f64>,
     ) -> Vec<f64> {
-        let (position_mm, orientation_rad) = self.parts(residual);
-        if position_mm <= ROUNDING * self.settings.position_tolerance_mm
-            && orientation_rad <= ROUNDING * self.settings.orientation_tolerance_rad
-        {
+        if self.is_within(residual, ROUNDING) {
             return joints;
         }
         let step = self.step(&joints, residual, 0.0);
@@ -188,10 +199,10 @@ impl<'a> Search<'a> {
         (residual.fixed_rows::<3>(0).norm(), orientation)
     }
 
-    pub(super) fn reached(&self, residual: &Vector6<f64>) -> bool {
+    fn is_within(&self, residual: &Vector6<f64>, tolerances: f64) -> bool {
         let (position_mm, orientation_rad) = self.parts(residual);
-        position_mm <= self.settings.position_tolerance_mm
-            && orientation_rad <= self.settings.orientation_tolerance_rad
+        position_mm <= tolerances * self.settings.position_tolerance_mm
+            && orientation_rad <= tolerances * self.settings.orientation_tolerance_rad
     }
 
     pub(super) fn not_reachable(&self, target: &Isometry3<f64>, joints: &[f64]) -> InverseError {

@@ -7,7 +7,7 @@
 use std::f64::consts::{SQRT_2, TAU};
 
 /// Number of angles at which a kernel is sampled for its series; far more than twice any number of harmonics in use.
-const SAMPLES: u32 = 2048;
+const SAMPLES: usize = 2048;
 
 /// A kernel of unit variance on the chord distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,21 +31,19 @@ impl Kernel {
 
     /// Variances of the constant and of the pairs `cos kq, sin kq` for k = 1 … `harmonics`; never negative.
     pub fn variances(self, harmonics: usize) -> Vec<f64> {
-        let step = TAU / f64::from(SAMPLES);
-        let values: Vec<f64> =
-            (0..SAMPLES).map(|i| self.at(2.0 * (0.5 * step * f64::from(i)).sin().abs())).collect();
+        let step = TAU / SAMPLES as f64;
+        let mut sums = vec![0.0; harmonics + 1];
         // The k-th cosine at the i-th angle equals the first cosine at the (i k)-th.
-        let cosines: Vec<f64> = (0..SAMPLES).map(|i| (step * f64::from(i)).cos()).collect();
-        let coefficient = |k: usize| {
-            let sum: f64 = values
-                .iter()
-                .enumerate()
-                .map(|(i, value)| value * cosines[i * k % cosines.len()])
-                .sum();
-            let mean = sum / f64::from(SAMPLES);
-            (if k == 0 { mean } else { 2.0 * mean }).max(0.0)
-        };
-        (0..=harmonics).map(coefficient).collect()
+        let cosines: Vec<f64> = (0..SAMPLES).map(|i| (step * i as f64).cos()).collect();
+        for i in 0..SAMPLES {
+            let value = self.at(2.0 * (0.5 * step * i as f64).sin().abs());
+            for (k, sum) in sums.iter_mut().enumerate() {
+                *sum += value * cosines[i * k % SAMPLES];
+            }
+        }
+        let share = |k: usize| if k == 0 { 1.0 } else { 2.0 };
+        let means = sums.iter().enumerate();
+        means.map(|(k, sum)| (share(k) * (sum / SAMPLES as f64)).max(0.0)).collect()
     }
 }
 
