@@ -15,7 +15,7 @@ use super::cell::{Cell, ended, posegrid};
 use super::forged::{
     claim_digest, digest_of, of_first_version, rewrite, same_text, seal, seal_row, texts, unsealed,
 };
-use super::verify::{copied, verify};
+use super::verify::{by_digests, copied, verify};
 
 const ROBOT: &str = "kr210-demo";
 
@@ -40,15 +40,15 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
     // The lake's own files are known.
     fs::write(cell.path("lake/.lock"), "process 1").expect("writable");
     ended(posegrid().arg("history").arg(cell.path("lake"))).no_defect();
-    verify(&cell, &[]).expect(0, &["44 files in the lake: 40 of runs, 4 the lake's own"]);
+    by_digests(&cell, &[]).expect(0, &["44 files in the lake: 40 of runs, 4 the lake's own"]);
     let forged = plant(&cell, &own, "accuracy/r/x/zz.parquet");
     let says = format!(
         "foreign: {}: it states that it is table accuracy of run {run} of robot \"{ROBOT}\" and session \"mon\"",
         forged.display()
     );
-    verify(&cell, &[]).expect(3, &[&says, "2 runs: 2 the same", "1 foreign"]);
+    by_digests(&cell, &[]).expect(3, &[&says, "2 runs: 2 not recomputed", "1 foreign"]);
     // Of a part of the lake, what stands in its folders.
-    let part = verify(&cell, &["mon"]);
+    let part = by_digests(&cell, &["mon"]);
     part.expect(0, &["others not looked at"]);
     assert!(!part.results.contains("foreign"), "{}", part.results);
     // Under the run's own name, in a folder of the same session, where its row names no such file.
@@ -56,7 +56,7 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
     let named = plant(&cell, &own, &named);
     let told =
         format!("foreign: {}: the row of run {run} in runs does not name it", named.display());
-    verify(&cell, &["mon"]).expect(3, &[&told]);
+    by_digests(&cell, &["mon"]).expect(3, &[&told]);
     fs::remove_file(&named).expect("there");
     fs::remove_file(&forged).expect("there");
     // Whatever else: beside the tables, too deep, of another kind, by folders as a whole.
@@ -70,7 +70,7 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
     for other in others {
         plant(&cell, &own, other);
     }
-    let all = verify(&cell, &[]);
+    let all = by_digests(&cell, &[]);
     let place = |name: &str| format!("foreign: {}", cell.path("lake").join(name).display());
     all.expect(
         3,
@@ -91,15 +91,15 @@ fn files_of_a_run_without_a_row_are_reported_with_both_causes() {
     // What a stopped run leaves under a temporary name is no mismatch: the next run removes it.
     let temporary = format!("accuracy/{ROBOT}/tue/.{run}.parquet.tmp-elsewhere-12-34-0");
     plant(&cell, &cell.table_file("accuracy", "mon"), &temporary);
-    verify(&cell, &[]).expect(0, &["temporary: ", &temporary, "1 temporary"]);
+    by_digests(&cell, &[]).expect(0, &["temporary: ", &temporary, "1 temporary"]);
     fs::remove_file(cell.table_file("runs", "tue")).expect("there");
     let told = [
         &*format!("no row: 13 files of run {run} of robot {ROBOT} have no row in runs"),
         "the row was deleted, or the run was never committed",
         "of session tue accuracy, calibrations, ",
-        "1 run: 1 the same",
+        "1 run: 1 not recomputed",
     ];
-    verify(&cell, &[]).expect(3, &told);
+    by_digests(&cell, &[]).expect(3, &told);
     // By its name too, and when no other row is left.
     let missing = format!("13 files of run {run}");
     let bare = |name: &str| ended(posegrid().arg("verify").arg(cell.path("lake")).arg(name));
@@ -123,15 +123,15 @@ fn every_column_of_a_row_is_sealed() {
         rewrite(&row, |own, _| {
             (own == column).then(|| same_text(if column == "verdict" { "not_met" } else { "x" }, 1))
         });
-        verify(&cell, &["mon"]).expect(3, &told);
+        by_digests(&cell, &["mon"]).expect(3, &told);
         fs::write(&row, &sound).expect("writable");
     }
     rewrite(&row, |own, array| (own == "cpu_features").then(|| texts(array, str::to_uppercase)));
-    verify(&cell, &["mon"]).expect(3, &told);
+    by_digests(&cell, &["mon"]).expect(3, &told);
     // The same content, written anew by another program.
     fs::write(&row, &sound).expect("writable");
     rewrite(&row, |_, _| None);
-    verify(&cell, &["mon"])
+    by_digests(&cell, &["mon"])
         .expect(3, &["row of runs altered", "is not what posegrid writes for this content"]);
 }
 
@@ -162,7 +162,7 @@ fn a_flipped_bit_anywhere_in_a_row_is_reported() {
     // One that cannot be read at all is altered too, and its files are not taken for foreign ones.
     let file = fs::File::options().write(true).open(&row).expect("there");
     file.set_len(100).expect("writable");
-    let ended = verify(&cell, &[]);
+    let ended = by_digests(&cell, &[]);
     ended.expect(3, &["row of runs not readable", "14 of runs whose rows cannot be read"]);
     assert!(!ended.results.contains("foreign"), "{}", ended.results);
 }
@@ -174,13 +174,11 @@ fn a_row_that_was_replaced_is_reported_when_it_is_changed_with_all_its_digests()
     let row = cell.table_file("runs", "mon");
     let cell = cell.with("mm = 0.5", "mm = 0.4");
     assert_ne!(cell.run(&["mon"]).code, 1);
-    let lake = cell.path("lake");
-    let by_digests = || ended(posegrid().arg("verify").arg(&lake).arg("mon"));
-    let sound = by_digests();
+    let sound = by_digests(&cell, &["mon"]);
     assert!(!sound.results.contains("altered"), "{}", sound.results);
     rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
     seal_row(&row);
-    let told = by_digests();
+    let told = by_digests(&cell, &["mon"]);
     told.expect(
         3,
         &[
@@ -218,9 +216,7 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     let found = digests.next().expect("of the later one");
     assert_eq!(found, digest);
     rewrite(&row, |column, _| (column == "platform").then(|| same_text("aarch64-linux", 1)));
-    let lake = cell.path("lake");
-    ended(posegrid().arg("verify").arg(&lake).arg("mon"))
-        .expect(3, &["row of runs altered", "which took its place, states"]);
+    by_digests(&cell, &["mon"]).expect(3, &["row of runs altered", "which took its place, states"]);
 }
 
 /// Five millimetres more in each node.
