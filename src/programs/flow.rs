@@ -237,6 +237,27 @@ pub struct Routine {
     pub steps: Vec<Step>,
 }
 
+impl Routine {
+    /// Whether its blocks close as they open.
+    pub fn has_closed_blocks(&self) -> bool {
+        let mut open = Vec::new();
+        let closes = self.steps.iter().all(|step| match step {
+            Step::If | Step::Loop | Step::Switch | Step::With(_) => {
+                open.push(step);
+                true
+            }
+            Step::Else { .. } => open.last() == Some(&&Step::If),
+            Step::Case { .. } => open.last() == Some(&&Step::Switch),
+            Step::EndIf => open.pop() == Some(&Step::If),
+            Step::EndLoop => open.pop() == Some(&Step::Loop),
+            Step::EndSwitch => open.pop() == Some(&Step::Switch),
+            Step::EndWith => matches!(open.pop(), Some(Step::With(_))),
+            _ => true,
+        });
+        closes && open.is_empty()
+    }
+}
+
 /// Effects of all routines by their names, each with those of the routines it calls.
 #[derive(Debug)]
 pub struct Summaries {
@@ -251,6 +272,18 @@ pub struct Others {
     pub harmless: fn(&str) -> bool,
     /// Slots that any other may change.
     pub changed: [bool; SLOTS],
+    /// Whether all frames that wait to be set are for a tool on the arm.
+    pub has_tools_on_arm: bool,
+}
+
+impl Others {
+    fn applied_mode(&self) -> Effect {
+        if self.has_tools_on_arm {
+            Effect::One(known(Setting::On(true)))
+        } else {
+            Effect::Many(None)
+        }
+    }
 }
 
 impl Summaries {
@@ -300,9 +333,10 @@ impl Summaries {
         match step {
             Step::Set(slot, to) => all[*slot as usize].add(&Effect::One(to.clone())),
             Step::Apply => {
-                for slot in [Slot::Base, Slot::Tool, Slot::Mode] {
+                for slot in [Slot::Base, Slot::Tool] {
                     all[slot as usize].add(&Effect::Many(None));
                 }
+                all[Slot::Mode as usize].add(&self.others.applied_mode());
             }
             Step::Move(motion) => {
                 if let Some(branch) = motions.branch(*motion, None) {
@@ -359,14 +393,14 @@ struct Walk<'w, M> {
     blocks: Vec<Block>,
 }
 
-/// Walks a routine; false where its blocks do not close as they open.
+/// Walks a routine whose blocks close as they open.
 pub fn walk(
     routine: &Routine,
     summaries: &Summaries,
     entry: &State,
     interrupts: &AtAnyTime,
     motions: &mut impl Motions,
-) -> bool {
+) {
     let loops = loop_effects(&routine.steps, summaries, motions);
     let whole = summaries.effects(&routine.steps, motions);
     let mut any_time = interrupts.0.clone();
@@ -382,14 +416,20 @@ pub fn walk(
                 walk.state = entry.clone();
                 walk.state.after(&whole);
             }
-            step => {
-                if !walk.step(step) {
-                    return false;
-                }
-            }
+            step => walk.step(step),
         }
     }
-    walk.blocks.is_empty()
+}
+
+/// The motions and calls of a routine that is not followed: all happen in one state.
+pub fn refuse(routine: &Routine, state: &State, motions: &mut impl Motions) {
+    for step in &routine.steps {
+        match step {
+            Step::Move(motion) => motions.happens(*motion, state),
+            Step::Call { routine, .. } => motions.calls(routine, state),
+            _ => {}
+        }
+    }
 }
 
 /// Effects of each loop, by the place of its first step.
@@ -422,7 +462,7 @@ fn loop_effects(
 }
 
 impl<M: Motions> Walk<'_, M> {
-    fn step(&mut self, step: &Step) -> bool {
+    fn step(&mut self, step: &Step) {
         match step {
             Step::Set(slot, to) => self.state.set(*slot, to.clone()),
             Step::Apply => self.apply(),
@@ -436,13 +476,10 @@ impl<M: Motions> Walk<'_, M> {
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
             Step::Loop | Step::Label | Step::Handler => {}
-            Step::Else { is_last } => return self.branch_else(*is_last),
-            Step::Case { is_default } => return self.case(*is_default),
-            Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => {
-                return self.close(step);
-            }
+            Step::Else { is_last } => self.branch_else(*is_last),
+            Step::Case { is_default } => self.case(*is_default),
+            Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),
         }
-        true
     }
 
     fn apply(&mut self) {
@@ -493,9 +530,9 @@ impl<M: Motions> Walk<'_, M> {
         }
     }
 
-    fn branch_else(&mut self, is_last: bool) -> bool {
+    fn branch_else(&mut self, is_last: bool) {
         let Some(Block::If { entry, then, has_else }) = self.blocks.last_mut() else {
-            return false;
+            return;
         };
         *has_else |= is_last;
         let ended = std::mem::replace(&mut self.state, entry.clone());
@@ -504,13 +541,12 @@ impl<M: Motions> Walk<'_, M> {
             Some(then) => then.join(&ended),
             None => *then = Some(ended),
         }
-        true
     }
 
-    fn case(&mut self, is_default: bool) -> bool {
+    fn case(&mut self, is_default: bool) {
         let Some(Block::Switch { entry, ends, has_default, is_begun }) = self.blocks.last_mut()
         else {
-            return false;
+            return;
         };
         *has_default |= is_default;
         let ended = std::mem::replace(&mut self.state, entry.clone());
@@ -521,12 +557,11 @@ impl<M: Motions> Walk<'_, M> {
             None => {}
         }
         *is_begun = true;
-        true
     }
 
-    fn close(&mut self, step: &Step) -> bool {
-        match (self.blocks.pop(), step) {
-            (Some(Block::If { entry, then, has_else }), Step::EndIf) => {
+    fn close(&mut self) {
+        match self.blocks.pop() {
+            Some(Block::If { entry, then, has_else }) => {
                 if !has_else {
                     self.state.join(&entry);
                 }
@@ -534,8 +569,8 @@ impl<M: Motions> Walk<'_, M> {
                     self.state.join(&then);
                 }
             }
-            (Some(Block::Loop { head }), Step::EndLoop) => self.state = head,
-            (Some(Block::Switch { entry, ends, has_default, .. }), Step::EndSwitch) => {
+            Some(Block::Loop { head }) => self.state = head,
+            Some(Block::Switch { entry, ends, has_default, .. }) => {
                 if !has_default {
                     self.state.join(&entry);
                 }
@@ -543,14 +578,13 @@ impl<M: Motions> Walk<'_, M> {
                     self.state.join(&ends);
                 }
             }
-            (Some(Block::With { mut before }), Step::EndWith) => {
+            Some(Block::With { mut before }) => {
                 for slot in [Slot::Branch, Slot::Place] {
                     before.set(slot, self.state.get(slot).clone());
                 }
                 self.state = before;
             }
-            _ => return false,
+            None => {}
         }
-        true
     }
 }

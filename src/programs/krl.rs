@@ -44,14 +44,24 @@ pub(crate) struct Reading<'f> {
     local: BTreeSet<String>,
     /// Those of them that only their own module calls.
     private: BTreeSet<String>,
-    /// Whether anything sets a tool that stands in the cell.
-    any_fixed_tool: bool,
+    /// Where the tools of all files stand.
+    tools: Tools,
     /// Whether anything lets a sensor move the arm.
     any_sensor: bool,
     /// Whether a TRIGGER stands before the next motion.
     triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
     interrupts: Vec<(String, Place)>,
+}
+
+/// Where tools stand, as far as anything says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Tools {
+    OnArm,
+    /// The frames of an inline form are not known.
+    Open,
+    /// One stands in the cell.
+    Fixed,
 }
 
 /// Positions, motions and the arm's base of the KRL files among `files`.
@@ -68,7 +78,7 @@ pub(crate) fn read(files: &[File]) -> (Used, Chain) {
         common,
         local: BTreeSet::new(),
         private: BTreeSet::new(),
-        any_fixed_tool: false,
+        tools: Tools::OnArm,
         any_sensor: false,
         triggers: false,
         interrupts: Vec::new(),
@@ -106,10 +116,12 @@ impl Reading<'_> {
         for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;
         }
-        changed[Slot::Mode as usize] = self.any_fixed_tool;
+        let any_fixed_tool = self.tools == Tools::Fixed;
+        changed[Slot::Mode as usize] = any_fixed_tool;
         changed[Slot::Displacement as usize] = self.any_sensor;
-        let others = Others { harmless: steps::is_harmless, changed };
-        let own = [self.any_fixed_tool, self.any_sensor];
+        let has_tools_on_arm = self.tools == Tools::OnArm;
+        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm };
+        let own = [any_fixed_tool, self.any_sensor];
         self.common.walk(others, &self.interrupts, &self.private, |routine| entry(routine, own));
     }
 }

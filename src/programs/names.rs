@@ -24,8 +24,8 @@ pub(crate) struct Variable {
     pub(crate) kind: String,
     /// Values by element; that of a variable without elements is under an empty name.
     pub(crate) values: BTreeMap<String, Vec<Written>>,
-    /// The place where it may become another when the program runs.
-    pub(crate) touched: Option<Place>,
+    /// The place where it may become another when the program runs; by elements, all of them under an empty name.
+    touched: BTreeMap<String, Place>,
     /// A place where it is read other than by a motion.
     pub(crate) read: Option<Place>,
     pub(crate) is_parameter: bool,
@@ -45,6 +45,19 @@ pub(crate) fn parts(name: &str) -> (&str, &str) {
     match name.find('[') {
         Some(place) => name.split_at(place),
         None => (name, ""),
+    }
+}
+
+impl Variable {
+    /// Marks that an element may become another; all of them by an empty name.
+    pub(crate) fn touch(&mut self, element: &str, at: &Place) {
+        self.touched.entry(element.to_owned()).or_insert_with(|| at.clone());
+    }
+
+    /// The place where an element may become another; any of them by an empty name.
+    fn touched(&self, element: &str) -> Option<&Place> {
+        let any = || self.touched.values().next().filter(|_| element.is_empty());
+        self.touched.get("").or_else(|| self.touched.get(element)).or_else(any)
     }
 }
 
@@ -73,29 +86,29 @@ impl Names {
 
     /// Whether a routine changes one of its parameters.
     pub(crate) fn changes_parameters(&self, routine: &str) -> bool {
-        let changes = |own: &Variable| own.is_parameter && own.touched.is_some();
+        let changes = |own: &Variable| own.is_parameter && !own.touched.is_empty();
         self.of.get(routine).is_some_and(|names| names.values().any(changes))
     }
 
     /// Forbids to correct positions of variables that may become others, or are read elsewhere.
     pub(crate) fn forbid(&self, positions: &mut [Position]) {
         for (name, variable) in self.of.values().flatten() {
-            let why = match (&variable.touched, &variable.read) {
-                (Some(at), _) => Refusal::AtRunTime { what: name.clone(), at: at.clone() },
-                (None, Some(at)) => Refusal::Read { at: at.clone() },
-                (None, None) if !variable.is_declared => Refusal::NotGiven {
-                    name: name.clone(),
-                    give: "the file that declares it".to_owned(),
-                },
-                (None, None) => continue,
-            };
-            for position in variable.positions.values() {
-                positions[*position].obstacle.get_or_insert_with(|| why.clone());
+            for (element, position) in &variable.positions {
+                let why = match (variable.touched(element), &variable.read) {
+                    (Some(at), _) => Refusal::AtRunTime { what: name.clone(), at: at.clone() },
+                    (None, Some(at)) => Refusal::Read { at: at.clone() },
+                    (None, None) if !variable.is_declared => Refusal::NotGiven {
+                        name: name.clone(),
+                        give: "the file that declares it".to_owned(),
+                    },
+                    (None, None) => continue,
+                };
+                positions[*position].obstacle.get_or_insert(why);
             }
         }
     }
 
-    /// The only value of a name with its element.
+    /// The only value of a name with its element; of several that are one the first.
     pub(crate) fn constant(
         &self,
         scopes: &[Scope],
@@ -103,20 +116,44 @@ impl Names {
         files: &[File],
         give: &str,
     ) -> Result<&Written, Refusal> {
+        let all = self.values(scopes, name, give)?;
+        let (first, others) = (&all[0], &all[1..]);
+        match others.iter().find(|own| !own.value.is_same(&first.value)) {
+            Some(second) => Err(two_values(name, files, first, second)),
+            None => Ok(first),
+        }
+    }
+
+    /// The only value of a name with its element, where only one place writes it.
+    pub(crate) fn only(
+        &self,
+        scopes: &[Scope],
+        name: &str,
+        files: &[File],
+        give: &str,
+    ) -> Result<&Written, Refusal> {
+        match self.values(scopes, name, give)? {
+            [first, second, ..] => Err(two_values(name, files, first, second)),
+            all => Ok(&all[0]),
+        }
+    }
+
+    /// All values of a name with its element, at least one, that nothing changes.
+    fn values(&self, scopes: &[Scope], name: &str, give: &str) -> Result<&[Written], Refusal> {
         let missing = || Refusal::NotGiven { name: name.to_owned(), give: give.to_owned() };
         let (own, element) = parts(name);
         let variable = self.find(scopes, own).ok_or_else(missing)?;
-        if let Some(at) = &variable.touched {
+        if let Some(at) = variable.touched(element) {
             return Err(Refusal::AtRunTime { what: name.to_owned(), at: at.clone() });
         }
-        match variable.values.get(element).map(Vec::as_slice) {
-            Some([only]) => Ok(only),
-            Some([first, second, ..]) => Err(Refusal::TwoValues {
-                name: name.to_owned(),
-                first: files[first.file].at(first.line),
-                second: files[second.file].at(second.line),
-            }),
-            _ => Err(missing()),
-        }
+        variable.values.get(element).map(Vec::as_slice).ok_or_else(missing)
+    }
+}
+
+fn two_values(name: &str, files: &[File], first: &Written, second: &Written) -> Refusal {
+    Refusal::TwoValues {
+        name: name.to_owned(),
+        first: files[first.file].at(first.line),
+        second: files[second.file].at(second.line),
     }
 }

@@ -86,8 +86,8 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         is_in_if: false,
     };
     reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
-    // What functions change of their parameters is known once all bodies are read.
-    let passes = [Reading::data, Reading::touches, Reading::functions, Reading::steps];
+    // What routines change of their parameters is known once all bodies are read.
+    let passes = [Reading::data, Reading::touches, Reading::calls, Reading::steps];
     for pass in passes {
         for (file, own) in &statements {
             pass(&mut reading, *file, own);
@@ -127,11 +127,30 @@ impl Reading<'_> {
         Some(arm.split(is_end).next()?.to_owned())
     }
 
+    /// Whether a task has a module loaded: all have where no folder names a task.
+    fn is_loaded(&self, file: usize) -> bool {
+        self.tasks.iter().all(String::is_empty) || !self.task(file).is_empty()
+    }
+
+    /// Refuses the positions of modules that lie in a backup outside the folders of its tasks: no task has them loaded.
+    fn refuse_unloaded(&mut self) {
+        let words = "its module stands outside the folders of the tasks, so none has it loaded; give its file alone";
+        let files = 0..self.common.files.len();
+        let is_loaded: Vec<bool> = files.map(|file| self.is_loaded(file)).collect();
+        for position in &mut self.common.found.positions {
+            if is_module(&self.common.files[position.file]) && !is_loaded[position.file] {
+                position.obstacle.get_or_insert_with(|| Refusal::Other(words.to_owned()));
+            }
+        }
+    }
+
     /// Refuses the positions of several tasks: each may be of another arm.
     fn refuse_several_tasks(&mut self) {
         let motions = self.common.motions.iter();
-        let files: BTreeSet<usize> = motions.map(|motion| motion.file).collect();
-        let tasks: BTreeSet<String> = files.iter().map(|file| self.task(*file)).collect();
+        let files = motions.map(|motion| motion.file).filter(|file| self.is_loaded(*file));
+        let files: BTreeSet<usize> = files.collect();
+        let tasks = files.iter().map(|file| self.task(*file));
+        let tasks: BTreeSet<String> = tasks.filter(|task| !task.is_empty()).collect();
         let arms: BTreeSet<String> = files.iter().filter_map(|file| self.arm(*file)).collect();
         let tasks = if tasks.len() < 2 { arms } else { tasks };
         if tasks.len() < 2 {
@@ -155,11 +174,12 @@ impl Reading<'_> {
         changed[Slot::Displacement as usize] = self.any_displacement;
         changed[Slot::Mode as usize] = self.any_offset;
         [changed[Slot::ConfJ as usize], changed[Slot::ConfL as usize]] = self.any_conf_off;
-        let others = Others { harmless: steps::is_harmless, changed };
+        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
         let off = [self.any_displacement, self.any_offset];
         let conf = self.any_conf_off;
         let none = BTreeSet::new();
         self.common.walk(others, &self.traps, &none, |routine| entry(routine, off, conf));
+        self.refuse_unloaded();
         self.refuse_several_tasks();
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use crate::flow::{Others, Routine, State, Step, Summaries, walk};
+use crate::flow::{Others, Routine, State, Step, Summaries, refuse, walk};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
@@ -97,7 +97,8 @@ impl<'f> Common<'f> {
                 self.names.declare(&here.scopes[here.scopes.len() - 2], own, "");
             }
         }
-        let position = match self.constant(here.scopes, name).cloned() {
+        let written = self.names.only(here.scopes, name, self.files, self.give);
+        let position = match written.cloned() {
             Ok(written) => self.add(here, name, &written, &kind),
             Err(why) => self.missing(here, name, why),
         };
@@ -219,9 +220,7 @@ impl<'f> Common<'f> {
     /// Marks what a statement may change.
     pub(crate) fn touches(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
         let at = self.at(here);
-        self.each_variable(here.scopes, statement, |variable| {
-            variable.touched.get_or_insert_with(|| at.clone());
-        });
+        self.each_variable(here.scopes, statement, |variable| variable.touch("", &at));
     }
 
     fn each_variable(
@@ -260,20 +259,11 @@ impl<'f> Common<'f> {
             let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);
             let entry = called.unwrap_or_else(|| entry(name));
-            let before: Vec<usize> = recorder.positions.iter().map(|own| own.uses.len()).collect();
-            if !walk(routine, &summaries, &entry, &any_time, &mut recorder) {
+            if routine.has_closed_blocks() {
+                walk(routine, &summaries, &entry, &any_time, &mut recorder);
+            } else {
                 let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
-                let unknown = State::new(|_| Err(why.clone()));
-                for step in &routine.steps {
-                    if let Step::Call { routine, .. } = step {
-                        recorder.entries.insert(routine.clone(), unknown.clone());
-                    }
-                }
-                for (position, before) in recorder.positions.iter_mut().zip(before) {
-                    for own in &mut position.uses[before..] {
-                        (own.base, own.tool) = (Err(why.clone()), Err(why.clone()));
-                    }
-                }
+                refuse(routine, &State::new(|_| Err(why.clone())), &mut recorder);
             }
         }
         self.names.forbid(&mut self.found.positions);
@@ -339,15 +329,21 @@ pub(crate) fn split(
     target: Option<&Cursor<'_>>,
 ) -> Result<Split, &'static str> {
     let begin = rest.span().start;
-    let line_end = rest.bytes[..begin].iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
-    let line_start = line_end.map_or(0, |place| place + 1);
-    let before = &rest.bytes[line_start..begin];
-    let indent = before.len() - before.trim_ascii_start().len();
-    if !before.trim_ascii().eq_ignore_ascii_case(word.as_bytes()) {
+    let before = rest.bytes[..begin].trim_ascii_end();
+    let (head, own) = before.split_at(before.len().saturating_sub(word.len()));
+    let indent = head.iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
+    let line_start = head.len() - indent;
+    let is_first = line_start == 0 || is_line_end(head[line_start - 1]);
+    let is_parted = rest.bytes[before.len()..begin].iter().any(|byte| is_line_end(*byte));
+    if !is_first || is_parted || !own.eq_ignore_ascii_case(word.as_bytes()) {
         return Err("it is not alone in its line");
     }
     let target = target.ok_or("it has no position")?.span();
     Ok(Split { line_start, statement: line_start + indent..rest.span().end, target })
+}
+
+const fn is_line_end(byte: u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
 }
 
 /// The text of an expression, shortened.

@@ -29,7 +29,9 @@ pub enum Refusal {
     Call { what: &'static str, routine: String, at: Place },
     #[error("{name} has no value in the files given; give {give}")]
     NotGiven { name: String, give: String },
-    #[error("{name} has two values ({first}; {second}); which one holds is not known")]
+    #[error(
+        "{name} has two values ({first}; {second}); which one holds is not known; write one value at both"
+    )]
     TwoValues { name: String, first: Place, second: Place },
     #[error("{name} is no frame with all of its numbers ({at})")]
     NoFrame { name: String, at: Place },

@@ -136,11 +136,10 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
     };
     let lines = each(100_000, &|n| format!("LIN {{X {n}.5,Y 2,Z -3,A 0,B 0,C 0}} C_DIS\r\n"));
     let module = each(20_000, &|n| {
-        format!(
-            "CONST robtarget p{n}:=[[{n},2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
-        )
+        format!("CONST robtarget p{n}:=[[{n},2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]; ")
     });
-    let moves = each(20_000, &|n| format!("MoveL p{n},v1,z1,tool0;\n"));
+    // All of them in one line.
+    let moves = each(20_000, &|n| format!("MoveL p{n},v1,z1,tool0; "));
     let files = vec![
         File {
             name: "p.src".to_owned(),

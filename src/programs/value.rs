@@ -299,6 +299,25 @@ impl Value {
         }
     }
 
+    /// Whether it has the same parts as another, wherever they are written.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Number(own), Self::Number(other)) => own.value.total_cmp(&other.value).is_eq(),
+            (Self::Name(own), Self::Name(other)) => own == other,
+            (Self::List(own), Self::List(other)) => {
+                own.len() == other.len()
+                    && own.iter().zip(other).all(|(own, other)| own.is_same(other))
+            }
+            (Self::Fields { fields: own, .. }, Self::Fields { fields: other, .. }) => {
+                let pairs = || own.iter().zip(other);
+                own.len() == other.len()
+                    && pairs().all(|(own, other)| own.0 == other.0 && own.1.is_same(&other.1))
+            }
+            (Self::Text, Self::Text) => true,
+            _ => false,
+        }
+    }
+
     pub const fn number(&self) -> Option<&Number> {
         match self {
             Self::Number(number) => Some(number),

@@ -186,8 +186,10 @@ impl Reading<'_> {
             let span = value.span();
             let value = value.value();
             let is_known = is_list || matches!(value, Value::Fields { .. });
-            if statement.part || !is_known || element == "[?]" {
-                variable.touched.get_or_insert(at.clone());
+            if element == "[?]" {
+                variable.touch("", &at);
+            } else if statement.part || !is_known {
+                variable.touch(element, &at);
             } else {
                 let written = Written { file, line: at.line, value, span };
                 variable.values.entry(element.to_owned()).or_default().push(written);

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::Reading;
 use super::data::{lines, routine, statement};
+use super::{Reading, Tools};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
 use crate::reading::{Here, has};
@@ -175,7 +175,7 @@ impl Reading<'_> {
             }
             "FDAT_ACT" => {
                 let to = if is_part { at_run_time(name) } else { self.inline(here, value) };
-                self.any_fixed_tool |= is_fixed(&to);
+                self.tools = self.tools.max(tools(&to));
                 steps.push(Step::Set(Slot::Waiting, to));
             }
             // BAS puts a correction before or behind the frames that it sets.
@@ -194,7 +194,7 @@ impl Reading<'_> {
         if value.value() == Value::Name("#BASE".to_owned()) {
             return known(Setting::On(true));
         }
-        self.any_fixed_tool = true;
+        self.tools = Tools::Fixed;
         unknown(Refusal::FixedTool { at })
     }
 
@@ -300,13 +300,11 @@ pub(super) fn calls_another(line: Cursor<'_>) -> bool {
     !is_none && called(line).any(changes)
 }
 
-pub(super) fn is_fixed(inline: &Known) -> bool {
-    match inline {
-        Ok(setting) => match &**setting {
-            Setting::Inline(frames) => frames[2].is_err(),
-            _ => false,
-        },
-        Err(_) => false,
+fn tools(inline: &Known) -> Tools {
+    match inline.as_deref() {
+        Ok(Setting::Inline(frames)) if frames[2].is_err() => Tools::Fixed,
+        Ok(_) => Tools::OnArm,
+        Err(_) => Tools::Open,
     }
 }
 

@@ -168,6 +168,38 @@ fn what_a_routine_assigns_is_known_wherever_its_list_stands() {
 }
 
 #[test]
+fn a_frame_that_two_files_write_alike_is_known() {
+    let set = "BASE_DATA[1]={X 1000,Y 0,Z 500.00,A 90,B 0,C 0}\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1";
+    assert_eq!(only(set, POINT), "ok");
+    let list = format!("{POINT}\r\nXP1={{X 10,Y 20,Z 30,A 0,B 0,C 180,S 2,T 35,E1 0,E2 0}}");
+    let told = only("BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1", &list);
+    assert!(told.starts_with("XP1 has two values"), "{told}");
+}
+
+#[test]
+fn an_element_that_changes_leaves_the_others_known() {
+    let set = "BASE_DATA[2].Z=BASE_DATA[2].Z+155\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1";
+    assert_eq!(only(set, POINT), "ok");
+    for change in ["BASE_DATA[1].Z=5", "BASE_DATA[N].Z=5", "BASE_DATA[1]=$NULLFRAME"] {
+        let told = only(&set.replacen("BASE_DATA[2].Z=BASE_DATA[2].Z+155", change, 1), POINT);
+        assert!(told.starts_with("BASE_DATA[1] is worked out at run time"), "{change}\n{told}");
+    }
+}
+
+#[test]
+fn inline_forms_in_a_loop_leave_the_tool_on_the_arm() {
+    let data = format!("{POINT}\r\nDECL E6POS XP2={{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}}");
+    let source = |form: &str| {
+        format!(
+            "LOOP\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP2\r\nFDAT_ACT={form}\r\nBAS(#PTP_PARAMS,9)\r\nPTP XP1\r\nENDLOOP"
+        )
+    };
+    assert_eq!(verdicts(&source("FP1"), &data), ["ok", "ok"]);
+    let told = &verdicts(&source("FP9"), &data)[0];
+    assert!(told.starts_with("the interpolation mode is another by the way"), "{told}");
+}
+
+#[test]
 fn what_holds_on_every_way_is_known() {
     let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
     let sources = [
@@ -304,11 +336,15 @@ fn every_position_of_every_motion_is_counted() {
     let source = "PTP C_ONE\r\nLIN C_ONE C_DIS\r\nCIRC_REL {X 1},{Y 2}\r\nLIN\r\nPTP XP2:{X 1} #TOOL\r\nEND\r\nDEF Q()\r\nENDIF\r\nR()\r\nEND\r\nDEF R()\r\nPTP XP1";
     let value = "{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 2}";
     let data = format!("{POINT}\r\nDECL E6POS C_ONE={value}\r\nDECL E6POS XP2={value}");
-    let programs = programs(source, &data);
-    let uses: Vec<usize> = programs.positions.iter().map(|own| own.uses.len()).collect();
-    assert_eq!((uses, programs.computed.len()), (vec![2, 1], 4));
-    let told = programs.ask(1, &cell()).unwrap_err().to_string();
+    let found = programs(source, &data);
+    let uses: Vec<usize> = found.positions.iter().map(|own| own.uses.len()).collect();
+    assert_eq!((uses, found.computed.len()), (vec![2, 1], 4));
+    let told = found.ask(1, &cell()).unwrap_err().to_string();
     assert!(told.contains("the blocks of routine Q do not close"), "{told}");
+    let open = programs("BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\nENDLOOP\r\nLIN XP1", POINT);
+    assert_eq!((open.paths.len(), open.positions[0].uses.len()), (2, 2));
+    let told = open.ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("the blocks of routine P do not close"), "{told}");
     let outside = read(vec![file("p.src", "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n")], &cell());
     let told = outside.ask(0, &cell()).unwrap_err().to_string();
     assert!(told.contains("stands in no routine"), "{told}");

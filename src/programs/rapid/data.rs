@@ -2,7 +2,7 @@
 
 use super::Reading;
 use super::statement::{Header, Statement, assignment, header};
-use crate::lex::Kind;
+use crate::lex::{Kind, Token};
 use crate::names::Written;
 use crate::reading::Here;
 use crate::value::{Cursor, Value};
@@ -144,15 +144,19 @@ impl Reading<'_> {
             } else if let Some(found) = self.found(own) {
                 self.common.touches(&here, found);
                 self.touch_shared(&here, found);
-            } else if self.may_change(file, own) {
+            } else if self.is_unknown(file, own) {
                 self.common.touches(&here, own);
                 self.touch_shared(&here, own);
+            }
+            // What a parameter is passed on to may change it.
+            if self.changing(file, statement.all).next().is_some() {
+                self.common.touches(&Here { scopes: &scopes[..1], ..here }, statement.all);
             }
         }
     }
 
-    /// Marks what calls of functions may change, wherever in a statement they stand.
-    pub(super) fn functions(&mut self, file: usize, statements: &[Statement<'_>]) {
+    /// Marks what calls of given routines may change, wherever in a statement they stand.
+    pub(super) fn calls(&mut self, file: usize, statements: &[Statement<'_>]) {
         let mut inside = None;
         for statement in statements {
             if let Some(header) = header(statement) {
@@ -160,13 +164,8 @@ impl Reading<'_> {
                 continue;
             }
             let all = statement.all;
-            let pairs = all.tokens.windows(2);
-            let mut calls = pairs.filter(|own| own[0].kind == Kind::Name && own[1].is(b'('));
-            let changes = calls.any(|own| {
-                let full = self.full_name(file, &crate::lex::capitals(all.text(&own[0])));
-                self.given.get(&full) == Some(&true) && self.common.names.changes_parameters(&full)
-            });
-            if changes {
+            let names = &self.common.names;
+            if self.changing(file, all).any(|full| names.changes_parameters(&full)) {
                 let scopes = self.scopes(file, inside.as_deref());
                 let here = Here { file, line: statement.line, scopes: &scopes };
                 self.common.touches(&here, all);
@@ -187,8 +186,17 @@ impl Reading<'_> {
         }
     }
 
-    /// Whether a statement is a call that may change what is passed to it.
-    fn may_change(&self, file: usize, statement: Cursor<'_>) -> bool {
+    /// The routines among those given which a statement calls, and which may change what they take.
+    fn changing(&self, file: usize, all: Cursor<'_>) -> impl Iterator<Item = String> {
+        let begin = super::steps::without_condition(all).first();
+        let calls = all.tokens.windows(2).filter(|own| own[1].is(b'(')).map(|own| &own[0]);
+        let names = begin.into_iter().chain(calls).filter(|own| own.kind == Kind::Name);
+        let full = move |own: &Token| self.full_name(file, &crate::lex::capitals(all.text(own)));
+        names.map(full).filter(|full| self.given.get(full) == Some(&true))
+    }
+
+    /// Whether a statement calls a routine that is not given, and may change whatever it takes.
+    fn is_unknown(&self, file: usize, statement: Cursor<'_>) -> bool {
         let Some(word) = statement.peek_name() else {
             return true;
         };
@@ -196,7 +204,7 @@ impl Reading<'_> {
         {
             return false;
         }
-        self.given.get(&self.full_name(file, &word)).copied().unwrap_or(true)
+        !self.given.contains_key(&self.full_name(file, &word))
     }
 }
 

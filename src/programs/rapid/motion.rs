@@ -61,7 +61,7 @@ impl Instruction {
 const J: Reads = Reads::With(Slot::ConfJ);
 const L: Reads = Reads::With(Slot::ConfL);
 
-const INSTRUCTIONS: [Instruction; 13] = [
+const INSTRUCTIONS: [Instruction; 16] = [
     instruction(&["MOVEABSJ"], &[0], Tool::At(3), Reads::Always),
     instruction(
         &["MOVEJ", "MOVEJDO", "MOVEJAO", "MOVEJGO", "MOVEJSYNC", "TRIGGJIOS"],
@@ -80,8 +80,11 @@ const INSTRUCTIONS: [Instruction; 13] = [
     instruction(&["TRIGGL", "SPOTL"], &[0], Tool::At(4), L),
     instruction(&["SPOTJ"], &[0], Tool::At(4), J),
     instruction(&["TRIGGC"], &[0, 1], Tool::At(5), L),
-    instruction(&["ARCL", "ARCLSTART", "ARCLEND"], &[0], Tool::Last, L),
-    instruction(&["ARCC", "ARCCSTART", "ARCCEND"], &[0, 1], Tool::Last, L),
+    instruction(&["ARCL", "ARCLSTART", "ARCLEND", "ARCL1", "ARCL2"], &[0], Tool::Last, L),
+    instruction(&["ARCC", "ARCCSTART", "ARCCEND", "ARCC1", "ARCC2"], &[0, 1], Tool::Last, L),
+    instruction(&["CAPL", "DISPL", "GLUEL", "NUTL", "PAINTL", "SPOTML"], &[0], Tool::Last, L),
+    instruction(&["CAPC", "DISPC", "GLUEC", "PAINTC"], &[0, 1], Tool::Last, L),
+    instruction(&["NUTJ", "SPOTMJ"], &[0], Tool::Last, J),
     instruction(&["SEARCHL"], &[2], Tool::Refused, L),
     instruction(&["SEARCHC"], &[2, 3], Tool::Refused, L),
     instruction(&["MOVEEXTJ"], &[0], Tool::Refused, Reads::Never),
@@ -89,6 +92,10 @@ const INSTRUCTIONS: [Instruction; 13] = [
 
 fn known_instruction(word: &str) -> Option<&'static Instruction> {
     INSTRUCTIONS.iter().find(|own| own.words.contains(&word))
+}
+
+pub(super) fn is_of_controller(word: &str) -> bool {
+    known_instruction(word).is_some()
 }
 
 /// An argument with its options.
@@ -326,26 +333,35 @@ impl Reading<'_> {
     /// Positions that are passed to a routine other than a motion.
     pub(super) fn passed(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) {
         for argument in arguments(rest) {
-            let is_position = match argument.value.value() {
-                Value::Name(name) => {
-                    let variable = self.common.names.find(here.scopes, parts(&name).0);
-                    let kind = variable.map(|own| own.kind.as_str());
-                    matches!(kind, Some("ROBTARGET" | "JOINTTARGET"))
-                }
-                Value::List(parts) => {
-                    parts.len() == 4 && parts.iter().all(|part| part.list().is_some())
-                }
-                Value::Expression => argument
-                    .value
-                    .peek_name()
-                    .is_some_and(|word| matches!(word.as_str(), "OFFS" | "RELTOOL")),
-                _ => false,
-            };
-            if is_position {
+            if self.is_position(here, argument.value) {
                 let (file, line, word) = (here.file, here.line, word.to_owned());
                 let text = shown(argument.value);
                 self.common.found.computed.push(Computed { file, line, word, text });
             }
+        }
+    }
+
+    /// Whether an argument is a position: declared, an element of an array, one beside another, or written out.
+    fn is_position(&self, here: &Here<'_>, argument: Cursor<'_>) -> bool {
+        let is_declared = |name: &str| {
+            let variable = self.common.names.find(here.scopes, parts(name).0);
+            variable.is_some_and(|own| matches!(own.kind.as_str(), "ROBTARGET" | "JOINTTARGET"))
+        };
+        match argument.value() {
+            Value::Name(name) => is_declared(&name),
+            Value::List(parts) => {
+                let length = |part: &Value| part.list().map_or(0, <[Value]>::len);
+                let lengths: Vec<usize> = parts.iter().map(length).collect();
+                matches!(lengths.as_slice(), [3, 4, 4, _] | [6, _])
+            }
+            Value::Expression => {
+                let mut rest = argument;
+                let name = rest.take_name().unwrap_or_default();
+                let is_element = is_declared(&name) && rest.take_sign(b'{');
+                matches!(name.as_str(), "OFFS" | "RELTOOL")
+                    || (is_element && rest.take_part(b'}').is_some() && rest.is_empty())
+            }
+            _ => false,
         }
     }
 }

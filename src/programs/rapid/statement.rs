@@ -40,6 +40,10 @@ fn word(bytes: &[u8], token: &Token) -> String {
 
 /// How many tokens the first statement has, with its `;`.
 fn length(bytes: &[u8], tokens: &[Token]) -> usize {
+    // A sign too many is no part of what follows; a call whose name is worked out begins with one.
+    if matches!(tokens[0].kind, Kind::Sign(sign) if sign != b'%') {
+        return 1;
+    }
     let own = word(bytes, &tokens[0]);
     let until = |is_end: &dyn Fn(&str) -> bool| ends(bytes, tokens, is_end);
     match own.as_str() {
@@ -74,6 +78,7 @@ fn length(bytes: &[u8], tokens: &[Token]) -> usize {
 
 /// Up to `;` or a word that ends the statement; a word that begins or ends a block or routine is not part of it.
 fn ends(bytes: &[u8], tokens: &[Token], is_end: &dyn Fn(&str) -> bool) -> usize {
+    let is_if = matches!(word(bytes, &tokens[0]).as_str(), "IF" | "ELSEIF");
     for (place, token) in tokens.iter().enumerate().skip(1) {
         match token.kind {
             Kind::Sign(b';') => return place + 1,
@@ -87,6 +92,11 @@ fn ends(bytes: &[u8], tokens: &[Token], is_end: &dyn Fn(&str) -> bool) -> usize 
                 if is_new && !tokens[place - 1].is(b'\\') && !tokens[place - 1].is(b'.') {
                     return place;
                 }
+                // A sign is missing before it; that of a compact IF is none.
+                let is_motion = !is_if && super::motion::is_of_controller(&word);
+                if is_motion && ends_value(&tokens[place - 1]) {
+                    return place;
+                }
             }
             _ => {}
         }
@@ -94,17 +104,25 @@ fn ends(bytes: &[u8], tokens: &[Token], is_end: &dyn Fn(&str) -> bool) -> usize 
     tokens.len()
 }
 
-fn before_case(bytes: &[u8], tokens: &[Token]) -> usize {
-    let is_case = |token: &Token| matches!(word(bytes, token).as_str(), "CASE" | "DEFAULT");
-    tokens.iter().position(is_case).unwrap_or(tokens.len())
+fn ends_value(token: &Token) -> bool {
+    match token.kind {
+        Kind::Sign(sign) => matches!(sign, b')' | b']' | b'}'),
+        kind => kind != Kind::OpenText,
+    }
 }
 
-/// Up to a `:` that begins no `:=`.
+fn before_case(bytes: &[u8], tokens: &[Token]) -> usize {
+    let is_case = |token: &Token| matches!(word(bytes, token).as_str(), "CASE" | "DEFAULT");
+    let found = tokens.iter().position(|token| token.is(b';') || is_case(token));
+    found.map_or(tokens.len(), |place| place + usize::from(tokens[place].is(b';')))
+}
+
+/// Up to a `:` that begins no `:=`, or the end of a statement.
 fn colon(tokens: &[Token]) -> usize {
-    let pairs = tokens.iter().enumerate();
-    let mut colons = pairs.filter(|(_, token)| token.is(b':'));
-    let found = colons.find(|(place, _)| !is_assigned(tokens, *place));
-    found.map_or(tokens.len(), |(place, _)| place + 1)
+    let is_end = |(place, token): (usize, &Token)| {
+        token.is(b';') || (token.is(b':') && !is_assigned(tokens, place))
+    };
+    tokens.iter().enumerate().position(is_end).map_or(tokens.len(), |place| place + 1)
 }
 
 fn is_assigned(tokens: &[Token], colon: usize) -> bool {
@@ -117,12 +135,12 @@ fn is_label(tokens: &[Token]) -> bool {
         && !is_assigned(tokens, 1)
 }
 
-/// Tokens up to the bracket that closes the first.
+/// Tokens up to the bracket that closes the first, or to the end of a statement.
 fn brackets(tokens: &[Token]) -> usize {
     let mut depth = 0_i32;
     for (place, token) in tokens.iter().enumerate() {
         depth += i32::from(token.is(b'(')) - i32::from(token.is(b')'));
-        if depth == 0 {
+        if depth == 0 || token.is(b';') {
             return place + 1;
         }
     }

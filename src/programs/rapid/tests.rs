@@ -58,6 +58,7 @@ fn every_form_of_a_motion_is_read() {
         "TriggL p10,v100,trig1\\T2:=trig2,z10,tool1;",
         "ArcL p10,v100,seam1,weld1\\Weave:=weave1,z1,tool1\\WObj:=wobj1;",
         "SpotL p10,v100,gun1,spot1,tool1;",
+        "DispL\\On,p10,v100,bead1,z10,tool1\\WObj:=wobj1;",
         "MyMoveL p10,v100,z10,tool1;",
         "IF a=1 MoveL p10,v100,z10,tool1;",
         "IF (a=1 AND b) OR c>2 THEN MoveL p10,v100,z10,tool1; ELSEIF d THEN stop; ENDIF",
@@ -155,17 +156,58 @@ fn each_task_of_a_backup_has_its_own_names_and_only_one_may_move() {
 }
 
 #[test]
+fn a_module_of_a_backup_that_no_task_has_is_refused_and_hinders_none() {
+    let file = |name: &str| File {
+        name: name.to_owned(),
+        bytes: format!("{DATA}PROC main()\nMoveL p10,v1,z1,tool1;\nENDPROC\nENDMODULE")
+            .into_bytes(),
+    };
+    let files = ["HOME/T_ROB2/m.mod", "RAPID/TASK1/PROGMOD/m_T_ROB1.mod"].map(file);
+    let programs = read(files.to_vec(), &cell());
+    let told = programs.ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("outside the folders of the tasks"), "{told}");
+    assert!(programs.ask(1, &cell()).is_ok());
+}
+
+#[test]
+fn a_tool_that_a_routine_only_moves_is_known() {
+    let moves = "MoveL p10,v100,fine,tool1;";
+    let own = |inside: &str| {
+        format!(
+            "{moves} Go tool1; ENDPROC PROC Go(PERS tooldata t) {inside} ENDPROC PROC Deep(PERS tooldata u) u.tframe.trans.z:=1;"
+        )
+    };
+    assert_eq!(verdicts(&own("MoveL CRobT(),v100,fine,t;"), ""), ["ok"]);
+    for inside in ["Deep t;", "IF a Deep t;", "t.tload.mass:=2;", "CalibTool t;", "%name% t;"] {
+        let told = &verdicts(&own(inside), "")[0];
+        assert!(told.starts_with("TOOL1 is worked out at run time"), "{inside}\n{told}");
+    }
+}
+
+#[test]
+fn statements_end_where_a_sign_is_missing() {
+    let missing = "MoveL p10,v1,z1,tool1 MoveL p10,v1,z1,tool1; IF a MoveL p10,v1,z1,tool1;; MoveL p10,v1,z1,tool1; TEST n; MoveL p10,v1,z1,tool1;";
+    let programs = programs(missing, "");
+    assert_eq!((programs.paths.len(), programs.computed.len()), (5, 0));
+    let told = programs.ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("the blocks of routine MAIN do not close"), "{told}");
+}
+
+#[test]
 fn arrays_and_what_is_passed_on_are_counted() {
     let more = "CONST robtarget a{2}:=[[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],\r\n\
-                [[4,2,3],[1,0,0,0],[0,0,0,0],[1000,9E9,9E9,9E9,9E9,9E9]]];";
-    let body = "MoveL a{1},v100,z10,tool1; MoveJ a{i},v100,z10,tool1; Weld p10,Offs(p10,0,0,5); MoveL CRobT(),v100,z10,tool1; MoveL *,v1,z1,tool1;";
+                [[4,2,3],[1,0,0,0],[0,0,0,0],[1000,9E9,9E9,9E9,9E9,9E9]]]; PERS robtarget b{2};";
+    let body = "MoveL a{1},v100,z10,tool1; MoveJ a{i},v100,z10,tool1; Weld p10,Offs(p10,0,0,5); Weld b{i},[[0,0,0,0,9,0],[9E9,9E9,9E9,9E9,9E9,9E9]],b{1}.trans.x; MoveL CRobT(),v100,z10,tool1; MoveL *,v1,z1,tool1;";
     let programs = programs(body, more);
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["A[1]", "A[2]"]);
     assert_eq!(programs.positions[1].line, programs.positions[0].line + 1);
     let computed: Vec<String> =
         programs.computed.iter().map(|own| format!("{} {}", own.word, own.text)).collect();
-    assert_eq!(computed, ["WELD p10", "WELD Offs(p10,0,0,5)", "MOVEL CRobT()", "MOVEL *"]);
+    let passed = ["WELD p10", "WELD Offs(p10,0,0,5)", "WELD b{i}"];
+    assert_eq!(computed[..3], passed);
+    assert!(computed[3].starts_with("WELD [[0,0,0,0,9,0]"), "{computed:?}");
+    assert_eq!(computed[4..], ["MOVEL CRobT()", "MOVEL *"]);
     assert!(programs.ask(1, &cell()).unwrap_err().to_string().contains("eax_a is at 1000"));
 }
 
