@@ -1,7 +1,9 @@
-//! Further points of straight motions: lines of posegrid's own before the motion, each with all that the motion has but its position.
+//! Further points of straight motions and circles: lines of posegrid's own before the motion, each with all that the motion has but its
+//! positions.
 //!
 //! Speed, zone, tool and base are those of the motion's own text, and of whatever stands before it. An added line ends with a comment that
-//! says whose it is. Only `LIN` and `MoveL` get points: a process instruction would begin its process at each.
+//! says whose it is. Only `LIN`, `CIRC`, `MoveL` and `MoveC` get points: a process instruction would begin its process at each. The motion
+//! itself leads over the last part of its way, so the helper of a circle moves onto that.
 
 use nalgebra::Isometry3;
 
@@ -14,7 +16,7 @@ use crate::write::{
 /// The comment behind each added line.
 pub const ADDED: &str = "added by posegrid";
 
-/// A further point before the end of a motion.
+/// A further point before the end of a motion; of a circle each second one is a helper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Further {
     /// Its numbers: the tool in the frame of the motion's position, mm.
@@ -28,8 +30,15 @@ impl Programs {
     pub fn may_split(&self, path: &Path) -> Result<(), &'static str> {
         path.split.as_ref().map_err(|why| *why)?;
         let ends = self.ends(path).ok_or("where it begins is not known")?;
-        if ends.iter().any(|end| end.external.is_some()) {
+        let through = path.through.iter().flatten().map(|place| &self.positions[*place]);
+        let through: Vec<&Position> = through.collect();
+        if through.iter().chain(&ends[..1]).any(|own| own.external.is_some()) {
             return Err("an external axis moves with it");
+        }
+        if let [helper, _] = through[..]
+            && helper.uses.len() > 1
+        {
+            return Err("its helper point is used by another motion too");
         }
         let cfx = ends.map(|end| match &end.shape {
             Ok(Shape::Pose { stated: Some(Stated::Quadrants(all)), .. }) => Some(all[3].value),
@@ -42,9 +51,7 @@ impl Programs {
     }
 
     fn ends(&self, path: &Path) -> Option<[&Position; 2]> {
-        let [end] = path.through.as_deref()? else {
-            return None;
-        };
+        let end = path.through.as_deref()?.last()?;
         Some([&self.positions[path.from?], &self.positions[*end]])
     }
 
@@ -61,11 +68,13 @@ impl Programs {
         let before = piece(split.statement.start..target.start)?;
         let behind = piece(target.end..split.statement.end)?;
         let line_end = line_end(bytes);
-        let line = |point| {
-            let value = self.literal(end, point)?;
+        let line = |points: &[Further]| {
+            let values = points.iter().map(|point| self.literal(end, point));
+            let value = values.collect::<Option<Vec<_>>>()?.join(",");
             Some(format!("{indent}{before}{value}{behind}{close} {comment} {ADDED}{line_end}"))
         };
-        let lines: Vec<String> = points.iter().map(line).collect::<Option<_>>()?;
+        let each = path.through.as_ref().map_or(1, Vec::len).max(1);
+        let lines: Vec<String> = points.chunks(each).map(line).collect::<Option<_>>()?;
         let text = lines.concat();
         Some(Edit { span: split.line_start..split.line_start, text })
     }

@@ -142,14 +142,14 @@ pub struct Path {
     pub split: Result<Split, &'static str>,
 }
 
-/// A straight motion before which further ones may be written: it is alone in its line and starts nothing but itself.
+/// A motion before which further ones may be written: it is alone in its line and starts nothing but itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Split {
     /// The begin of its line.
     pub line_start: usize,
     /// From its word on, without the sign that ends it.
     pub statement: Range<usize>,
-    /// Its position.
+    /// Its positions, of a circle with the comma between them.
     pub target: Range<usize>,
 }
 

@@ -320,13 +320,13 @@ pub(crate) fn beside(target: Target) -> Option<Target> {
 }
 
 /// Why other motions get no further points.
-pub(crate) const NOT_SPLIT: &str = "only LIN and MoveL get further points";
+pub(crate) const NOT_SPLIT: &str = "only LIN, CIRC, MoveL and MoveC get further points";
 
-/// Where points may be written before a straight motion, by what follows its word and by its position.
+/// Where points may be written before a motion, by what follows its word and by its positions.
 pub(crate) fn split(
     word: &str,
     rest: Cursor<'_>,
-    target: Option<&Cursor<'_>>,
+    positions: &[Cursor<'_>],
 ) -> Result<Split, &'static str> {
     let begin = rest.span().start;
     let before = rest.bytes[..begin].trim_ascii_end();
@@ -338,7 +338,8 @@ pub(crate) fn split(
     if !is_first || is_parted || !own.eq_ignore_ascii_case(word.as_bytes()) {
         return Err("it is not alone in its line");
     }
-    let target = target.ok_or("it has no position")?.span();
+    let ends = positions.first().zip(positions.last()).ok_or("it has no position")?;
+    let target = ends.0.span().start..ends.1.span().end;
     Ok(Split { line_start, statement: line_start + indent..rest.span().end, target })
 }
 

@@ -83,9 +83,11 @@ impl Reading<'_> {
         given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
         let is_triggering = std::mem::take(&mut self.triggers);
         let split = match word {
-            "LIN" if is_triggering => Err("a TRIGGER before it is for its begin or its end"),
-            "LIN" if with.is_empty() && given.len() == 1 => split(word, rest, given.first()),
-            "LIN" => Err("it has settings of its own"),
+            "LIN" | "CIRC" if is_triggering => {
+                Err("a TRIGGER before it is for its begin or its end")
+            }
+            "LIN" | "CIRC" if with.is_empty() && given.len() == points => split(word, rest, &given),
+            "LIN" | "CIRC" => Err("it has settings of its own"),
             _ => Err(NOT_SPLIT),
         };
         steps.push(self.common.moves(Motion {

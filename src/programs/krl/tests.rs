@@ -409,8 +409,9 @@ fn further_points_are_lines_before_a_straight_motion_with_its_own_text() {
     let programs = programs(source, &format!("{POINT}\r\n{second}"));
     let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
     let trigger = "a TRIGGER before it is for its begin or its end";
-    let other = "only LIN and MoveL get further points";
-    assert_eq!(told, [Err(other), Ok(()), Err(trigger), Err(other), Err(other)]);
+    let other = "only LIN, CIRC, MoveL and MoveC get further points";
+    let helper = "its helper point is used by another motion too";
+    assert_eq!(told, [Err(other), Ok(()), Err(trigger), Err(helper), Err(other)]);
     let at = |x: f64| Further {
         frame_from_tool: nalgebra::Isometry3::from_parts(
             [x, 20.25, 30.0].into(),
@@ -428,4 +429,32 @@ fn further_points_are_lines_before_a_straight_motion_with_its_own_text() {
     let expected = format!("PTP XP1\r\n{}{}  LIN XP2 C_DIS ; weld\r\n", line(100), line(200));
     assert!(text.replace(".00000", "").replace(".0000", "").contains(&expected), "{text}");
     assert_eq!(undone(&written, &source.bytes, &[edit]), source.bytes);
+}
+
+#[test]
+fn further_points_of_a_circle_are_circles_before_it() {
+    let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\nCIRC XP2 , {X 400,Y 20,Z 30,A 0,B 0,C 180} C_DIS\r\n\
+                  CIRC XP1,XP3,CA 90\r\nCIRC XP3,XP1";
+    let data = "DECL E6POS XP2={X 200.0,Y 90.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}\r\n\
+                DECL E6POS XP3={X 200.0,Y 90.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 5.0}";
+    let programs = programs(source, &format!("{POINT}\r\n{data}"));
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    assert_eq!(told[1..3], [Ok(()), Err("it has settings of its own")]);
+    assert_eq!(told[3], Err("where it begins is not known"));
+    let at = |x: f64, y: f64| Further {
+        frame_from_tool: nalgebra::Isometry3::from_parts(
+            [x, y, 30.0].into(),
+            crate::krl::abc([0.0, 0.0, 180.0]),
+        ),
+        joints: vec![0.0; 6],
+    };
+    let points = [at(50.0, 50.0), at(100.0, 70.0), at(150.0, 85.0), at(200.0, 90.0)];
+    let edit = programs.added(&programs.paths[1], &points).unwrap();
+    let point = |x: u32, y: u32| format!("{{X {x},Y {y},Z 30,A 0,B 0,C 180}}");
+    let line =
+        |helper: String, end: String| format!("CIRC {helper},{end} C_DIS ; added by posegrid\r\n");
+    let expected = line(point(50, 50), point(100, 70)) + &line(point(150, 85), point(200, 90));
+    assert_eq!(edit.text.replace(".00000", "").replace(".0000", ""), expected);
+    let source = &programs.files[2].bytes;
+    assert_eq!(edit.span.start, source.windows(4).position(|own| own == b"CIRC").unwrap());
 }

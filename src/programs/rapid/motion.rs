@@ -163,13 +163,14 @@ impl Reading<'_> {
         let all = arguments(rest);
         let valued: Vec<&Argument<'_>> = all.iter().filter(|own| !own.value.is_empty()).collect();
         let places = instruction.positions.iter().filter_map(|place| valued.get(*place));
-        let targets = places.map(|own| self.target(here, word, own.value)).collect();
+        let places: Vec<Cursor<'_>> = places.map(|own| own.value).collect();
+        let targets = places.iter().map(|own| self.target(here, word, *own)).collect();
         let mut options = all.iter().flat_map(|own| &own.options);
         let is_plain = options.all(|(name, _)| crate::reading::has("V Z INPOS WOBJ TLOAD", name));
         let split = match word {
-            "MOVEL" if self.is_in_if => Err("an IF decides on it"),
-            "MOVEL" if is_plain => split(word, rest, valued.first().map(|own| &own.value)),
-            "MOVEL" => Err("it has options that are for it alone"),
+            "MOVEL" | "MOVEC" if self.is_in_if => Err("an IF decides on it"),
+            "MOVEL" | "MOVEC" if is_plain => split(word, rest, &places),
+            "MOVEL" | "MOVEC" => Err("it has options that are for it alone"),
             _ => Err(NOT_SPLIT),
         };
         let motion = Motion {

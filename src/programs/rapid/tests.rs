@@ -381,3 +381,35 @@ fn further_points_have_the_turns_of_their_joints_and_the_axes_of_the_end() {
     let written = applied(&programs.files[0].bytes, std::slice::from_ref(&edit));
     assert_eq!(undone(&written, &programs.files[0].bytes, &[edit]), programs.files[0].bytes);
 }
+
+#[test]
+fn further_points_of_a_circle_are_circles_before_it() {
+    let [helper, end] = [[200, 90], [400, 20]]
+        .map(|[x, y]| format!("[[{x},{y},30],[0,0,1,0],[0,0,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"));
+    let body = format!(
+        "MoveJ p10,v100,fine,tool1\\WObj:=wobj1;\r\n MoveC {helper}, {end},v100\\V:=5,z10,tool1\\WObj:=wobj1;\r\n\
+         MoveC {helper},{end},v100\\T:=5,z10,tool1\\WObj:=wobj1;"
+    );
+    let programs = programs(&body, "");
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    assert_eq!(told[1..], [Ok(()), Err("it has options that are for it alone")]);
+    let point = |x: f64| Further {
+        frame_from_tool: nalgebra::Isometry3::from_parts(
+            [x, 20.5, 30.0].into(),
+            crate::rapid::quaternion([0.0, 0.0, 1.0, 0.0]).unwrap(),
+        ),
+        joints: vec![1.0, 0.0, 0.0, -0.5, 0.0, 200.0],
+    };
+    let edit = programs.added(&programs.paths[1], &[point(100.0), point(200.0)]).unwrap();
+    let value = |x: u32| {
+        format!(
+            "[[{x}.0000,20.5000,30.0000],[0.00000000,0.00000000,1.00000000,0.00000000],[0,-1,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        )
+    };
+    let expected = format!(
+        " MoveC {},{},v100\\V:=5,z10,tool1\\WObj:=wobj1; ! added by posegrid\r\n",
+        value(100),
+        value(200)
+    );
+    assert_eq!(edit.text, expected);
+}

@@ -38,7 +38,7 @@ use crate::io::whole_file;
 use crate::programs::record::{RECORD, UndoError};
 use crate::programs::write::{Command, Edit, edits};
 use crate::programs::{Asked, Cell, File, Position, Programs};
-use densify::Corrections;
+use densify::{Corrections, Densified};
 use report::{Outcome, Report};
 use solve::Solver;
 use write::write;
@@ -63,8 +63,8 @@ pub struct ProgramArgs {
     /// The largest correction, mm; a position that needs more is refused
     #[arg(long, value_name = "MM")]
     pub largest: Option<f64>,
-    /// Write further points before straight motions (LIN, `MoveL`) that leave the wanted path by more than this between two corrected
-    /// positions, mm
+    /// Write further points before straight motions and circles (LIN, CIRC, `MoveL`, `MoveC`) that leave the wanted path by more than this
+    /// between two corrected positions, mm
     #[arg(long, value_name = "MM")]
     pub densify: Option<f64>,
     /// The form of the report on standard output
@@ -257,15 +257,13 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
     let asked = asked(args, taught_on.as_ref(), &programs, &cell);
-    let Changes { outcomes, commands, mut edits } = corrected(&programs, &asked, &solver);
+    let (outcomes, mut commands) = corrected(&programs, &asked, &solver);
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
     let further = args.program.densify.map(|limit_mm| {
         let known = Corrections { programs: &programs, asked: &asked, commands: &commands };
         solver.further(limit_mm, &known, &deviations)
     });
-    for own in further.iter().flatten() {
-        edits[programs.paths[own.path].file].extend(own.lines.clone());
-    }
+    let edits = changes(&programs, &asked, &mut commands, further.as_deref().unwrap_or_default());
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
@@ -292,33 +290,50 @@ fn asked(
     asked
 }
 
-/// What becomes of a program.
-struct Changes {
-    outcomes: Vec<Outcome>,
-    /// Of each position; `None` where it is not corrected.
-    commands: Vec<Option<Command>>,
-    /// Of each file.
-    edits: Vec<Vec<Edit>>,
-}
-
-/// What becomes of each position, and the edits of each file.
-fn corrected(programs: &Programs, asked: &[Result<Asked, String>], solver: &Solver<'_>) -> Changes {
+/// What becomes of each position, and its command; `None` where it is not corrected.
+fn corrected(
+    programs: &Programs,
+    asked: &[Result<Asked, String>],
+    solver: &Solver<'_>,
+) -> (Vec<Outcome>, Vec<Option<Command>>) {
     let open: Vec<_> = asked.iter().flatten().collect();
     let mut solved = solver.solve(&open).into_iter();
-    let mut all = vec![Vec::new(); programs.files.len()];
     let mut commands = vec![None; programs.positions.len()];
     let mut outcome = |(position, asked): (&Position, &Result<Asked, String>)| {
         let asked = asked.as_ref().map_err(Clone::clone)?;
         let done = solved.next().unwrap_or_else(|| Err("it has no command".to_owned()))?;
-        let edits = edits(position, asked, &done.command);
-        all[position.file].extend(edits.all);
+        let crossed = edits(position, asked, &done.command).crossed;
         commands[asked.position] = Some(done.command);
-        Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed: edits.crossed })
+        Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed })
     };
     let refused = |reason| Outcome::Refused { reason };
     let outcomes = programs.positions.iter().zip(asked);
     let outcomes = outcomes.map(|own| outcome(own).unwrap_or_else(refused)).collect();
-    Changes { outcomes, commands, edits: all }
+    (outcomes, commands)
+}
+
+/// The edits of each file; helpers of circles with further points get the commands that these have for them.
+fn changes(
+    programs: &Programs,
+    asked: &[Result<Asked, String>],
+    commands: &mut [Option<Command>],
+    further: &[Densified],
+) -> Vec<Vec<Edit>> {
+    let mut all = vec![Vec::new(); programs.files.len()];
+    for own in further {
+        let Ok(points) = &own.points else { continue };
+        all[programs.paths[own.path].file].push(points.lines.clone());
+        if let Some((helper, command)) = points.helper.clone() {
+            commands[helper] = Some(command);
+        }
+    }
+    for asked in asked.iter().flatten() {
+        if let Some(command) = &commands[asked.position] {
+            let position = &programs.positions[asked.position];
+            all[position.file].extend(edits(position, asked, command).all);
+        }
+    }
+    all
 }
 
 impl CompensateArgs {

@@ -1,7 +1,8 @@
-//! Straight motions that leave their wanted path by too much → further points before their ends, corrected like any other.
+//! Straight motions and circles that leave their wanted path by too much → further points before their ends, corrected like any other.
 //!
 //! The way is cut into equal shares; what is left goes with the square of their length, so their number follows from the first look, and is
-//! doubled where that was not enough. Points hold the motion's base and tool, and its arm configuration.
+//! doubled where that was not enough. Points hold the motion's base and tool, and its arm configuration. A share of a circle is a circle
+//! with a helper in its middle; the motion itself becomes the last, and its own helper moves there.
 
 use nalgebra::Isometry3;
 use rayon::prelude::*;
@@ -12,7 +13,7 @@ use crate::programs::write::{Command, Edit};
 use crate::programs::{Asked, Branch, Further, Path, Programs, Wanted, Way};
 
 /// Shares that a way is cut into at most.
-const MOST: u32 = 128;
+const MOST: f64 = 128.0;
 
 /// Positions of a program and what became of them.
 pub(super) struct Corrections<'p> {
@@ -21,13 +22,32 @@ pub(super) struct Corrections<'p> {
     pub(super) commands: &'p [Option<Command>],
 }
 
-/// A motion with further points.
+/// A motion that leaves its path by more than was asked.
 pub(super) struct Densified {
     /// Its index among the motions.
     pub(super) path: usize,
-    /// How many points, and the largest distance from the wanted path with them, mm; otherwise why there are none.
-    pub(super) points: Result<(usize, f64), String>,
-    pub(super) lines: Option<Edit>,
+    /// Its further points; otherwise why there are none.
+    pub(super) points: Result<Points, String>,
+}
+
+pub(super) struct Points {
+    /// How many there are, without helpers of circles.
+    pub(super) count: usize,
+    /// The largest distance from the wanted path with them, mm.
+    pub(super) deviation_mm: f64,
+    pub(super) lines: Edit,
+    /// Of a circle its helper among the positions, and the command that it moves to.
+    pub(super) helper: Option<(usize, Command)>,
+}
+
+/// A way in equal shares.
+struct Cut {
+    /// The largest distance from the wanted path, mm.
+    left_mm: f64,
+    /// The points between its ends; of a circle a helper before each.
+    further: Vec<Further>,
+    /// Of a circle the helper of the last share.
+    helper: Option<Command>,
 }
 
 impl Solver<'_> {
@@ -40,12 +60,7 @@ impl Solver<'_> {
     ) -> Vec<Densified> {
         let beyond = deviations.par_iter().enumerate().filter_map(|(path, own)| {
             let deviation_mm = (*own).ok().filter(|deviation_mm| *deviation_mm > limit_mm)?;
-            let found = self.split(limit_mm, known, path, deviation_mm);
-            let (points, lines) = match found {
-                Ok((count, deviation_mm, lines)) => (Ok((count, deviation_mm)), Some(lines)),
-                Err(why) => (Err(why), None),
-            };
-            Some(Densified { path, points, lines })
+            Some(Densified { path, points: self.split(limit_mm, known, path, deviation_mm) })
         });
         beyond.collect()
     }
@@ -56,57 +71,79 @@ impl Solver<'_> {
         known: &Corrections<'_>,
         path: usize,
         deviation_mm: f64,
-    ) -> Result<(usize, f64, Edit), String> {
+    ) -> Result<Points, String> {
         let path = &known.programs.paths[path];
         known.programs.may_split(path)?;
         let stop = |place: usize| {
             Some((known.asked[place].as_ref().ok()?, known.commands[place].as_ref()?))
         };
-        let ends = path.from.zip(path.through.as_ref().and_then(|own| own.last().copied()));
-        let stops = ends.and_then(|(from, to)| Some([stop(from)?, stop(to)?]));
-        let stops = stops.ok_or("one of its positions is not corrected")?;
-        let mut shares = (deviation_mm / limit_mm).sqrt().ceil().clamp(2.0, f64::from(MOST));
+        let through = path.through.iter().flatten();
+        let stops = path.from.iter().chain(through).map(|place| stop(*place));
+        let stops =
+            stops.collect::<Option<Vec<_>>>().ok_or("one of its positions is not corrected")?;
+        let course = self.course(path.way, &stops, false).ok_or("its way is not known")?;
+        let most = most_shares(&course, &stops)?;
+        let mut shares = (deviation_mm / limit_mm).sqrt().ceil().clamp(2.0, most);
         loop {
             #[expect(
                 clippy::cast_possible_truncation,
                 clippy::cast_sign_loss,
                 reason = "2 to MOST"
             )]
-            let (left_mm, further) = self.cut(&stops, shares as u32)?;
-            if left_mm <= limit_mm || shares * 2.0 > f64::from(MOST) {
-                let lines = known.programs.added(path, &further);
-                let lines = lines.ok_or("its text is not understood")?;
-                return Ok((further.len(), left_mm, lines));
+            let cut = self.cut(&course, path.way, &stops, shares as u32)?;
+            if cut.left_mm <= limit_mm || shares >= most {
+                let lines = known.programs.added(path, &cut.further);
+                let helper = path.through.iter().flatten().copied().next().zip(cut.helper);
+                return Ok(Points {
+                    count: cut.further.len() / (stops.len() - 1),
+                    deviation_mm: cut.left_mm,
+                    lines: lines.ok_or("its text is not understood")?,
+                    helper,
+                });
             }
-            shares *= 2.0;
+            shares = (shares * 2.0).min(most);
         }
     }
 
-    /// The points between the ends of a straight motion that cut it into equal shares, and what is left between them, mm.
-    fn cut(&self, stops: &[Stop<'_>; 2], shares: u32) -> Result<(f64, Vec<Further>), String> {
-        let course = self.course(Way::Straight, stops, false).ok_or("its way is not known")?;
-        let asked = (1..shares).map(|number| self.between(&course, stops, number, shares));
+    /// The points that cut a motion into equal shares, and what is left between them.
+    fn cut(
+        &self,
+        course: &Course,
+        way: Way,
+        stops: &[Stop<'_>],
+        shares: u32,
+    ) -> Result<Cut, String> {
+        let (first, last) = stops.first().zip(stops.last()).ok_or("its way is not known")?;
+        let each: u8 = if way == Way::Circle { 2 } else { 1 };
+        let count = shares * u32::from(each);
+        let asked = (1..count).map(|number| self.between(course, [first, last], number, count));
         let asked: Vec<Asked> = asked.collect::<Option<_>>().ok_or("its way is not known")?;
         let solved = self.solve(&asked.iter().collect::<Vec<_>>());
-        let mut commands = vec![Some(stops[0].1.clone())];
+        let mut commands = vec![Some(first.1.clone())];
         for own in solved {
             commands.push(Some(own?.command));
         }
-        commands.push(Some(stops[1].1.clone()));
-        let further = self.numbers(stops[0].1, &asked, &mut commands)?;
-        let mut all = vec![Ok(stops[0].0.clone())];
+        commands.push(Some(last.1.clone()));
+        let mut further = self.numbers(first.1, &asked, &mut commands)?;
+        let helper = further.pop_if(|_| way == Way::Circle).and_then(|own| {
+            let before = stops[1].1.joints.as_ref()?[0].clone();
+            let base_from_tool = commands[commands.len() - 2].as_ref()?.base_from_tool;
+            Some(Command { base_from_tool, joints: Some([before, own.joints]) })
+        });
+        let mut all = vec![Ok(first.0.clone())];
         all.extend(asked.into_iter().map(Ok));
-        all.push(Ok(stops[1].0.clone()));
-        let paths: Vec<Path> = (1..all.len()).map(step).collect();
-        let mut left = self.deviations(&paths, &all, &commands).into_iter();
+        all.push(Ok(last.0.clone()));
+        let each = usize::from(each);
+        let paths = (0..all.len() - 1).step_by(each).map(|from| step(way, from, each));
+        let mut left = self.deviations(&paths.collect::<Vec<_>>(), &all, &commands).into_iter();
         let left_mm = left.try_fold(0.0_f64, |largest, own| Ok::<_, NotStated>(largest.max(own?)));
-        Ok((left_mm?, further))
+        Ok(Cut { left_mm: left_mm?, further, helper })
     }
 
     fn between(
         &self,
         course: &Course,
-        [from, to]: &[Stop<'_>; 2],
+        [from, to]: [&Stop<'_>; 2],
         number: u32,
         shares: u32,
     ) -> Option<Asked> {
@@ -149,16 +186,31 @@ impl Solver<'_> {
     }
 }
 
-/// The straight way from the point before to a point.
-fn step(to: usize) -> Path {
+/// How many shares a way may be cut into.
+fn most_shares(course: &Course, stops: &[Stop<'_>]) -> Result<f64, NotStated> {
+    let Course::Tool([from, to], Some(circle)) = course else {
+        return Ok(MOST);
+    };
+    let Wanted::Pose { base_from_tool: helper, .. } = &stops[1].0.wanted else {
+        return Err("its helper point is in joint angles");
+    };
+    if !circle.turns_alike([from, helper, to].map(|own| &own.rotation)) {
+        return Err("its mode says how the tool turns along it ($CIRC_TYPE, CirPathMode)");
+    }
+    let most = circle.most_parts(from).min(MOST);
+    if most < 2.0 { Err("its parts would be too short for circles") } else { Ok(most) }
+}
+
+/// The way from a point over those behind it.
+fn step(way: Way, from: usize, points: usize) -> Path {
     Path {
         file: 0,
         line: 0,
         word: String::new(),
-        way: Way::Straight,
+        way,
         is_blended: false,
-        from: Some(to - 1),
-        through: Some(vec![to]),
+        from: Some(from),
+        through: Some((from + 1..=from + points).collect()),
         split: Err("it is one already"),
     }
 }

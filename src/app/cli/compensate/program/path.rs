@@ -6,9 +6,10 @@
 //! 2. the controller's joints at each commanded pose are those of the nominal arm, and there the identified arm stands elsewhere;
 //! 3. its distance from the wanted pose across the path counts; along the path it is a matter of time.
 
+use std::f64::consts::FRAC_PI_2;
 use std::iter;
 
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::solve::Solver;
@@ -21,6 +22,12 @@ const PLACES: u32 = 9;
 const STEP: f64 = 1e-3;
 /// Paths and circles that are shorter have no direction, mm.
 const NO_LENGTH_MM: f64 = 1e-9;
+/// The least of a circle that is written: ABB asks for 0.1 mm up to its helper and, at its begin, for 1° from helper to end, a quarter of
+/// its angle.
+const PART_MM: f64 = 1.0;
+const PART_RAD: f64 = 0.14;
+/// Orientations nearer than this are alike, rad.
+const ALIKE_RAD: f64 = 0.01;
 
 /// Why nothing is stated of a motion.
 pub(super) type NotStated = &'static str;
@@ -206,6 +213,27 @@ impl Circle {
         Some(Self { centre, axis, angle: angle.rem_euclid(std::f64::consts::TAU) })
     }
 
+    /// How many circles it may be cut into.
+    pub(super) fn most_parts(&self, from: &Isometry3<f64>) -> f64 {
+        let radius_mm = (Point3::from(from.translation.vector) - self.centre).norm();
+        (self.angle / PART_RAD).min(self.angle * radius_mm / PART_MM).floor()
+    }
+
+    /// Whether the tool turns alike in every mode: evenly in the base (`$CIRC_TYPE` #BASE), or as it stands to the path (`#PATH`, `MoveC`),
+    /// where the helper says which way round.
+    pub(super) fn turns_alike(&self, stops: [&UnitQuaternion<f64>; 3]) -> bool {
+        let [from, helper, to] = stops;
+        let by = |share: f64| UnitQuaternion::from_axis_angle(&self.axis, share * self.angle);
+        let to_path = by(1.0).inverse() * to;
+        let is_alike = |share: f64| {
+            let even = from.try_slerp(to, share, 1e-9)?;
+            let with_path = by(share) * from.try_slerp(&to_path, share, 1e-9)?;
+            let is_near = helper.angle_to(&even) < FRAC_PI_2;
+            Some(is_near && even.angle_to(&with_path) < ALIKE_RAD)
+        };
+        [0.25, 0.5, 0.75].into_iter().all(|share| is_alike(share).unwrap_or(false))
+    }
+
     fn at(&self, from: &Point3<f64>, share: f64) -> Point3<f64> {
         self.centre
             + Rotation3::from_axis_angle(&self.axis, share * self.angle) * (from - self.centre)
@@ -235,6 +263,30 @@ mod tests {
             }
         }
         assert!(Circle::through([at(0.0), at(0.0), at(90.0)]).is_none());
+    }
+
+    #[test]
+    fn a_tool_turns_alike_where_it_stays_or_follows_a_circle_of_less_than_half_a_turn() {
+        let at = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            Point3::new(500.0 + 200.0 * cos, 200.0 * sin, 300.0)
+        };
+        let about = |axis: Vector3<f64>, degrees: f64| {
+            UnitQuaternion::from_scaled_axis(axis.scale(degrees.to_radians()))
+        };
+        let [x, z] = [Vector3::x(), Vector3::z()];
+        let alike = |to: f64, helper: UnitQuaternion<f64>, end: UnitQuaternion<f64>| {
+            let circle = Circle::through([at(0.0), at(to / 2.0), at(to)]).unwrap();
+            circle.turns_alike([&UnitQuaternion::identity(), &helper, &end])
+        };
+        let same = UnitQuaternion::identity();
+        assert!(alike(150.0, same, same) && alike(150.0, about(z, 75.0), about(z, 150.0)));
+        assert!(!alike(200.0, same, same), "either way round");
+        assert!(!alike(90.0, same, about(x, 20.0)), "the base or the path");
+        assert!(!alike(90.0, about(z, 170.0), about(z, 1.0)), "the long way round");
+        let circle = Circle::through([at(0.0), at(10.0), at(20.0)]).unwrap();
+        let from = Isometry3::from_parts(at(0.0).coords.into(), same);
+        assert!((circle.most_parts(&from) - 2.0).abs() < 1e-12);
     }
 
     #[test]

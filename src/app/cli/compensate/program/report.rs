@@ -136,9 +136,9 @@ impl Report {
         for own in further {
             let motion = &mut self.motions[own.path];
             match own.points {
-                Ok((points, deviation_mm)) => {
-                    motion.points_added = points;
-                    motion.deviation_mm = Some(deviation_mm);
+                Ok(points) => {
+                    motion.points_added = points.count;
+                    motion.deviation_mm = Some(points.deviation_mm);
                 }
                 Err(why) => motion.not_split = Some(why),
             }
