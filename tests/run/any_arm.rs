@@ -169,7 +169,7 @@ impl Case {
         let text = self.pipeline().replace("steps_mm = [200, 400]", &box_of);
         fs::write(cell.path("planned.toml"), text + &plan).expect("writable");
         let (pipeline, csv) = (cell.named("planned.toml"), cell.named("plan.csv"));
-        posegrid(&["plan", &pipeline, "--csv", &csv]).expect(&[0, 3], &["40 poses to identify"]);
+        posegrid(&["plan", &pipeline, "--out", &csv]).expect(&[0, 3], &["40 poses to identify"]);
         let written = fs::read_to_string(&csv).expect("a plan");
         let first = if self.slide == 1 { ",q1_mm,q2_deg," } else { ",q1_deg,q2_deg," };
         assert!(written.contains(first), "{written}");

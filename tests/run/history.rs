@@ -62,7 +62,7 @@ fn a_history_is_reported_kept_and_written() {
         assert_eq!((other.code, &other.results), (0, &first.results));
     }
     let out = cell.path("trend");
-    let written = history(&cell, &["--output", &out.display().to_string()]);
+    let written = history(&cell, &["--out", &out.display().to_string()]);
     written.expect(0, &["history.parquet", "drift.parquet", "kr210-demo.html"]);
     let (history_rows, drift) = (table(&out, "history"), table(&out, "drift"));
     let sessions = |table: &Table| -> Vec<String> {

@@ -89,9 +89,9 @@ fn plans_of_all_robots_are_made_at_once_or_as_tasks() {
     done().expect(0, &["\"ended\":\"done-before\""]);
     assert_eq!(listed().len(), 1, "one is left");
     let one_file = cell.path("poses.csv").to_string_lossy().into_owned();
-    plan(&cell, &["--csv", &one_file]).expect(2, &["put {robot} into its name"]);
+    plan(&cell, &["--out", &one_file]).expect(2, &["put {robot} into its name"]);
     let files = cell.path("{robot}.csv").to_string_lossy().into_owned();
-    plan(&cell, &["--csv", &files]).expect(
+    plan(&cell, &["--out", &files]).expect(
         1,
         &[
             "robot kr210-demo\nuniform grid",
@@ -155,7 +155,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     let cell = planning().with("[plan.known]\n# of the past\n", "");
     plan(&cell, &["--measured", "wed"]).expect(1, &["has no plan", "make it first"]);
     let csv = cell.path("poses.csv");
-    let made = ended(posegrid().arg("plan").arg(cell.pipeline()).arg("--csv").arg(&csv));
+    let made = ended(posegrid().arg("plan").arg(cell.pipeline()).arg("--out").arg(&csv));
     made.expect(3, &["12 poses to identify, 4 to verify"]);
     let all = fs::read_to_string(&csv).expect("poses");
     let lines: Vec<&str> = all.lines().collect();

@@ -115,7 +115,7 @@ fn sessions_of_one_arm_are_compared_whatever_measured_them() {
     ]);
     run(&cell);
     let out = cell.path("trend");
-    let history = ended(posegrid().arg("history").arg(cell.path("lake")).arg("--output").arg(&out));
+    let history = ended(posegrid().arg("history").arg(cell.path("lake")).arg("--out").arg(&out));
     history.expect(
         3,
         &[

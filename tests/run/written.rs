@@ -491,7 +491,7 @@ fn changes() -> Cell {
     let cell = ran(cell, &[]);
     let cell = ran(cell.with("mm = 0.5", "mm = 0.6"), &["u0"]);
     let (lake, trend) = (cell.path("lake"), cell.path("trend"));
-    let history = ended(posegrid().arg("history").arg(lake).arg("--output").arg(trend));
+    let history = ended(posegrid().arg("history").arg(lake).arg("--out").arg(trend));
     assert!([0, 3].contains(&history.code), "{}", history.messages);
     cell
 }

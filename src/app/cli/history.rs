@@ -42,7 +42,7 @@ for how long, as of the newest session or --as-of.
 
 Examples:
   posegrid history lake
-  posegrid history lake --robot ur10 --output trend     # trend/history.parquet, drift.parquet and ur10.html
+  posegrid history lake --robot ur10 --out trend     # trend/history.parquet, drift.parquet and ur10.html
   posegrid history s3://bucket/lake --pages fleet       # fleet/index.html and a page for each robot, without the tables
 
 Exit codes: 0 every robot's newest session is where it was and in control; 3 one is not, or a run could not be read; 1 a robot
@@ -60,10 +60,10 @@ pub struct HistoryArgs {
     #[arg(long, value_name = "SESSION")]
     pub until: Option<String>,
     /// Write the tables history and drift and the pages into this folder, replacing earlier ones
-    #[arg(long, value_name = "DIR")]
-    pub output: Option<PathBuf>,
+    #[arg(long, alias = "output", value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Write the pages alone: they need few of the tables that the table history is made of
-    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    #[arg(long, value_name = "DIR", conflicts_with = "out")]
     pub pages: Option<PathBuf>,
     /// The time that the page of the fleet is of, UTC, instead of the start of the newest session: 2026-11-25 (its end) or
     /// "2026-11-25 06:30"
@@ -91,7 +91,7 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     };
     robots.iter().for_each(warn);
     // The files are written before anything is printed, so they do not depend on whether stdout accepts the text.
-    let written = match (&args.output, &args.pages) {
+    let written = match (&args.out, &args.pages) {
         (Some(to), _) => output(&lake, &robots, to, args.as_of),
         (None, Some(to)) => pages(&lake, &robots, to, args.as_of),
         (None, None) => Ok(Vec::new()),

@@ -33,16 +33,16 @@ that, measured, fitted and compensated by the code that runs at night, on every 
 error model. The plan goes into the lake as the tables sampling_plan and plan_figures, and a page.
 
 Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
-  posegrid plan pipelines/plan-kr210.toml --csv poses.csv
+  posegrid plan pipelines/plan-kr210.toml --out poses.csv
 
 Every robot of a pipeline file with several, each with its own [plan]; what is wrong with one stays with it
-  posegrid plan fleet.toml --csv 'poses-{robot}.csv'
+  posegrid plan fleet.toml --out 'poses-{robot}.csv'
 
 While the session is measured, with its logs so far in [input]: is that enough?
   posegrid plan pipelines/plan-kr210.toml --measured monday
 
 After a remount, when only base and reflector are new: twelve poses that find them for the arm of the robot's current run
-  posegrid plan pipelines/plan-kr210.toml --locate 12 --csv poses.csv
+  posegrid plan pipelines/plan-kr210.toml --locate 12 --out poses.csv
 
 Exit codes: 0 the plan is shown to meet the tolerance, what is measured is enough, or errors after --locate are expected within
 the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.
@@ -57,11 +57,11 @@ pub struct PlanArgs {
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
     /// Write the poses as CSV too, joint angles in degrees: a new file; {robot} in its name stands for the robot
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
+    #[arg(long, alias = "csv", value_name = "FILE")]
+    pub out: Option<PathBuf>,
     /// A session, by its folder's name, while it is being measured: whether its stations so far are enough, or
     /// which planned poses to measure next
-    #[arg(long, value_name = "SESSION", conflicts_with = "csv")]
+    #[arg(long, value_name = "SESSION", conflicts_with = "out")]
     pub measured: Option<String>,
     /// After a remount: this many poses that find base and reflector best, for the arm of [plan.known] or of the
     /// robot's current run in the lake, and the accuracy that follows; nothing is published
@@ -73,9 +73,9 @@ pub struct PlanArgs {
 enum PlanCommandError {
     #[error(transparent)]
     Planning(#[from] Box<PlanningError>),
-    #[error("{} exists already; choose another --csv, or remove it first", .0.display())]
+    #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
-    #[error("--csv {} is one file for several robots: put {{robot}} into its name, or name one robot with --robot", .0.display())]
+    #[error("--out {} is one file for several robots: put {{robot}} into its name, or name one robot with --robot", .0.display())]
     OneFile(PathBuf),
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -145,7 +145,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
     new_csv(args)?;
     let planning = load(args)?;
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
-    if let Some(path) = &args.csv {
+    if let Some(path) = &args.out {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
         let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), CsvCause> {
             let units = JointUnits::of(&planning.arm, AngleUnit::Deg);
@@ -159,7 +159,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
 }
 
 fn new_csv(args: &PlanArgs) -> Result<(), PlanCommandError> {
-    match args.csv.as_ref().filter(|csv| csv.exists()) {
+    match args.out.as_ref().filter(|csv| csv.exists()) {
         Some(csv) => Err(PlanCommandError::Exists(csv.clone())),
         None => Ok(()),
     }
@@ -238,7 +238,7 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
         line(format!("page: {}", near(page).display()));
     }
     line(format!("tables: {}", near(&planning.lake).display()));
-    if let Some(csv) = &args.csv {
+    if let Some(csv) = &args.out {
         line(format!("poses: {}", csv.display()));
     }
     text

@@ -127,7 +127,7 @@ pub enum SimulateFileError {
     #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
     Read(io::Error),
     #[error(
-        "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
+        "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --out` writes them"
     )]
     NoJoints { target: String },
     #[error("{told}", told = told(.0))]

@@ -17,7 +17,7 @@ pub(super) fn robots(args: &PlanArgs) -> Result<Vec<String>, PlanCommandError> {
         Some(robot) if !known.is_empty() => vec![robot.clone()],
         Some(_) | None => known,
     };
-    match &args.csv {
+    match &args.out {
         Some(csv) if robots.len() > 1 && !csv.to_string_lossy().contains(ROBOT_PLACE) => {
             Err(PlanCommandError::OneFile(csv.clone()))
         }
@@ -51,7 +51,7 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
 
 fn of(args: &PlanArgs, robot: &str) -> PlanArgs {
     let named = |csv: &PathBuf| PathBuf::from(csv.to_string_lossy().replace(ROBOT_PLACE, robot));
-    PlanArgs { robot: Some(robot.to_owned()), csv: args.csv.as_ref().map(named), ..args.clone() }
+    PlanArgs { robot: Some(robot.to_owned()), out: args.out.as_ref().map(named), ..args.clone() }
 }
 
 /// The exit code of plans with these: what is wrong with the files of all robots is wrong with the pipeline file.

@@ -14,7 +14,7 @@ pub(super) fn located(args: &PlanArgs, count: usize) -> Result<(bool, String), P
     new_csv(args)?;
     let (robot, lake) = (args.robot.as_deref(), args.lake.as_deref());
     let located = Located::make(&args.pipeline, robot, lake, count).map_err(Box::new)?;
-    if let Some(path) = &args.csv {
+    if let Some(path) = &args.out {
         let write = |sink: &mut std::io::BufWriter<&std::fs::File>| csv(&located, sink);
         write_whole(path, write)
             .map_err(|source| PlanCommandError::Write { path: path.clone(), source })?;
@@ -68,7 +68,7 @@ fn words(located: &Located, args: &PlanArgs) -> String {
     let tolerance_mm = located.settings.tolerance.mm;
     writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met}").expect("a string");
     text += "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test\n";
-    if let Some(csv) = &args.csv {
+    if let Some(csv) = &args.out {
         writeln!(text, "poses: {}", csv.display()).expect("a string");
     }
     text

@@ -34,7 +34,7 @@ pub(super) struct PoseFlags {
     /// Measure this many random joint configurations about home.
     #[arg(long, value_name = "N")]
     random_joints: Option<usize>,
-    /// Measure the poses of a file of targets with joint angles, in its order: what `posegrid plan --csv` writes, for one.
+    /// Measure the poses of a file of targets with joint angles, in its order: what `posegrid plan --out` writes, for one.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["grid_step", "random", "random_joints"])]
     pub(super) poses: Option<PathBuf>,
     /// Random joint configurations: how far each joint goes to either side of home, degrees.
