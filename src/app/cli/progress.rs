@@ -61,6 +61,11 @@ impl Bars {
         Self { drawn: MultiProgress::with_draw_target(target), are_seen: is_drawn }
     }
 
+    /// Whether one person reads messages and results on one screen.
+    pub(super) fn show_results(&self) -> bool {
+        self.are_seen && io::stdout().is_terminal()
+    }
+
     /// It takes bytes, not a function that makes them: one that logged a message meanwhile would wait for itself.
     pub(super) fn write_aside(&self, to: Stream, bytes: &[u8]) -> io::Result<()> {
         self.drawn.suspend(|| to.write(bytes))

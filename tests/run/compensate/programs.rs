@@ -127,12 +127,12 @@ fn a_data_list_without_its_routines_is_refused() {
     let told = ["wing.dat is a data list of KUKA", "give the .src of its module too"];
     compensate(&[&table, &wing]).expect(2, &told);
     compensate(&[&table, &machine, &wing]).expect(2, &told);
-    // With its routines a base that is in no given file refuses its positions.
+    // With its routines a tool that is in no given file refuses its positions.
     let source = "DEF wing()\r\nFDAT_ACT=FP1\r\nBAS(#PTP_PARAMS,100)\r\nPTP XP1\r\nEND\r\n";
     write_cell(folder, source.as_bytes(), CELL);
     fs::write(folder.join("backup/R1/t.dat"), list).expect("writable");
     let done = correct(folder, "out", &[]);
     done.expect(1, &[]);
-    let told = "BASE_DATA[5] has no value in the files given; give $config.dat";
+    let told = "TOOL_DATA[3] has no value in the files given; give $config.dat";
     assert!(done.results.contains(told), "{}", done.results);
 }

@@ -152,6 +152,8 @@ fn one(batch: &Batch<'_>, own: FleetPiece<'_>) -> Ending {
             session: None,
         },
     };
-    tracing::error!(session, "{}", failure.reason);
+    if !batch.bars.show_results() {
+        tracing::error!(session, "{}", failure.reason);
+    }
     Ending::Failed(failure)
 }
