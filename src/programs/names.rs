@@ -84,6 +84,11 @@ impl Names {
         self.of.get_mut(scope)?.get_mut(name)
     }
 
+    /// Marks that all variables may become others.
+    pub(crate) fn touch_all(&mut self, at: &Place) {
+        self.of.values_mut().flat_map(HashMap::values_mut).for_each(|own| own.touch("", at));
+    }
+
     /// Whether a routine changes one of its parameters.
     pub(crate) fn changes_parameters(&self, routine: &str) -> bool {
         let changes = |own: &Variable| own.is_parameter && !own.touched.is_empty();

@@ -260,7 +260,8 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     if let Some(place) = before_end_of_list(file, &tokens)
         && !id.is_empty()
     {
-        let text = format!("DECL CHAR {CONSTANT}[{}]=\"{id}\"{end}", id.len());
+        // A list gives an array of characters its value in a line of its own.
+        let text = format!("DECL CHAR {CONSTANT}[{}]{end}{CONSTANT}[]=\"{id}\"{end}", id.len());
         marks.push(Edit { span: place..place, text });
     }
     marks

@@ -21,10 +21,11 @@ pub(super) fn is_keyword(word: &str) -> bool {
 }
 
 /// Routines and functions of the system that set no frame and move nothing.
-const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
-    DELETE_BACKWARD_BUFFER EK ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
+const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CAST_FROM CAST_TO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
+    DELETE_BACKWARD_BUFFER EK EKI_CHECKBUFFER EKI_CLEAR EKI_CLOSE EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING EKI_INIT \
+    EKI_OPEN EKI_SEND EKI_SETBOOL EKI_SETFRAME EKI_SETINT EKI_SETREAL EKI_SETSTRING ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD H50 INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
     MSGQUIT MSGSTATE P00 ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
-    SET_KRLDLG SET_KRLDLGANSWER SET_KRLMSG SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
+    SET_KRLDLG SET_KRLDLGANSWER SET_KRLMSG SET_TQ_VALUES SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
     STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SYNC SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
     USE_CM_PRO_VALUES VARSTATE";
 
@@ -45,7 +46,8 @@ const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
 /// Routines of technology packages that the INI fold of every program declares for interrupts; they set no base and no tool.
 const TECHNOLOGY: &str = "A10 A20 H70";
 /// Functions of the system that write variables which are passed to them.
-const WRITING: &str = "CASTFROM CAST_FROM CREAD SREAD";
+const WRITING: &str =
+    "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING SREAD";
 
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
@@ -79,14 +81,15 @@ impl Reading<'_> {
     }
 
     fn step(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
+        let mut line = line;
+        while let Some(behind) = behind_label(line) {
+            steps.push(Step::Label);
+            line = behind;
+        }
         let mut rest = line;
         let Some(word) = rest.take_name() else {
             return;
         };
-        if rest.take_sign(b':') && rest.is_empty() && word != "DEFAULT" {
-            steps.push(Step::Label);
-            return;
-        }
         if super::motion::is_motion(&word) {
             self.calls(here, rest, steps);
             self.motion(here, &word, rest, steps);
@@ -281,6 +284,13 @@ impl Reading<'_> {
             }
         }
     }
+}
+
+/// What follows a label in its line; `None` where no label begins it.
+fn behind_label(line: Cursor<'_>) -> Option<Cursor<'_>> {
+    let mut rest = line;
+    let word = rest.take_name()?;
+    (rest.take_sign(b':') && word != "DEFAULT").then_some(rest)
 }
 
 /// Names of the routines that a line calls.

@@ -293,7 +293,9 @@ fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
         text.contains("{ y 20.5000 ,\tX 0.0000, z 30,A 0.0,B 0.0,C 180.0,S 2,T 34 }"),
         "{text}"
     );
-    assert!(text.contains("\r\nDECL CHAR POSEGRID_CORRECTED[3]=\"t-1\"\r\nENDDAT\r\n"), "{text}");
+    let constant =
+        "\r\nDECL CHAR POSEGRID_CORRECTED[3]\r\nPOSEGRID_CORRECTED[]=\"t-1\"\r\nENDDAT\r\n";
+    assert!(text.contains(constant), "{text}");
     assert_eq!(undone(&written, data, &edits.all), data);
     let mut again = programs.files.clone();
     again[3].bytes = written;
@@ -345,6 +347,8 @@ fn every_position_of_every_motion_is_counted() {
     assert_eq!((open.paths.len(), open.positions[0].uses.len()), (2, 2));
     let told = open.ask(0, &cell()).unwrap_err().to_string();
     assert!(told.contains("the blocks of routine P do not close"), "{told}");
+    let labelled = programs("A1:\r\nB1: C1 :PTP XP1", POINT);
+    assert_eq!((labelled.paths.len(), labelled.positions.len()), (1, 1));
     let outside = read(vec![file("p.src", "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\n")], &cell());
     let told = outside.ask(0, &cell()).unwrap_err().to_string();
     assert!(told.contains("stands in no routine"), "{told}");

@@ -144,6 +144,9 @@ impl Reading<'_> {
             } else if let Some(found) = self.found(own) {
                 self.common.touches(&here, found);
                 self.touch_shared(&here, found);
+            } else if super::steps::writes_by_name(own) {
+                let at = self.common.at(&here);
+                self.common.names.touch_all(&at);
             } else if self.is_unknown(file, own) {
                 self.common.touches(&here, own);
                 self.touch_shared(&here, own);
@@ -200,11 +203,10 @@ impl Reading<'_> {
         let Some(word) = statement.peek_name() else {
             return true;
         };
-        if super::steps::is_word(&word) || self.is_motion(&word) || super::steps::is_harmless(&word)
-        {
-            return false;
-        }
-        !self.given.contains_key(&self.full_name(file, &word))
+        let is_known = super::steps::is_word(&word)
+            || self.is_motion(&word)
+            || super::steps::is_harmless(&word) && !super::steps::is_writing(&word);
+        !is_known && !self.given.contains_key(&self.full_name(file, &word))
     }
 }
 

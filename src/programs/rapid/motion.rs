@@ -334,7 +334,10 @@ impl Reading<'_> {
     /// Positions that are passed to a routine other than a motion.
     pub(super) fn passed(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) {
         for argument in arguments(rest) {
-            if self.is_position(here, argument.value) {
+            let mut inside = argument.value;
+            if inside.take_sign(b'(') {
+                self.passed(here, word, inside.take_part(b')').unwrap_or(inside));
+            } else if self.is_position(here, argument.value) {
                 let (file, line, word) = (here.file, here.line, word.to_owned());
                 let text = shown(argument.value);
                 self.common.found.computed.push(Computed { file, line, word, text });

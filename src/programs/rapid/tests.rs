@@ -185,6 +185,25 @@ fn a_tool_that_a_routine_only_moves_is_known() {
 }
 
 #[test]
+fn instructions_of_the_controller_change_what_they_write_alone() {
+    let source = |more: &str| {
+        format!("ConfL\\Off; MoveJ p10,v1,fine,tool1; {more} MoveL p10,v1,fine,tool1;")
+    };
+    for more in ["SkipWarn;", "TPReadNum n,\"?\";", "WZDOSet\\Stat,w\\Inside,s,do1,1;"] {
+        assert_eq!(only(&source(more), ""), "ok", "{more}");
+    }
+    for more in
+        ["GetDataVal \"t\",tool1;", "SetDataVal \"t\"+n,t2;", "SetAllDataVal \"tooldata\",t;"]
+    {
+        let told = only(&source(more), "");
+        assert!(told.contains(" is worked out at run time"), "{more}\n{told}");
+    }
+    let passed = programs("Go(p10); Go (p10),[1,2]; Go(Offs(p10,1,2,3));", "");
+    let computed: Vec<&str> = passed.computed.iter().map(|own| own.text.as_str()).collect();
+    assert_eq!(computed, ["p10", "p10", "Offs(p10,1,2,3)"]);
+}
+
+#[test]
 fn statements_end_where_a_sign_is_missing() {
     let missing = "MoveL p10,v1,z1,tool1 MoveL p10,v1,z1,tool1; IF a MoveL p10,v1,z1,tool1;; MoveL p10,v1,z1,tool1; TEST n; MoveL p10,v1,z1,tool1;";
     let programs = programs(missing, "");

@@ -153,6 +153,8 @@ pub enum ProgramError {
     Cell { path: PathBuf, source: toml::de::Error },
     #[error("{}: {problem}", path.display())]
     Place { path: PathBuf, problem: String },
+    #[error("{0} is text of sixteen bits a character, which no controller reads; save it as UTF-8")]
+    Wide(String),
     #[error("two files are called {0}; give the folder that they stand in")]
     TwoFiles(String),
     #[error(
@@ -390,6 +392,9 @@ impl CompensateArgs {
                     continue;
                 }
                 file.bytes = read(&path)?;
+                if matches!(file.bytes.as_slice(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
+                    return Err(ProgramError::Wide(name));
+                }
                 if files.insert(name.clone(), file).is_some() {
                     return Err(ProgramError::TwoFiles(name));
                 }
