@@ -28,7 +28,7 @@ use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Targets};
 pub use error::{CompensateCommandError, CorrectedAlready, WriteCause};
 use named::Named;
-use record::{Recorded, Recording};
+use record::{Made, Recorded, Recording};
 use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
 
@@ -166,7 +166,17 @@ pub fn run(
     let result = targets::corrected(&targets.targets, &outcomes, by)?;
     let bytes = write::bytes(&result, form, source.units(&targets));
     let bytes = bytes.map_err(|source| args.not_written(source))?;
-    let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
+    let made = Made {
+        form: form.into(),
+        bytes: &bytes,
+        targets_digest: record::digest(&args.targets)?,
+        targets: outcomes.len(),
+        corrected: outcomes.iter().flatten().collect(),
+    };
+    // Where no target has a command, none can be mistaken for a target.
+    let is_none = made.corrected.is_empty();
+    let recording =
+        if is_none { Recording::Done } else { recorded.add(&made, by, args.no_record)? };
     args.write(&bytes, stdout)?;
     Ok(Compensated { named, source, held, targets, outcomes, recording })
 }

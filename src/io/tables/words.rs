@@ -86,8 +86,10 @@ pub enum CorrectedForm {
     Csv,
     Parquet,
     Json,
-    /// A data list of KUKA's robot language, of versions before 0.2.5.
+    /// A file of a program in KRL; of versions before 0.2.5 a data list of KUKA.
     Krl,
+    /// A module in RAPID.
+    Rapid,
 }
 
 /// Units of a column that has several.
@@ -118,7 +120,7 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
-    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
+    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     VerdictOf {

@@ -3,6 +3,9 @@
 use std::fs;
 use std::path::Path;
 
+use posegrid::io::lake::Lake;
+use posegrid::io::table::Word as _;
+
 use super::commands::{Ended, compensate, file_of, lake, text_of};
 
 const PROGRAM: &[u8] = b"&ACCESS RVP\r\nDEF t()\r\n;gr\xfc\xdfe\r\n\
@@ -135,4 +138,43 @@ fn a_data_list_without_its_routines_is_refused() {
     done.expect(1, &[]);
     let told = "TOOL_DATA[3] has no value in the files given; give $config.dat";
     assert!(done.results.contains(told), "{}", done.results);
+}
+
+/// A module of RAPID with the joints of [`PROGRAM`].
+const MODULE: &str = "MODULE t\r\n  PERS tooldata tip:=[TRUE,[[25,-40,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\r\n  PROC main()\r\n    \
+    MoveAbsJ [[0,-75,95,25,60,-15],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tip;\r\n  ENDPROC\r\nENDMODULE\r\n";
+
+#[test]
+fn a_corrected_program_without_its_marks_is_known_by_its_lake() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let lake = Lake::new(lake());
+    let forms = || {
+        let records = lake.corrections().expect("records").into_iter();
+        let forms = records.map(|(_, _, record)| record.expect("sound").form.word());
+        forms.collect::<Vec<_>>()
+    };
+    let cell = format!("{CELL}tip = {{ found = \"surveyed\" }}\n");
+    write_cell(
+        folder,
+        TOUCHED,
+        &cell.replace("$TOOL", "$BASE\" = { found = \"surveyed\" }\n\"$TOOL"),
+    );
+    fs::write(folder.join("backup/m.mod"), MODULE).expect("writable");
+    let done = correct(folder, "out", &[]);
+    done.expect(0, &[]);
+    assert!(["krl", "rapid"].iter().all(|form| forms().contains(form)), "{:?}", forms());
+    for name in ["R1/t.src", "m.mod"] {
+        let written = fs::read_to_string(folder.join("out").join(name)).expect("there");
+        fs::write(folder.join("backup").join(name), &written).expect("writable");
+        let told = [name, "corrected already: the file posegrid wrote"];
+        correct(folder, "again", &[]).expect(2, &told);
+        let bare = written.lines().filter(|line| !line.to_lowercase().contains("posegrid"));
+        let bare: Vec<&str> = bare.collect();
+        fs::write(folder.join("backup").join(name), bare.join("\n")).expect("writable");
+        correct(folder, "again", &[]).expect(2, &["corrected already: ", "posegrid wrote on 20"]);
+        let original = if name == "m.mod" { MODULE.as_bytes() } else { TOUCHED };
+        fs::write(folder.join("backup").join(name), original).expect("writable");
+    }
+    correct(folder, "again", &[]).expect(0, &[]);
 }

@@ -26,22 +26,23 @@ use thiserror::Error;
 
 use super::CompensateArgs;
 use super::error::CompensateCommandError;
+use super::record::{Recorded, Recording};
 use super::source::Source;
 use super::used_with::option;
 use crate::at::At;
 use crate::cli::messages::{self, Printable};
 use crate::cli::progress::Bars;
-use crate::compensation::{Exception, Term};
+use crate::compensation::{Corrected, Exception, Target, Term};
 use crate::io::calibrations_table::PublishedArm;
 use crate::io::input::{self, Bound};
 use crate::io::whole_file;
-use crate::programs::record::{RECORD, UndoError};
+use crate::programs::record::{RECORD, UndoError, digest};
 use crate::programs::write::{Command, Edit, edits};
 use crate::programs::{Asked, Cell, File, Position, Programs};
-use densify::{Corrections, Densified};
+use densify::{Densified, Known};
 use report::{Outcome, Report};
 use solve::Solver;
-use write::write;
+use write::{record, write, written};
 
 /// Whole programs: .src and .dat of KRL with $config.dat and $machine.dat, .mod, .prg, .sys and .modx of RAPID with MOC.cfg
 #[derive(Debug, Clone, Default, Args)]
@@ -208,7 +209,7 @@ const DEPTH: usize = 12;
 
 pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
     match run(args) {
-        Ok((report, source)) => {
+        Ok((report, recording, source)) => {
             let mut told = Vec::new();
             match args.program.format {
                 Format::Text => told.extend(report.to_string().bytes()),
@@ -218,7 +219,8 @@ pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
             if let Err(undelivered) = messages::deliver(&told, bars) {
                 return undelivered.exit_code();
             }
-            for line in source.frame().into_iter().chain([source.measured()]) {
+            let not_recorded = recording.words().map(str::to_owned);
+            for line in source.frame().into_iter().chain([source.measured()]).chain(not_recorded) {
                 tracing::info!("{}", Printable(&line));
             }
             report.exit_code()
@@ -231,7 +233,7 @@ pub(super) fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
 }
 
 /// Corrects a program and writes it into its new folder.
-fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError> {
+fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateCommandError> {
     let (files, unread) = args.files()?;
     let taught_on = args.taught_on()?;
     if args.program.densify.is_some_and(|limit_mm| !(limit_mm.is_finite() && limit_mm > 0.0)) {
@@ -254,23 +256,45 @@ fn run(args: &CompensateArgs) -> Result<(Report, Source), CompensateCommandError
     let Source::Arm(arm) = &source else {
         return Err(ProgramError::Table.into());
     };
+    let recorded = Recorded::around(&named.path, &source)?;
+    for file in &files {
+        recorded.check_digest(Path::new(&file.name), &digest(&file.bytes))?;
+    }
     let mut cell = args.cell()?;
     let programs = crate::programs::read(files, &cell);
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
     let asked = asked(args, taught_on.as_ref(), &programs, &cell);
-    let (outcomes, mut commands) = corrected(&programs, &asked, &solver);
+    recorded.check_targets(&args.targets, &stated(&programs, &asked, &solver))?;
+    let Corrections { outcomes, mut commands, corrected } = corrected(&programs, &asked, &solver);
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
     let further = args.program.densify.map(|limit_mm| {
-        let known = Corrections { programs: &programs, asked: &asked, commands: &commands };
+        let known = Known { programs: &programs, asked: &asked, commands: &commands };
         solver.further(limit_mm, &known, &deviations)
     });
     let edits = changes(&programs, &asked, &mut commands, further.as_deref().unwrap_or_default());
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
-    write(&programs, &edits, &out, arm)?;
-    Ok((report, source))
+    let written = written(&programs, &edits, arm);
+    let recording = record(&written, &programs, &corrected, |made| {
+        recorded.add(&made, source.by(&[]), args.no_record)
+    })?;
+    write(written, &out, arm)?;
+    Ok((report, recording, source))
+}
+
+/// The positions as the controller has them now, each named with its line.
+fn stated(
+    programs: &Programs,
+    asked: &[Result<Asked, String>],
+    solver: &Solver<'_>,
+) -> Vec<Target> {
+    let target = |asked: &Asked| {
+        let Position { file, line, name, .. } = &programs.positions[asked.position];
+        solver.stated(format!("{}: {name}", programs.files[*file].at(*line)), asked)
+    };
+    asked.iter().flatten().map(target).collect()
 }
 
 /// What each position asks of the arm, of positions that were taught what they show of it; or why it is refused.
@@ -292,26 +316,35 @@ fn asked(
     asked
 }
 
-/// What becomes of each position, and its command; `None` where it is not corrected.
+/// What becomes of each position; of one that is not corrected there is no command.
+struct Corrections {
+    outcomes: Vec<Outcome>,
+    commands: Vec<Option<Command>>,
+    /// The commands of the calibrated tool.
+    corrected: Vec<Option<Corrected>>,
+}
+
 fn corrected(
     programs: &Programs,
     asked: &[Result<Asked, String>],
     solver: &Solver<'_>,
-) -> (Vec<Outcome>, Vec<Option<Command>>) {
+) -> Corrections {
     let open: Vec<_> = asked.iter().flatten().collect();
     let mut solved = solver.solve(&open).into_iter();
     let mut commands = vec![None; programs.positions.len()];
+    let mut corrected = vec![None; programs.positions.len()];
     let mut outcome = |(position, asked): (&Position, &Result<Asked, String>)| {
         let asked = asked.as_ref().map_err(Clone::clone)?;
         let done = solved.next().unwrap_or_else(|| Err("it has no command".to_owned()))?;
         let crossed = edits(position, asked, &done.command).crossed;
         commands[asked.position] = Some(done.command);
+        corrected[asked.position] = Some(done.corrected);
         Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed })
     };
     let refused = |reason| Outcome::Refused { reason };
     let outcomes = programs.positions.iter().zip(asked);
     let outcomes = outcomes.map(|own| outcome(own).unwrap_or_else(refused)).collect();
-    (outcomes, commands)
+    Corrections { outcomes, commands, corrected }
 }
 
 /// The edits of each file; helpers of circles with further points get the commands that these have for them.

@@ -7,15 +7,16 @@ use std::time::SystemTime;
 
 use chrono::DateTime;
 
+use super::CompensateCommandError;
 use super::error::CorrectedAlready;
 use super::source::Source;
-use super::{CompensateArgs, CompensateCommandError};
 use crate::at::At;
-use crate::compensation::{Corrected, Refused, Target};
+use crate::compensation::{Corrected, Target};
 use crate::io::input::{self, Bound};
 use crate::io::lake::{Correction, Lake};
 use crate::io::table::Word as _;
-use crate::io::targets::{CorrectedBy, Form};
+use crate::io::tables::words::CorrectedForm;
+use crate::io::targets::CorrectedBy;
 use crate::manifest::{self, VERSION};
 
 /// A target this close to a command on each axis is taken for it, mm: controllers keep 32-bit numbers, which at 4 m are
@@ -28,6 +29,17 @@ pub(super) struct Recorded {
     lake: Option<Lake>,
     /// Each record with its path, and the time it was written.
     records: Vec<(PathBuf, Option<SystemTime>, Correction)>,
+}
+
+/// A file that will be written.
+pub(super) struct Made<'a> {
+    pub(super) form: CorrectedForm,
+    pub(super) bytes: &'a [u8],
+    /// BLAKE3 of the file that it was made from, hexadecimal.
+    pub(super) targets_digest: String,
+    /// How many targets that has.
+    pub(super) targets: usize,
+    pub(super) corrected: Vec<&'a Corrected>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +88,15 @@ impl Recorded {
         if self.records.is_empty() {
             return Ok(());
         }
-        let digest = digest(targets)?;
+        self.check_digest(targets, &digest(targets)?)
+    }
+
+    /// Checks that a file of this digest is none that was written as corrected.
+    pub(super) fn check_digest(
+        &self,
+        targets: &Path,
+        digest: &str,
+    ) -> Result<(), CompensateCommandError> {
         let known = self.records.iter().find(|(_, _, own)| own.file_digest == digest);
         known.map_or(Ok(()), |known| Err(corrected_already(targets, "the file".to_owned(), known)))
     }
@@ -106,39 +126,32 @@ impl Recorded {
     /// Records what will be written. The record is written before the file: no file exists without its record.
     pub(super) fn add(
         &self,
-        args: &CompensateArgs,
-        form: Form,
-        bytes: &[u8],
-        outcomes: &[Result<Corrected, Refused>],
+        made: &Made<'_>,
         by: CorrectedBy<'_>,
+        no_record: bool,
     ) -> Result<Recording, CompensateCommandError> {
         let Some(lake) = &self.lake else {
             return Ok(Recording::NoLake);
         };
-        let done = || outcomes.iter().filter_map(|outcome| outcome.as_ref().ok());
-        if done().next().is_none() {
-            // No target has a command, so none can be mistaken for a target.
-            return Ok(Recording::Done);
-        }
         // A command that equals its target, within the tolerance, is not recorded.
-        let moved: Vec<&Corrected> =
-            done().filter(|done| done.correction.amax() > 2.0 * SAME_MM).collect();
+        let is_moved = |done: &&&Corrected| done.correction.amax() > 2.0 * SAME_MM;
+        let moved: Vec<&Corrected> = made.corrected.iter().filter(is_moved).copied().collect();
         let joints = moved.iter().map(|done| Some(done.joints.as_ref()?.command.clone()));
         let correction = Correction {
             key: by.key.clone(),
             corrected_by: by.table,
-            form: form.into(),
+            form: made.form,
             version: VERSION.to_owned(),
-            targets_digest: digest(&args.targets)?,
-            file_digest: blake3::hash(bytes).to_hex().to_string(),
-            targets: count(outcomes.len()),
-            corrected: count(done().count()),
+            targets_digest: made.targets_digest.clone(),
+            file_digest: blake3::hash(made.bytes).to_hex().to_string(),
+            targets: count(made.targets),
+            corrected: count(made.corrected.len()),
             positions: moved.iter().map(|done| done.command.coords().into()).collect(),
             joints: joints.collect::<Option<_>>().unwrap_or_default(),
         };
         match lake.record(&correction) {
             Ok(_) => Ok(Recording::Done),
-            Err(_) if args.no_record => Ok(Recording::Refused),
+            Err(_) if no_record => Ok(Recording::Refused),
             Err(source) => Err(CompensateCommandError::NotRecorded {
                 lake: lake.root().named(),
                 source: Box::new(source),
@@ -151,7 +164,7 @@ fn count(number: usize) -> i64 {
     i64::try_from(number).expect("no more rows than a file holds")
 }
 
-fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
+pub(super) fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
     let wrong = |source| CompensateCommandError::Digest(At::new(targets.display(), source));
     let bound = Bound { bytes: Bound::TABLE.bytes, ..Bound::TARGETS };
     let file = input::open(targets, bound).map_err(wrong)?;

@@ -16,7 +16,7 @@ use crate::programs::{Asked, Branch, Further, Path, Programs, Wanted, Way};
 const MOST: f64 = 128.0;
 
 /// Positions of a program and what became of them.
-pub(super) struct Corrections<'p> {
+pub(super) struct Known<'p> {
     pub(super) programs: &'p Programs,
     pub(super) asked: &'p [Result<Asked, String>],
     pub(super) commands: &'p [Option<Command>],
@@ -55,7 +55,7 @@ impl Solver<'_> {
     pub(super) fn further(
         &self,
         limit_mm: f64,
-        known: &Corrections<'_>,
+        known: &Known<'_>,
         deviations: &[Result<f64, NotStated>],
     ) -> Vec<Densified> {
         let beyond = deviations.par_iter().enumerate().filter_map(|(path, own)| {
@@ -68,7 +68,7 @@ impl Solver<'_> {
     fn split(
         &self,
         limit_mm: f64,
-        known: &Corrections<'_>,
+        known: &Known<'_>,
         path: usize,
         deviation_mm: f64,
     ) -> Result<Points, String> {

@@ -84,6 +84,8 @@ fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<
 pub(super) struct Done {
     pub(super) command: Command,
     pub(super) correction_mm: f64,
+    /// The command of the calibrated tool.
+    pub(super) corrected: Corrected,
 }
 
 type Solved = Result<Done, String>;
@@ -184,6 +186,21 @@ impl<'a> Solver<'a> {
             Ok(attained)
         });
         attained.collect()
+    }
+
+    /// A position as the controller has it now, as a target of the calibrated tool.
+    pub(super) fn stated(&self, name: String, asked: &Asked) -> Target {
+        match &asked.wanted {
+            Wanted::Joints(joints) => {
+                Target { name, joints: self.joints(joints).ok(), ..Target::default() }
+            }
+            Wanted::Pose { programmed, .. } => {
+                let own = programmed * self.own_tool_in(&asked.stated_tool);
+                let pose = self.arm.command_from_base.isometry() * own;
+                let position = Some(Position::claim(Point3::from(pose.translation.vector)));
+                Target { name, position, ..Target::default() }
+            }
+        }
     }
 
     fn target(
@@ -417,6 +434,7 @@ impl<'a> Solver<'a> {
         }
         let programmed = self.programmed(asked, &joints.target)?;
         let joints = Some([self.shown(&programmed), self.shown(&joints.command)]);
-        Ok(Done { command: Command { base_from_tool, joints }, correction_mm })
+        let command = Command { base_from_tool, joints };
+        Ok(Done { command, correction_mm, corrected: done.clone() })
     }
 }

@@ -7,25 +7,35 @@ use std::time::SystemTime;
 use chrono::DateTime;
 
 use super::ProgramError;
+use crate::cli::compensate::CompensateCommandError;
+use crate::cli::compensate::record::{Made, Recording};
+use crate::compensation::Corrected;
 use crate::io::calibrations_table::PublishedArm;
+use crate::io::tables::words::CorrectedForm;
 use crate::io::whole_file::write_whole;
+use crate::manifest::RunKey;
 use crate::programs::Programs;
 use crate::programs::record::{Changed, RECORD, Record, digest};
 use crate::programs::write::{Edit, applied, marks};
 
-/// Writes the files that change, each at its name in the folder, and the record of what changed.
-pub(super) fn write(
+/// A file that changes.
+pub(super) struct Written {
+    /// Its index among the files.
+    file: usize,
+    bytes: Vec<u8>,
+    changed: Changed,
+}
+
+/// The files that change, with their marks.
+pub(super) fn written(
     programs: &Programs,
     all: &[Vec<Edit>],
-    out: &Path,
-    arm: &PublishedArm,
-) -> Result<(), ProgramError> {
-    let PublishedArm { key, arm, .. } = arm;
+    PublishedArm { key, arm, .. }: &PublishedArm,
+) -> Vec<Written> {
+    let RunKey { run, robot, session } = key;
     let date = today();
-    let [run, robot, session] = [&key.run, &key.robot, &key.session].map(Clone::clone);
-    let mut written = Vec::new();
-    let mut files = Vec::new();
-    for (file, own) in programs.files.iter().zip(all).filter(|(_, own)| !own.is_empty()) {
+    let files = programs.files.iter().zip(all).enumerate().filter(|(_, (_, own))| !own.is_empty());
+    let written = files.map(|(place, (file, own))| {
         let words = format!(
             "table calibrations, run {run} of robot {robot}, session {session}, {date}; original blake3 {}",
             digest(&file.bytes)
@@ -33,18 +43,53 @@ pub(super) fn write(
         let mut edits = own.clone();
         edits.extend(marks(file, &words, &arm.table_id));
         let bytes = applied(&file.bytes, &edits);
-        files.push(Changed::of(file, &bytes, &edits));
-        written.push((out.join(&file.name), bytes));
-    }
-    if files.is_empty() {
+        let changed = Changed::of(file, &bytes, &edits);
+        Written { file: place, bytes, changed }
+    });
+    written.collect()
+}
+
+/// Records each file by `add`; what became of the last record.
+pub(super) fn record(
+    written: &[Written],
+    programs: &Programs,
+    corrected: &[Option<Corrected>],
+    add: impl Fn(Made<'_>) -> Result<Recording, CompensateCommandError>,
+) -> Result<Recording, CompensateCommandError> {
+    written.iter().try_fold(Recording::Done, |_, own| {
+        let is_krl = matches!(programs.files[own.file].ending().as_str(), "src" | "sub" | "dat");
+        let positions = programs.positions.iter().zip(corrected);
+        let positions = positions.filter(|(position, _)| position.file == own.file);
+        add(Made {
+            form: if is_krl { CorrectedForm::Krl } else { CorrectedForm::Rapid },
+            bytes: &own.bytes,
+            targets_digest: own.changed.original_blake3.clone(),
+            targets: positions.clone().count(),
+            corrected: positions.filter_map(|(_, corrected)| corrected.as_ref()).collect(),
+        })
+    })
+}
+
+/// Writes the files that change, each at its name in the folder, and the record of what changed.
+pub(super) fn write(
+    written: Vec<Written>,
+    out: &Path,
+    arm: &PublishedArm,
+) -> Result<(), ProgramError> {
+    if written.is_empty() {
         return Ok(());
     }
-    let record = Record { calibration: arm.table_id.clone(), robot, session, run, date, files };
+    let RunKey { run, robot, session } = arm.key.clone();
+    let (files, bytes): (Vec<Changed>, Vec<Vec<u8>>) =
+        written.into_iter().map(|own| (own.changed, own.bytes)).unzip();
+    let paths: Vec<_> = files.iter().map(|own| out.join(&own.name)).collect();
+    let calibration = arm.arm.table_id.clone();
+    let record = Record { calibration, robot, session, run, date: today(), files };
     let path = out.join(RECORD);
-    let bytes = serde_json::to_vec(&record)
+    let record = serde_json::to_vec(&record)
         .map_err(|source| ProgramError::Write { path: path.clone(), source: source.into() })?;
-    write_new(&path, &bytes)?;
-    written.iter().try_for_each(|(path, bytes)| write_new(path, bytes))
+    write_new(&path, &record)?;
+    paths.iter().zip(&bytes).try_for_each(|(path, bytes)| write_new(path, bytes))
 }
 
 /// Writes a file that is not there yet, and the folders that it is in.
