@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point3, Translation3};
 use crate::flow::{Known, Setting};
 use crate::frame::{Cell, Chain};
 use crate::krl::abc;
-use crate::program::{Position, Programs, Shape, Stated, Turn, Use};
+use crate::program::{Letters, Position, Programs, Shape, Stated, Turn, Use};
 use crate::rapid::{is_module, quaternion};
 use crate::refusal::Refusal;
 use crate::taught::{Taught, TaughtFrame};
@@ -48,6 +48,8 @@ pub enum Branch {
     Status { status: u8, turn: Option<u8> },
     /// cf1, cf4 and cf6 of ABB with cfx: the quarter turns of joints 1, 4 and 6; whether they are those of the position itself.
     Quadrants { quadrants: [i32; 4], is_own: bool },
+    /// Letters of FANUC, with the turns of joints 4, 5 and 6 where the motion reads the position's own.
+    Config { letters: Letters, turns: Option<[i32; 3]> },
     /// That of joint angles, degrees.
     Joints(Vec<f64>),
 }
@@ -131,6 +133,9 @@ impl Programs {
     fn branch(&self, index: usize, stated_by: &Known) -> Result<Branch, Refusal> {
         let by = match &**stated_by.as_ref().map_err(|why| (**why).clone())? {
             Setting::Position(by) => *by,
+            Setting::Config(letters) => {
+                return Ok(Branch::Config { letters: *letters, turns: None });
+            }
             _ => index,
         };
         let whole = |number: &Number| {
@@ -160,6 +165,12 @@ impl Programs {
                 let [one, four, six, x] = quadrants;
                 let quadrants = [small(one)?, small(four)?, small(six)?, small(x)?];
                 Ok(Branch::Quadrants { quadrants, is_own: by == index })
+            }
+            Shape::Pose { stated: Some(Stated::Config { letters, turns }), .. } => {
+                let [four, five, six] = turns;
+                let all = || Ok([small(four)?, small(five)?, small(six)?]);
+                let turns = (by == index).then(all).transpose()?;
+                Ok(Branch::Config { letters: *letters, turns })
             }
             Shape::Pose { stated: None, .. } => {
                 Err(Refusal::Partial { what: "arm configuration that its motion reads" })

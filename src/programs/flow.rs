@@ -2,13 +2,14 @@
 //!
 //! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
 //! loop it is unknown where the loop sets it to anything else; at a label and in an error handler it is what nothing in
-//! the routine changes; after a call it is what the called routine does not change, and nothing at all where the routine is in no
-//! given file. So a setting that is known holds on every way through the program.
+//! the routine changes, behind the first jump where the reader says which that is; after a call it is what the called routine
+//! does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use crate::frame::Chain;
+use crate::program::Letters;
 use crate::refusal::{Place, Refusal};
 
 /// What statements set.
@@ -67,6 +68,8 @@ pub enum Setting {
     Inline(Box<[Known; 3]>),
     /// Its index among the positions.
     Position(usize),
+    /// An arm configuration.
+    Config(Letters),
 }
 
 impl Setting {
@@ -171,6 +174,8 @@ pub enum Step {
         is_default: bool,
     },
     EndSwitch,
+    /// No jump begins and no label stands before it.
+    Jumps,
     /// A place that the program may jump to.
     Label,
     /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
@@ -409,12 +414,18 @@ pub fn walk(
     }
     let blocks = Vec::new();
     let mut walk = Walk { summaries, motions, any_time, state: entry.clone(), blocks };
+    // What holds before every jump, and what may happen between that and a label.
+    let mut jumps = (entry.clone(), whole);
     for (place, step) in routine.steps.iter().enumerate() {
         match step {
             Step::Loop => walk.open_loop(loops.get(&place)),
+            Step::Jumps => {
+                let behind = summaries.effects(&routine.steps[place..], walk.motions);
+                jumps = (walk.state.clone(), behind);
+            }
             Step::Label | Step::Handler => {
-                walk.state = entry.clone();
-                walk.state.after(&whole);
+                walk.state = jumps.0.clone();
+                walk.state.after(&jumps.1);
             }
             step => walk.step(step),
         }
@@ -475,7 +486,7 @@ impl<M: Motions> Walk<'_, M> {
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Label | Step::Handler => {}
+            Step::Loop | Step::Jumps | Step::Label | Step::Handler => {}
             Step::Else { is_last } => self.branch_else(*is_last),
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),

@@ -12,7 +12,7 @@ use std::ops::Range;
 /// |---|---|---|---|---|
 /// | KRL | `;` | `&` | `"`, and `'` around numbers of another base | the end of the line |
 /// | RAPID | `!` | `%%%` | `"`, doubled inside | `;` |
-/// | FANUC TP | `!`, `//`, `--` | | `"`, `'` | `;` |
+/// | FANUC TP | none: `!`, `//` and `--` begin one at the head of a statement only | | `"` | `;` at the end of a line |
 /// | URScript | `#` | | `"` | the end of the line, outside brackets |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dialect {

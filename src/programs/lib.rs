@@ -1,7 +1,7 @@
 //! Robot programs as they lie on controllers → what their motions' positions are, and the same programs with corrected numbers.
 //!
 //! ```text
-//! files ─→ lex ─→ krl, rapid ─→ flow ─→ positions ─→ asked ─→ (corrections) ─→ write ─→ files
+//! files ─→ lex ─→ dialects ──→ flow ─→ positions ─→ asked ─→ (corrections) ─→ write ─→ files
 //!         tokens  statements   frames   Programs    poses in              numbers
 //!                              at each              the arm's base        in place
 //! ```
@@ -15,12 +15,11 @@
 //! a frame, a tool or a way through the program is not known, the position is refused.
 //!
 //! # Another dialect
-//! `FANUC TP` and `URScript` need a `lex::Dialect`, a reader that fills `program::Motion`s and `flow::Step`s, and their
-//! `program::Shape`s; flow, frames, asking and writing stay as they are. `/POS` of FANUC is a list of declared values
-//! (`P[n]`, with UF and UT as the motion's own settings of base and tool), `UFRAME_NUM` and `UTOOL_NUM` set the slots of
-//! base and tool. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
+//! `URScript` needs a `lex::Dialect`, a reader that fills `program::Motion`s and `flow::Step`s, and its `program::Shape`s; flow,
+//! frames, asking and writing stay as they are. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
 
 mod ask;
+mod fanuc;
 mod flow;
 mod frame;
 mod further;
@@ -43,21 +42,26 @@ pub use ask::{Asked, Branch, Wanted};
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use further::{ADDED, Further};
 pub use krl::postures::Postures;
-pub use program::{Computed, File, Path, Position, Programs, Split, Way};
+pub use program::{Computed, File, Letters, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};
 
 /// Whether a file belongs to a program or says something of its frames.
 pub fn is_program(file: &File) -> bool {
-    matches!(file.ending().as_str(), "src" | "sub" | "dat") || rapid::is_known(file)
+    matches!(file.ending().as_str(), "src" | "sub" | "dat")
+        || rapid::is_known(file)
+        || fanuc::is_listing(file)
 }
 
 /// Everything that motions of these files use.
 pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
     let (found, krl_root) = krl::read(&files);
     let (found, rapid_root) = rapid::read(&files, cell, found);
-    let root = |file: &File| {
-        if rapid::is_known(file) { rapid_root.clone() } else { krl_root.clone() }
+    let (found, fanuc_root) = fanuc::read(&files, found);
+    let root = |file: &File| match file {
+        own if rapid::is_known(own) => rapid_root.clone(),
+        own if fanuc::is_listing(own) => fanuc_root.clone(),
+        _ => krl_root.clone(),
     };
     let roots = files.iter().map(root).collect();
     let marks = files.iter().map(write::mark).collect();

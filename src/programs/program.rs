@@ -56,6 +56,16 @@ pub enum Stated {
     Status { status: Number, turn: Option<Number> },
     /// cf1, cf4, cf6 and cfx of ABB.
     Quadrants([Number; 4]),
+    /// `CONFIG` of FANUC, with the turns of joints 4, 5 and 6.
+    Config { letters: Letters, turns: [Number; 3] },
+}
+
+/// The letters of FANUC's `CONFIG`, each true for the first: F or N, D or U, B or T.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Letters {
+    pub flip: bool,
+    pub down: bool,
+    pub back: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -101,6 +111,8 @@ pub struct Position {
     pub uses: Vec<Use>,
     /// Bytes of the value, for reports and comparisons.
     pub span: Range<usize>,
+    /// Decimals that its dialect takes at least: of mm, and of degrees.
+    pub decimals: [usize; 2],
 }
 
 /// A position of a motion that is no literal.
@@ -188,6 +200,8 @@ pub(crate) struct Motion {
     pub(crate) targets: Vec<Target>,
     /// Settings of this motion alone.
     pub(crate) own: Vec<(Slot, Known)>,
+    /// Whether the controller stops where others are set.
+    pub(crate) is_held: bool,
     pub(crate) reads: Reads,
     pub(crate) way: Way,
     pub(crate) is_blended: bool,
@@ -275,14 +289,46 @@ pub(crate) struct Recorder<'r> {
     pub(crate) entries: HashMap<String, State>,
 }
 
+/// Frames that a position states, held against those that are set, where these are known.
+fn held(set: &Known, stated: &Known) -> Known {
+    match set.as_ref().map_err(|why| &**why) {
+        Err(Refusal::NotSet { .. } | Refusal::Call { .. }) => stated.clone(),
+        Ok(own) if stated.as_ref().is_ok_and(|stated| stated == own) => stated.clone(),
+        Err(_) => set.clone(),
+        Ok(own) => {
+            let named = |known: &Setting| match known {
+                Setting::Frames(chain) => chain.to_string(),
+                _ => String::new(),
+            };
+            let stated = stated.as_ref().map(|own| named(own)).unwrap_or_default();
+            unknown(Refusal::Other(format!(
+                "it stands under {stated}, and {} is set before the motion, where the controller stops; set that of the position",
+                named(own)
+            )))
+        }
+    }
+}
+
+impl Recorder<'_> {
+    /// The arm configuration that a motion states: letters are the same at every position.
+    fn stated(&self, motion: &Motion) -> Known {
+        match motion.end().map(|end| &self.positions[end].shape) {
+            Some(Ok(Shape::Pose { stated: Some(Stated::Config { letters, .. }), .. })) => {
+                known(Setting::Config(*letters))
+            }
+            _ => motion.branch(),
+        }
+    }
+}
+
 impl crate::flow::Motions for Recorder<'_> {
     fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known> {
         let motion = &self.motions[motion];
         match (motion.reads, state) {
             (Reads::Never, _) => None,
-            (Reads::Always, _) | (_, None) => Some(motion.branch()),
+            (Reads::Always, _) | (_, None) => Some(self.stated(motion)),
             (Reads::With(slot), Some(state)) => match state.get(slot) {
-                Ok(on) => (**on == Setting::On(true)).then(|| motion.branch()),
+                Ok(on) => (**on == Setting::On(true)).then(|| self.stated(motion)),
                 Err(why) => Some(Err(why.clone())),
             },
         }
@@ -321,7 +367,8 @@ impl crate::flow::Motions for Recorder<'_> {
         });
         let mut state = state.clone();
         for (slot, to) in &motion.own {
-            state.set(*slot, to.clone());
+            let to = if motion.is_held { held(state.get(*slot), to) } else { to.clone() };
+            state.set(*slot, to);
         }
         let refused = motion.obstacle(&state);
         let frame = |slot| match &refused {

@@ -9,6 +9,7 @@ use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
 use crate::refusal::{Place, Refusal};
 use crate::value::{Cursor, Value};
+use crate::write::{DEGREE_DECIMALS, MM_DECIMALS};
 
 /// The numbers of a position, and an external axis that is not at 0.
 pub(crate) type Shaped = (Result<Shape, Refusal>, Option<(String, String)>);
@@ -142,6 +143,7 @@ impl<'f> Common<'f> {
             obstacle,
             uses: Vec::new(),
             span: written.span.clone(),
+            decimals: [MM_DECIMALS, DEGREE_DECIMALS],
         });
         self.found.positions.len() - 1
     }
@@ -156,6 +158,7 @@ impl<'f> Common<'f> {
             obstacle: Some(why),
             uses: Vec::new(),
             span: 0..0,
+            decimals: [MM_DECIMALS, DEGREE_DECIMALS],
         });
         self.found.positions.len() - 1
     }

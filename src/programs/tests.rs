@@ -4,8 +4,8 @@ use super::*;
 use crate::program::Shape;
 use crate::write::{Command, Edit, applied, edits, mark, marks};
 
-/// Pieces of programs of both dialects, sound and broken.
-const PIECES: [&str; 58] = [
+/// Pieces of programs of all dialects, sound and broken.
+const PIECES: [&str; 82] = [
     "DEF P()\r\n",
     "END\n",
     "DEFDAT P\n",
@@ -64,6 +64,30 @@ const PIECES: [&str; 58] = [
     "!",
     "%%%\n",
     "ERROR\n",
+    "/PROG P\n",
+    "/ATTR\nLINE_COUNT = 2;\n",
+    "/MN\n",
+    "/POS\n",
+    "/END\n",
+    "   1:J P[1] 100% FINE ;\n",
+    "   2:L P[2:a b] 5mm/sec CNT50 ACC80",
+    "    :  P[3] 5mm/sec CNT10 ;\r\n",
+    "   3:C P[1]\n",
+    " Wjnt Offset,PR[1] ;\n",
+    "UFRAME_NUM=1 ;\n",
+    "   4:  UTOOL_NUM=0 ;\n",
+    "   5:  LBL[1] ;\n",
+    "   6:  IF R[1]=1,JMP LBL[1] ;\n",
+    "  =2,CALL P ;\n",
+    "   7:  !",
+    "P[1:\"x\"]{\n   GP1:\n\tUF : 0, UT : 0,",
+    "\tCONFIG : 'N U T, 0, 0, 0',\n",
+    "\tX = 900.5 mm,\tY = -.131 mm,\tZ = 3.000 mm,\n\tW = 179.9 deg,\tP = .000 deg,\tR = 1 deg\n",
+    "\tJ1= .000 deg,\tJ2= 1.000 deg,\tJ3= 2.000 deg,\tJ4= 3 deg,\tJ5= 4 deg,\tJ6= 5 deg\n",
+    "};\n",
+    "P[2]{\n   GP1:\n\tUF : F, UT : 0,",
+    "PR[1]=P[1] ;\n",
+    "   GP2:\n\tJ1= 1.000 mm\n",
 ];
 
 fn text() -> impl Strategy<Value = Vec<u8>> {
@@ -87,8 +111,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn any_bytes_are_read_and_only_numbers_are_replaced(source in text(), data in text(), module in text()) {
-        let named = [("p.src", source), ("p.dat", data), ("m.mod", module)];
+    fn any_bytes_are_read_and_only_numbers_are_replaced(source in text(), data in text(), module in text(), listing in text()) {
+        let named = [("p.src", source), ("p.dat", data), ("m.mod", module), ("l.LS", listing)];
         let files = named.map(|(name, bytes)| File { name: name.to_owned(), bytes });
         let programs = read(files.to_vec(), &cell());
         let mut all = vec![Vec::new(); files.len()];
@@ -140,6 +164,13 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
     });
     // All of them in one line.
     let moves = each(20_000, &|n| format!("MoveL p{n},v1,z1,tool0; "));
+    let statements = each(50_000, &|n| format!("{n:>4}:J P[{n}] 5% FINE ;\n"));
+    let statements = statements + &"   1:  PR[1]=P[7] ;\n".repeat(20_000);
+    let entries = each(50_000, &|n| {
+        format!(
+            "P[{n}]{{\n   GP1:\n\tUF : 0, UT : 0,\t\tCONFIG : 'N U T, 0, 0, 0',\n\tX = {n}.000 mm, Y = 0 mm, Z = 0 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n}};\n"
+        )
+    });
     let files = vec![
         File {
             name: "p.src".to_owned(),
@@ -150,12 +181,16 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
             name: "m.mod".to_owned(),
             bytes: format!("MODULE M\n{module}PROC main()\n{moves}ENDPROC\nENDMODULE").into_bytes(),
         },
+        File {
+            name: "l.ls".to_owned(),
+            bytes: format!("/PROG L\n/MN\n{statements}/POS\n{entries}/END\n").into_bytes(),
+        },
     ];
     let begun = std::time::Instant::now();
     let programs = read(files, &cell());
-    assert_eq!(programs.positions.len(), 120_001);
+    assert_eq!(programs.positions.len(), 170_001);
     let asked = (0..programs.positions.len()).filter(|index| programs.ask(*index, &cell()).is_ok());
-    assert_eq!(asked.count(), 20_000);
+    assert_eq!(asked.count(), 69_999);
     assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
 }
 

@@ -1,7 +1,7 @@
 //! Corrected poses → numbers in the places of the old ones, and marks; every other byte stays.
 //!
-//! A number has as many decimals as the file has for it, and at least [`MM_DECIMALS`] or [`DEGREE_DECIMALS`], which every dialect here
-//! takes; no exponent and no −0. A number that is the same when it is read again keeps its text. An orientation that is
+//! A number has as many decimals as the file has for it, and at least those that its dialect takes: [`MM_DECIMALS`] or
+//! [`DEGREE_DECIMALS`], of FANUC three; no exponent and no −0. A number that is the same when it is read again keeps its text. An orientation that is
 //! not corrected keeps its text too.
 
 use std::f64::consts::TAU;
@@ -12,6 +12,7 @@ use crate::geometry::typed::number as decimal;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
+use crate::fanuc::is_listing;
 use crate::krl::abc;
 use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
@@ -53,10 +54,11 @@ pub struct Edits {
 /// Replaces the numbers of one position by those of its command.
 pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
     let mut edits = Edits::default();
+    let [mm, degrees] = position.decimals;
     match (&position.shape, &asked.wanted, command) {
         (Ok(Shape::Joints(numbers)), Wanted::Joints(_), Command { joints: Some([_, to]), .. }) => {
             for (number, to) in numbers.iter().zip(to) {
-                edits.number(number, *to, DEGREE_DECIMALS);
+                edits.number(number, *to, degrees);
             }
         }
         (
@@ -66,11 +68,11 @@ pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
         ) => {
             let to = base_from_frame.inverse() * base_from_tool;
             for (number, to) in xyz.iter().zip(to.translation.vector.iter()) {
-                edits.number(number, *to, MM_DECIMALS);
+                edits.number(number, *to, mm);
             }
             let before = pose(xyz, turn).map(|pose| pose.rotation);
             if before.is_ok_and(|before| before.angle_to(&to.rotation) > UNTURNED) {
-                edits.turn(turn, &to.rotation);
+                edits.turn(turn, &to.rotation, degrees);
             }
             if let (Some(stated), Some([from, to])) = (stated, joints) {
                 edits.stated(stated, from, to);
@@ -98,12 +100,12 @@ impl Edits {
         }
     }
 
-    fn turn(&mut self, turn: &Turn, to: &UnitQuaternion<f64>) {
+    fn turn(&mut self, turn: &Turn, to: &UnitQuaternion<f64>, degrees: usize) {
         match turn {
             Turn::Abc(numbers) => {
                 let near = numbers.each_ref().map(|number| number.value);
                 for (number, to) in numbers.iter().zip(abc_near(to, near)) {
-                    self.number(number, to, DEGREE_DECIMALS);
+                    self.number(number, to, degrees);
                 }
             }
             Turn::Quaternion(numbers) => {
@@ -134,18 +136,31 @@ impl Edits {
             }
             Stated::Status { turn: None, .. } => {}
             Stated::Quadrants(numbers) => {
-                let quarter = |joints: &[f64], joint: usize| {
-                    joints.get(joint).map(|degrees| (degrees / 90.0).floor())
-                };
-                for (number, joint) in numbers.iter().zip([0, 3, 5]) {
-                    let (from, to) = (quarter(from, joint), quarter(to, joint));
-                    if from == Some(number.value)
-                        && let Some(to) = to.filter(|to| Some(*to) != from)
-                    {
-                        self.crossed += 1;
-                        self.text(number, decimal(to, 0));
-                    }
-                }
+                let quarter = |degrees: f64| (degrees / 90.0).floor();
+                self.counted(numbers.iter().zip([0, 3, 5]), [from, to], quarter);
+            }
+            Stated::Config { turns, .. } => {
+                let turn = |degrees: f64| ((degrees + 180.0) / 360.0).floor();
+                self.counted(turns.iter().zip([3, 4, 5]), [from, to], turn);
+            }
+        }
+    }
+
+    /// Counts of whole or quarter turns of joints, where those before agree with the position's.
+    fn counted<'n>(
+        &mut self,
+        numbers: impl Iterator<Item = (&'n Number, usize)>,
+        [from, to]: [&[f64]; 2],
+        count: impl Fn(f64) -> f64,
+    ) {
+        for (number, joint) in numbers {
+            let counted = |joints: &[f64]| joints.get(joint).map(|degrees| count(*degrees));
+            let (from, to) = (counted(from), counted(to));
+            if from == Some(number.value)
+                && let Some(to) = to.filter(|to| Some(*to) != from)
+            {
+                self.crossed += 1;
+                self.text(number, decimal(to, 0));
             }
         }
     }
@@ -218,7 +233,8 @@ const CONSTANT: &str = "POSEGRID_CORRECTED";
 pub fn mark(file: &File) -> Option<u32> {
     let lines = file.bytes.split(|byte| *byte == b'\n');
     let is_mark = |line: &[u8]| {
-        let start = line.iter().position(|byte| !matches!(byte, b' ' | b'\t' | b';' | b'!'));
+        let is_before = |byte: &u8| matches!(byte, b' ' | b'\t' | b';' | b'!' | b':' | b'0'..=b'9');
+        let start = line.iter().position(|byte| !is_before(byte));
         let rest = &line[start.unwrap_or(line.len())..];
         let begins = |words: &str| {
             rest.get(..words.len()).is_some_and(|own| own.eq_ignore_ascii_case(words.as_bytes()))
@@ -235,6 +251,9 @@ pub fn mark(file: &File) -> Option<u32> {
 
 /// The lines that mark a file as corrected by `words`: a comment, and a constant named after `id` where the dialect has one.
 pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
+    if is_listing(file) {
+        return crate::fanuc::mark::marks(file, &plain(words));
+    }
     let is_rapid = is_module(file);
     let dialect: &Dialect = if is_rapid { &crate::rapid::RAPID } else { &crate::krl::KRL };
     let tokens = tokens(&file.bytes, dialect);
@@ -268,7 +287,7 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
 }
 
 /// An insertion of whole lines at a place; a line is ended first where the place is inside one.
-fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
+pub(crate) fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
     let is_line_start = place == after_mark(bytes) || matches!(bytes[place - 1], b'\n' | b'\r');
     let text = if is_line_start { line } else { format!("{end}{line}") };
     Edit { span: place..place, text }

@@ -96,6 +96,7 @@ impl Reading<'_> {
             word: word.to_owned(),
             targets,
             own,
+            is_held: false,
             reads: *reads,
             way: if given.len() > used { Way::Other } else { way(word) },
             is_blended: place_of(rest, is_blend) < rest.tokens.len(),

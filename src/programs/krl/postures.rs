@@ -1,4 +1,4 @@
-//! S, the status of a KUKA position → the arm configuration that it asks for.
+//! S, the status of a KUKA position, or the letters of FANUC's `CONFIG` → the arm configuration that it asks for.
 //!
 //! - Bit 0: the wrist's centre has a negative x in the frame that turns with axis 1.
 //! - Bit 1: axis 3 is beyond the angle at which the arm is stretched: A3 = 0° where axes 3 and 4 meet, else
@@ -9,10 +9,16 @@
 //!
 //! These are the sides of the singularities that [`Configuration`] names, except for the direction in which a chain
 //! counts. So one posture that every such arm can take shows what each bit means for it.
+//!
+//! FANUC's letters are the same three: F where J5 is positive, D where J2 + J3 is beyond the angle at which the arm is stretched, B where the
+//! wrist's centre is behind axis 1. Controllers' own lists of positions (CURPOS.DG) show N U T, published joint angles with their letters
+//! all eight; those with B come from one source only, and are taken as not proven.
 
+use crate::fanuc::counts_from_horizontal;
 use crate::kinematics::{Arm, Configuration, Side};
+use crate::program::Letters;
 
-/// The meaning of the bits of S for an arm: its configuration at S 2, the usual home with a bent wrist.
+/// The meaning of the bits of S for an arm: its configuration at S 2, the usual home with a bent wrist. Of FANUC's letters that at N U T.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Postures {
     home: Configuration,
@@ -20,31 +26,53 @@ pub struct Postures {
 
 /// Joint angles as the controller shows them: upper arm upright, forearm level, wrist bent down. S is 2.
 const HOME_DEG: [f64; 6] = [0.0, -90.0, 90.0, 0.0, 45.0, 0.0];
+/// Likewise of FANUC; `CONFIG` is N U T.
+const FANUC_HOME_DEG: [f64; 6] = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
 
 impl Postures {
     /// Postures of an arm; `None` for one without six axes.
     pub fn of_arm(arm: &Arm) -> Option<Self> {
-        if arm.joints().len() != HOME_DEG.len() {
+        Self::at(arm, HOME_DEG)
+    }
+
+    /// Postures of a FANUC arm; `None` also for one whose joint 3 is counted in another way than FANUC's.
+    pub fn of_fanuc(arm: &Arm) -> Option<Self> {
+        Self::at(arm, FANUC_HOME_DEG).filter(|_| counts_from_horizontal(arm))
+    }
+
+    fn at(arm: &Arm, home_deg: [f64; 6]) -> Option<Self> {
+        if arm.joints().len() != home_deg.len() {
             return None;
         }
-        let nominal = arm.no_offsets();
-        let home = Configuration::of(arm, &nominal, &HOME_DEG.map(f64::to_radians))?;
+        let home = Configuration::of(arm, &arm.no_offsets(), &home_deg.map(f64::to_radians))?;
         Some(Self { home })
     }
 
     /// The arm configuration of a status; `None` where it has bits without a meaning.
     pub fn configuration(&self, status: u8) -> Option<Configuration> {
         let is_set = |bit: u8| status & (1 << bit) != 0;
-        let side = |own: Side, other: bool| match (own, other) {
-            (side, false) => side,
-            (Side::Plus, true) => Side::Minus,
-            (Side::Minus, true) => Side::Plus,
-        };
-        (status < 32).then(|| Configuration {
-            shoulder: side(self.home.shoulder, is_set(0)),
-            elbow: side(self.home.elbow, !is_set(1)),
-            wrist: side(self.home.wrist, is_set(2)),
-        })
+        (status < 32).then(|| self.turned([is_set(0), !is_set(1), is_set(2)]))
+    }
+
+    /// The arm configuration of FANUC's letters; `None` where that is not proven.
+    pub fn of_letters(&self, letters: Letters) -> Option<Configuration> {
+        (!letters.back).then(|| self.turned([false, letters.down, letters.flip]))
+    }
+
+    /// The home's, with shoulder, elbow and wrist on their other sides.
+    const fn turned(self, [shoulder, elbow, wrist]: [bool; 3]) -> Configuration {
+        const fn side(own: Side, is_other: bool) -> Side {
+            match (own, is_other) {
+                (side, false) => side,
+                (Side::Plus, true) => Side::Minus,
+                (Side::Minus, true) => Side::Plus,
+            }
+        }
+        Configuration {
+            shoulder: side(self.home.shoulder, shoulder),
+            elbow: side(self.home.elbow, elbow),
+            wrist: side(self.home.wrist, wrist),
+        }
     }
 }
 
@@ -102,5 +130,38 @@ mod tests {
             );
         }
         assert!(seen.iter().all(|&n| n > 20), "every S was met: {seen:?}");
+    }
+
+    fn letters(config: &str) -> Letters {
+        let is = |letter| config.contains(letter);
+        Letters { flip: is('F'), down: is('D'), back: is('B') }
+    }
+
+    #[test]
+    fn letters_of_fanuc_are_those_of_stated_joint_angles() {
+        // CURPOS.DG of two controllers, the home of FANUC's manuals, and joint angles that UnderAutomation publishes with their letters.
+        let stated = [
+            ([0.0, 0.0, 0.0, 0.0, -90.0, 0.0], "NUT"),
+            ([86.75, -45.63, -10.99, 56.19, -81.55, -94.01], "NUT"),
+            ([0.0, -10.0, 40.0, 5.0, -90.0, -95.0], "NUT"),
+            ([10.0, 20.0, 40.0, 10.0, -10.0, 0.0], "NUT"),
+            ([3.2969, 19.0319, 27.7002, 58.2991, 4.783, -51.728], "FUT"),
+            ([10.204, 47.1644, 69.1161, 3.0266, -39.0031, 7.6007], "NDT"),
+            ([-15.6154, 48.3697, 60.5986, 142.0264, 34.2715, -150.7098], "FDT"),
+        ];
+        for file in [
+            include_str!("../../../pipelines/robots/r2000ic-165f.toml"),
+            include_str!("../../../pipelines/robots/m20ia.toml"),
+        ] {
+            let arm = toml::from_str::<RobotFile>(file).unwrap().arm().unwrap();
+            let postures = Postures::of_fanuc(&arm).unwrap();
+            for (degrees, config) in stated {
+                let found =
+                    Configuration::of(&arm, &arm.no_offsets(), &degrees.map(f64::to_radians));
+                assert_eq!(postures.of_letters(letters(config)), found, "{config} {degrees:?}");
+            }
+            assert_eq!(postures.of_letters(letters("NUB")), None);
+        }
+        assert_eq!(Postures::of_fanuc(&kr210()), None, "its joint 3 is counted from the upper arm");
     }
 }

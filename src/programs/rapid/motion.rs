@@ -179,6 +179,7 @@ impl Reading<'_> {
             word: word.to_owned(),
             targets,
             own: self.frames(here, instruction, &all, &valued),
+            is_held: false,
             reads: instruction.reads,
             way: instruction.way(),
             is_blended: instruction.is_blended(&valued),

@@ -1,7 +1,7 @@
 //! Positions of a program → commands of the identified arm, in the arm configuration that their motions have.
 //!
 //! A position whose tool is another than the calibrated one is corrected where both have one tool point, or where the readings
-//! showed orientations: the flange is brought to where the tool is right. KUKA's S names the configuration. ABB's
+//! showed orientations: the flange is brought to where the tool is right. KUKA's S names the configuration, and so do FANUC's letters. ABB's
 //! quarter turns are held against all joint angles that reach the pose: those that agree have to be the only ones.
 
 use std::cell::RefCell;
@@ -30,6 +30,8 @@ pub(super) struct Solver<'a> {
     /// Joint values of the nominal arm that bring the calibrated tool to a pose.
     pub(super) inverse: Inverse<'a>,
     postures: Option<Postures>,
+    /// By FANUC's letters.
+    fanuc: Option<Postures>,
     pub(super) allow: &'a [Exception],
     largest_mm: Option<f64>,
 }
@@ -102,6 +104,7 @@ impl<'a> Solver<'a> {
             arm,
             inverse: Inverse::new(&arm.arm, &arm.arm.no_offsets(), tool, settings),
             postures: Postures::of_arm(&arm.arm),
+            fanuc: Postures::of_fanuc(&arm.arm),
             allow,
             largest_mm,
         }
@@ -330,6 +333,14 @@ impl<'a> Solver<'a> {
                 let unknown = || format!("S is {status}, which has bits of no meaning");
                 postures.configuration(*status).ok_or_else(unknown)
             }
+            Branch::Config { letters, .. } => {
+                let found = self.fanuc.as_ref().and_then(|own| own.of_letters(*letters));
+                found.ok_or_else(|| {
+                    "configuration not proven: the letters of CONFIG are with T, and for an arm of six axes whose robot file counts joint 3 against \
+                     the horizontal (joint_map); begin with a motion to joint angles"
+                        .to_owned()
+                })
+            }
             Branch::Joints(joints) => {
                 let joints = self.joints(joints)?;
                 self.configuration(&joints.angles).ok_or_else(none)
@@ -354,6 +365,9 @@ impl<'a> Solver<'a> {
                 };
                 let quarter = degrees / 90.0;
                 (quarter - f64::from(stated) - 0.5).abs() <= 0.5 + 1e-5
+            }
+            Branch::Config { turns: Some(turns), .. } if (3..6).contains(&joint) => {
+                (degrees / 360.0 - f64::from(turns[joint - 3])).abs() <= 0.5 + 1e-5
             }
             _ => true,
         };

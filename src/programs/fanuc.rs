@@ -1,0 +1,180 @@
+//! Listings `.ls` of FANUC's teach pendant programs (*Operator's manual*, `R-30iB`): statements under `/MN`, positions under `/POS`.
+//!
+//! 1. Each listing becomes statements and positions (`listing`, `position`).
+//! 2. The statements become steps (`steps`): `UFRAME_NUM` and `UTOOL_NUM`, blocks, jumps, calls, motions (`motion`).
+//! 3. The programs are walked ([`crate::flow`]).
+//!
+//! Frames: a position states the numbers of its user frame and its tool, `UF : 1, UT : 2`, or `F` for those that are set. The controller
+//! stops where others are set, and so it is refused here. No listing has the frames' numbers: the cell has them as `UFRAME[1]` and `UTOOL[2]`.
+//! 0 is the world, and the flange. FANUC's world lies on axis 1 at the height of axis 2; where the calibrated arm's base is in it, the
+//! cell says as `base_frame`.
+//!
+//! `CONFIG` is read by J and by `Wjnt`; L, C and A go on in the arm configuration in which they begin. Its letters are the sides of the
+//! three singularities, and its turns those of joints 4, 5 and 6 ([`Stated::Config`](crate::program::Stated)).
+
+mod listing;
+pub(crate) mod mark;
+mod motion;
+mod position;
+mod steps;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::flow::{Known, Others, SLOTS, Setting, Slot, State, known, unknown};
+use crate::frame::{Chain, not_given};
+use crate::kinematics::Arm;
+use crate::lex::Dialect;
+use crate::program::{File, Programs, Shape};
+use crate::reading::{Common, Shaped, Used};
+use crate::refusal::{Place, Refusal};
+use listing::Listing;
+use position::Listed;
+
+pub const FANUC: Dialect = Dialect {
+    name: "FANUC TP",
+    // `!` is a comment at the head of a statement only, and elsewhere the negation.
+    comments: &[],
+    header: None,
+    text_quote: b'"',
+    number_quote: None,
+    in_names: b"_$",
+};
+
+/// FANUC prints three decimals, and is not known to take more.
+const DECIMALS: [usize; 2] = [3, 3];
+
+pub(crate) fn is_listing(file: &File) -> bool {
+    file.ending() == "ls"
+}
+
+pub(crate) struct Reading<'f> {
+    common: Common<'f>,
+    /// By their files and numbers.
+    positions: BTreeMap<(usize, u32), Listed>,
+    /// Frames that statements write, each with the place; without a number any.
+    written: BTreeMap<String, Place>,
+    /// What statements other than motions do with a position of each file that is worked out.
+    any_used: BTreeMap<usize, Refusal>,
+    any_displacement: bool,
+}
+
+/// Positions and motions of the listings among `files`, behind those that are found already, and the arm's base.
+pub(crate) fn read(files: &[File], found: Used) -> (Used, Chain) {
+    let own = files.iter().enumerate().filter(|(_, file)| is_listing(file));
+    let listings: Vec<Listing<'_>> = own.map(|(place, file)| Listing::new(place, file)).collect();
+    let mut reading = Reading {
+        common: Common::new(files, found, no_shape, "the whole listing"),
+        positions: BTreeMap::new(),
+        written: BTreeMap::new(),
+        any_used: BTreeMap::new(),
+        any_displacement: false,
+    };
+    for pass in [Reading::data, Reading::steps] {
+        for listing in &listings {
+            pass(&mut reading, listing);
+        }
+    }
+    reading.walk();
+    let give = "where the base of the calibrated arm is in FANUC's world, which lies on axis 1 at the height of axis 2: [frames.base_frame] place in \
+                the file of the cell, zeros for a ready robot file";
+    (reading.common.found, Chain::one("base_frame", not_given("base_frame", give)))
+}
+
+/// Positions are read by [`position`], never from values.
+fn no_shape(_: &Common<'_>, _: &[String], _: &crate::value::Value, _: &str) -> Shaped {
+    (Err(Refusal::Other("it is no position".to_owned())), None)
+}
+
+impl Reading<'_> {
+    fn data(&mut self, listing: &Listing<'_>) {
+        let file = listing.file;
+        for (number, own) in listing.positions() {
+            let at = self.common.files[file].at(own.line);
+            match self.positions.get_mut(&(file, number)) {
+                Some(first) => {
+                    let (name, second) = (format!("P[{number}]"), at);
+                    let first_at = self.common.files[file].at(first.line);
+                    first.shape = Err(Refusal::TwoValues { name, first: first_at, second });
+                }
+                None => {
+                    self.positions.insert((file, number), own);
+                }
+            }
+        }
+        for statement in listing.statements() {
+            let at = self.common.files[file].at(statement.line);
+            for name in steps::written_frames(statement.all) {
+                self.written.entry(name).or_insert_with(|| at.clone());
+            }
+        }
+    }
+
+    /// The user frame or the tool of a number.
+    fn frame(&self, slot: Slot, number: u32) -> Known {
+        if number == 0 {
+            return known(Setting::Frames(Chain::default()));
+        }
+        let word = if slot == Slot::Base { "UFRAME" } else { "UTOOL" };
+        let name = format!("{word}[{number}]");
+        let value = match self.written.get(&name).or_else(|| self.written.get(word)) {
+            Some(at) => Err(Refusal::AtRunTime { what: name.clone(), at: at.clone() }),
+            None => {
+                not_given(&name, &format!("its place in the file of the cell: [frames.{name:?}]"))
+            }
+        };
+        known(Setting::Frames(Chain::one(name, value)))
+    }
+
+    fn walk(&mut self) {
+        let mut changed = [false; SLOTS];
+        for slot in [Slot::Base, Slot::Tool, Slot::Branch, Slot::Place] {
+            changed[slot as usize] = true;
+        }
+        changed[Slot::Displacement as usize] = self.any_displacement;
+        let others = Others { harmless: |_| false, changed, has_tools_on_arm: true };
+        self.common.walk(others, &[], &BTreeSet::new(), entry);
+        for ((file, _), own) in &self.positions {
+            let obstacle = own.obstacle.as_ref().or_else(|| self.any_used.get(file));
+            if let (Some(position), Some(why)) = (own.position, obstacle) {
+                self.common.found.positions[position].obstacle.get_or_insert_with(|| why.clone());
+            }
+        }
+    }
+}
+
+/// What holds where a program begins, which anyone may call.
+fn entry(routine: &str) -> State {
+    State::new(|slot| match slot {
+        Slot::Mode => known(Setting::On(true)),
+        Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
+        Slot::Branch => unknown(Refusal::NoBranch { routine: routine.to_owned() }),
+        _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.to_owned() }),
+    })
+}
+
+/// Whether an arm's joint 3 is counted as FANUC counts it: against the horizontal, so that axis 3 turns by the sum of joints 2 and 3.
+pub(crate) fn counts_from_horizontal(arm: &Arm) -> bool {
+    let map = arm.axes_from_joints();
+    let part = |row: usize, column: usize| map.get((row, column)).copied().unwrap_or_default();
+    (part(2, 1) - part(2, 2)).abs() < 1e-12 && part(2, 2).abs() > 0.5 && part(1, 2).abs() < 1e-12
+}
+
+impl Programs {
+    /// Refuses FANUC's positions in joint angles where an arm counts joint 3 in another way.
+    pub fn hold_joints(&mut self, arm: &Arm) {
+        if counts_from_horizontal(arm) {
+            return;
+        }
+        let words = "FANUC counts joint 3 against the horizontal, and the calibrated arm has no joint_map that says so; calibrate with a robot file that \
+                     has it, or write the position as X, Y, Z, W, P, R";
+        for position in &mut self.positions {
+            let is_joints = matches!(position.shape, Ok(Shape::Joints(_)));
+            if is_joints && is_listing(&self.files[position.file]) {
+                position.shape = Err(Refusal::Other(words.to_owned()));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,218 @@
+//! Motions: `L P[2] 100mm/sec CNT50 ACC80 Wjnt`, `C P[3] P[4] …`.
+
+use std::sync::Arc;
+
+use super::{DECIMALS, Reading};
+use crate::flow::{Known, Slot, Step};
+use crate::lex::{Kind, capitals};
+use crate::program::{Motion, Position, Reads, Target, Way};
+use crate::reading::{Here, NOT_SPLIT, has, one, shown};
+use crate::refusal::Refusal;
+use crate::value::Cursor;
+
+use super::position::number;
+
+/// Options that leave a motion's end where it is, and the words in them.
+const HARMLESS: &str =
+    "ARC BREAK CTV CV END EV IND JPOS LBL LPOS MROT PR PSPD PTH R AR SKIP START WELD WJNT";
+/// Options that begin what happens beside the motion.
+const BESIDE: &str = "TB TA DB CALL SPOT";
+/// Options that are for the motion wherever they stand.
+const OF_MOTION: &str = "COORD INC OFFSET RTCP SEARCH SKIP TOOL_OFFSET TRACK VOFFSET WJNT";
+
+/// The word of a motion; `None` for another statement.
+pub(super) fn motion(statement: Cursor<'_>) -> Option<(String, Cursor<'_>)> {
+    let mut rest = statement;
+    let word = rest.take_name()?;
+    let is_motion = matches!(word.as_str(), "J" | "L" | "C" | "A" | "S");
+    // `A[1]=ON` sets an output of a German controller.
+    let is_other = rest.first().is_none_or(|token| token.is(b'[') || token.is(b'='));
+    (is_motion && !is_other).then_some((word, rest))
+}
+
+/// Names outside brackets.
+fn names(rest: Cursor<'_>) -> impl Iterator<Item = (usize, String)> {
+    let mut depth = 0_i32;
+    let outside = rest.tokens.iter().enumerate().filter(move |(_, token)| {
+        depth += i32::from(token.is(b'[') || token.is(b'('));
+        depth -= i32::from(token.is(b']') || token.is(b')'));
+        depth == 0 && token.kind == Kind::Name
+    });
+    outside.map(move |(place, token)| (place, capitals(rest.text(token))))
+}
+
+/// Whether a name is another with digits behind it: `CNT100`, `ACC`.
+fn is_with_digits(name: &str, word: &str) -> bool {
+    name.strip_prefix(word).is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+fn is_end(name: &str) -> bool {
+    name == "FINE" || is_with_digits(name, "CNT") || is_with_digits(name, "CR")
+}
+
+/// Numbers of a position's user frame and its tool; `None` for those that are set.
+type Frames = [Option<u32>; 2];
+
+/// What a motion is written of.
+struct Parts {
+    targets: Vec<Target>,
+    /// Of its listed positions.
+    frames: Vec<Frames>,
+    /// `FINE`, `CNT50`; `None` where neither stands.
+    end: Option<String>,
+    options: Vec<String>,
+}
+
+impl Parts {
+    fn has(&self, option: &str) -> bool {
+        self.options.iter().any(|own| own == option)
+    }
+
+    fn way(&self, word: &str) -> Way {
+        match word {
+            _ if self.has("SKIP") || self.has("WJNT") => Way::Other,
+            "J" => Way::Joints,
+            "L" => Way::Straight,
+            "C" if self.targets.len() == 2 => Way::Circle,
+            _ => Way::Other,
+        }
+    }
+
+    /// What of a motion is not followed.
+    fn unknown(&self, word: &str) -> Option<String> {
+        let is_known = |own: &&String| {
+            has(HARMLESS, own) || is_with_digits(own, "ACC") || is_with_digits(own, "EV")
+        };
+        let option = self.options.iter().find(|own| !is_known(own));
+        let none = || self.end.is_none().then(|| format!("{word} without FINE or CNT"));
+        option.map(|option| format!("{word} with {option}")).or_else(none)
+    }
+}
+
+impl Reading<'_> {
+    pub(super) fn motion(
+        &mut self,
+        here: &Here<'_>,
+        word: &str,
+        rest: Cursor<'_>,
+        tracks: Option<u32>,
+        steps: &mut Vec<Step>,
+    ) {
+        let parts = self.parts(here, word, rest);
+        let is_read = word == "J" || parts.has("WJNT");
+        steps.push(self.common.moves(Motion {
+            file: here.file,
+            line: here.line,
+            word: word.to_owned(),
+            own: self.own(parts.frames.last()),
+            is_held: true,
+            reads: if is_read { Reads::Always } else { Reads::Never },
+            way: parts.way(word),
+            is_blended: parts.end.as_ref().is_none_or(|end| end != "FINE"),
+            split: Err(NOT_SPLIT),
+            obstacle: self.obstacle(here, word, &parts, tracks).map(Arc::new),
+            targets: parts.targets,
+        }));
+    }
+
+    fn parts(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) -> Parts {
+        let mut rest = rest;
+        let (mut targets, mut frames) = (Vec::new(), Vec::new());
+        let count = if word == "C" { 2 } else { 1 };
+        let is_target = |rest: &Cursor<'_>| {
+            let own = rest.tokens;
+            own.len() > 1 && own[0].kind == Kind::Name && own[1].is(b'[')
+        };
+        while targets.len() < count && is_target(&rest) {
+            let (target, own) = self.target(here, &mut rest);
+            targets.push(target);
+            frames.extend(own);
+        }
+        let end = names(rest).find(|(_, name)| is_end(name));
+        let behind = end.as_ref().map(|(place, _)| &rest.tokens[place + 1..]);
+        let options = behind.map(|tokens| options_of(Cursor { tokens, ..rest }));
+        let end = end.map(|(_, name)| name);
+        Parts { targets, frames, end, options: options.unwrap_or_default() }
+    }
+
+    fn obstacle(
+        &self,
+        here: &Here<'_>,
+        word: &str,
+        parts: &Parts,
+        tracks: Option<u32>,
+    ) -> Option<Refusal> {
+        if let Some(line) = tracks {
+            let at = self.common.files[here.file].at(line);
+            return Some(Refusal::Moving { name: "its user frame".to_owned(), at });
+        }
+        if let Some(word) = parts.unknown(word) {
+            return Some(Refusal::Instruction { word, at: self.common.at(here) });
+        }
+        let differs = parts.frames.windows(2).any(|own| own[0] != own[1]);
+        let words = "the positions of its motion state two user frames or tools; give them one";
+        differs.then(|| Refusal::Other(words.to_owned()))
+    }
+
+    /// The frames that a position states.
+    fn own(&self, frames: Option<&Frames>) -> Vec<(Slot, Known)> {
+        let frames = frames.copied().unwrap_or_default();
+        let stated = [Slot::Base, Slot::Tool].into_iter().zip(frames);
+        stated.filter_map(|(slot, number)| Some((slot, self.frame(slot, number?)))).collect()
+    }
+
+    /// `P[1]`, `P[2:name]`; `PR[1]` and `P[R[1]]` are worked out when the program runs.
+    fn target(&mut self, here: &Here<'_>, rest: &mut Cursor<'_>) -> (Target, Option<Frames>) {
+        let whole = *rest;
+        let name = rest.take_name().unwrap_or_default();
+        rest.take_sign(b'[');
+        let inside = rest.take_part(b']').unwrap_or(*rest);
+        let text =
+            Cursor { tokens: &whole.tokens[..whole.tokens.len() - rest.tokens.len()], ..whole };
+        match number(inside).filter(|_| name == "P") {
+            Some(number) => self.listed(here, number),
+            None => (Target::Computed(shown(text)), None),
+        }
+    }
+
+    fn listed(&mut self, here: &Here<'_>, number: u32) -> (Target, Option<Frames>) {
+        let name = format!("P[{number}]");
+        let next = self.common.found.positions.len();
+        let mut position = Position {
+            file: here.file,
+            line: here.line,
+            name: name.clone(),
+            shape: Err(Refusal::NotGiven { name, give: "it under /POS".to_owned() }),
+            external: None,
+            obstacle: None,
+            uses: Vec::new(),
+            span: 0..0,
+            decimals: DECIMALS,
+        };
+        let mut frames = None;
+        if let Some(own) = self.positions.get_mut(&(here.file, number)) {
+            if let Some(position) = own.position {
+                return (one(position), Some(own.frames));
+            }
+            own.position = Some(next);
+            frames = Some(own.frames);
+            position.line = own.line;
+            position.shape.clone_from(&own.shape);
+            position.external.clone_from(&own.external);
+            position.span = own.span.clone();
+        }
+        self.common.found.positions.push(position);
+        (one(next), frames)
+    }
+}
+
+/// The words of a motion's options, without those of what happens beside it. A text that does not end is none that is known.
+fn options_of(rest: Cursor<'_>) -> Vec<String> {
+    let is_open = rest.tokens.iter().any(|token| token.kind == Kind::OpenText);
+    let mut is_beside = false;
+    let words = names(rest).map(|(_, name)| name).filter(|name| {
+        is_beside |= has(BESIDE, name);
+        !is_beside || has(OF_MOTION, name)
+    });
+    words.chain(is_open.then(|| "a text that does not end".to_owned())).collect()
+}

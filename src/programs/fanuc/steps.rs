@@ -1,0 +1,198 @@
+//! Statements of a listing → steps.
+
+use super::Reading;
+use super::listing::{Listing, Statement};
+use super::motion::motion;
+use super::position::{number, whole};
+use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
+use crate::lex::{Kind, Token, capitals};
+use crate::reading::{Here, has, shown};
+use crate::refusal::Refusal;
+use crate::value::Cursor;
+
+/// First words of statements that set no frame and move nothing. Any other word may be a macro, which is a program.
+const HARMLESS: &str = "ABORT AO AR ARC COL DI DO END ERROR_PROG F GI GO JMP JOINT_MAX_SPEED LBL LINEAR_MAX_SPEED LOCK M MESSAGE OFFSET OVERRIDE P \
+    PAUSE PAYLOAD PR PULSE R RESUME_PROG RI RO RSR RUN SKIP SO SR TC_ONLINE TIMER TOOL_OFFSET UALM UI UNLOCK UO VISION VR WAIT WEAVE WI WO";
+/// First words of what moves positions at run time, up to its end.
+const DISPLACES: &str = "MP SEARCH SENSOR TOUCH TRACK";
+
+/// Names of the frames that a statement writes: `UFRAME[1]`, and `UFRAME` where any may be meant.
+pub(super) fn written_frames(statement: Cursor<'_>) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut rest = statement;
+    while let Some(token) = rest.take() {
+        if token.kind != Kind::Name {
+            continue;
+        }
+        let name = capitals(rest.text(token));
+        let is_frame = matches!(name.as_str(), "UFRAME" | "UTOOL");
+        if name.starts_with("$MNUFRAME") || name.starts_with("$MNUTOOL") {
+            found.extend(["UFRAME".to_owned(), "UTOOL".to_owned()]);
+        } else if is_frame && rest.take_sign(b'[') {
+            let inside = rest.take_part(b']').unwrap_or(rest);
+            if rest.first().is_some_and(|token| token.is(b'=')) {
+                let number = number(inside);
+                found.push(number.map_or(name.clone(), |number| format!("{name}[{number}]")));
+            }
+        }
+    }
+    found
+}
+
+fn has_name(statement: Cursor<'_>, words: &[&str]) -> bool {
+    let mut names = statement.tokens.iter().filter(|token| token.kind == Kind::Name);
+    names.any(|token| words.contains(&capitals(statement.text(token)).as_str()))
+}
+
+/// What stands behind the first comma outside brackets: of `IF R[1]=1,JMP LBL[1]` the jump.
+fn behind_comma(statement: Cursor<'_>) -> Option<Cursor<'_>> {
+    let mut rest = statement;
+    let before = rest.take_part(b',')?;
+    (before.tokens.len() < statement.tokens.len()).then_some(rest)
+}
+
+impl Reading<'_> {
+    pub(super) fn steps(&mut self, listing: &Listing<'_>) {
+        let mut steps = Vec::new();
+        let (mut top, mut depth, mut jumps) = (0, 0_i32, None);
+        for statement in listing.statements() {
+            if depth == 0 {
+                top = steps.len();
+            }
+            let first = steps.len();
+            self.step(listing, &statement, &mut steps);
+            for step in &steps[first..] {
+                depth += i32::from(matches!(step, Step::If | Step::Loop));
+                depth -= i32::from(matches!(step, Step::EndIf | Step::EndLoop));
+            }
+            if has_name(statement.all, &["LBL", "JMP"]) {
+                jumps.get_or_insert(top);
+            }
+        }
+        if let Some(place) = jumps {
+            steps.insert(place, Step::Jumps);
+        }
+        self.common.routines.insert(listing.name.clone(), Routine { steps });
+    }
+
+    fn step(&mut self, listing: &Listing<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
+        let here = Here { file: listing.file, line: statement.line, scopes: &[] };
+        let all = statement.all;
+        if let Some((word, rest)) = motion(all) {
+            return self.motion(&here, &word, rest, listing.tracks, steps);
+        }
+        self.uses(&here, all);
+        let word = all.peek_name().unwrap_or_default();
+        let is_alone = all.tokens.len() == 1;
+        let ends_with = |word: &str| {
+            all.tokens
+                .last()
+                .is_some_and(|last: &Token| all.text(last).eq_ignore_ascii_case(word.as_bytes()))
+        };
+        match word.as_str() {
+            "IF" if ends_with("THEN") => steps.push(Step::If),
+            "ELSEIF" => steps.push(Step::Else { is_last: false }),
+            "ELSE" if is_alone => steps.push(Step::Else { is_last: true }),
+            "ENDIF" => steps.push(Step::EndIf),
+            "FOR" => steps.push(Step::Loop),
+            "ENDFOR" => steps.push(Step::EndLoop),
+            "LBL" => steps.push(Step::Label),
+            _ => match behind_comma(all) {
+                // `=2,CALL X` goes on with a SELECT.
+                Some(inner) if matches!(word.as_str(), "IF" | "ELSE" | "SELECT" | "") => {
+                    steps.push(Step::If);
+                    self.plain(&here, inner, steps);
+                    steps.push(Step::EndIf);
+                }
+                _ => self.plain(&here, all, steps),
+            },
+        }
+    }
+
+    /// A statement that is no motion and no block.
+    fn plain(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
+        let mut rest = all;
+        let Some(word) = rest.take_name() else {
+            return;
+        };
+        match word.as_str() {
+            "UFRAME_NUM" => self.set(here, Slot::Base, rest, steps),
+            "UTOOL_NUM" => self.set(here, Slot::Tool, rest, steps),
+            "UFRAME" | "UTOOL" => {}
+            "CALL" => {
+                let routine = rest.take_name().unwrap_or_default();
+                steps.push(Step::Call { routine, at: self.common.at(here) });
+            }
+            own if own.starts_with("$MNUFRAME") || own.starts_with("$MNUTOOL") => {
+                for slot in [Slot::Base, Slot::Tool] {
+                    steps.push(Step::Set(slot, self.worked_out(here, own)));
+                }
+            }
+            own if own.starts_with('$') || has(HARMLESS, own) => {}
+            own if has(DISPLACES, own) => {
+                self.any_displacement = true;
+                let what = "Touch Offset, Track, Search";
+                let to = if has_name(rest, &["END"]) {
+                    known(Setting::On(false))
+                } else {
+                    unknown(Refusal::Displaced { what })
+                };
+                steps.push(Step::Set(Slot::Displacement, to));
+            }
+            _ => {
+                let routine = shown(all);
+                steps.push(Step::Call { routine, at: self.common.at(here) });
+            }
+        }
+    }
+
+    fn worked_out(&self, here: &Here<'_>, what: &str) -> Known {
+        unknown(Refusal::AtRunTime { what: what.to_owned(), at: self.common.at(here) })
+    }
+
+    /// `UFRAME_NUM=1`, and of several groups `UFRAME_NUM[GP1]=1`.
+    fn set(&self, here: &Here<'_>, slot: Slot, rest: Cursor<'_>, steps: &mut Vec<Step>) {
+        let mut rest = rest;
+        if rest.take_sign(b'[') {
+            let groups = rest.take_part(b']').unwrap_or(rest);
+            if !has_name(groups, &["GP1"]) {
+                return;
+            }
+        }
+        let number = rest.take_sign(b'=').then(|| rest.take_number()).flatten();
+        let number = number.filter(|_| rest.is_empty()).and_then(|number| whole(&number));
+        let word = if slot == Slot::Base { "UFRAME_NUM" } else { "UTOOL_NUM" };
+        let to =
+            number.map_or_else(|| self.worked_out(here, word), |number| self.frame(slot, number));
+        steps.push(Step::Set(slot, to));
+    }
+
+    /// Marks the positions that a statement other than a motion reads, or writes where it begins with one.
+    fn uses(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
+        let at = self.common.at(here);
+        let mut rest = statement;
+        let mut is_first = true;
+        while let Some(token) = rest.take() {
+            let is_position =
+                token.kind == Kind::Name && rest.text(token).eq_ignore_ascii_case(b"P");
+            if is_position && rest.take_sign(b'[') {
+                let inside = rest.take_part(b']').unwrap_or(rest);
+                let why = if is_first {
+                    Refusal::AtRunTime { what: shown(statement), at: at.clone() }
+                } else {
+                    Refusal::Read { at: at.clone() }
+                };
+                match number(inside).map(|own| self.positions.get_mut(&(here.file, own))) {
+                    Some(Some(listed)) => {
+                        listed.obstacle.get_or_insert(why);
+                    }
+                    Some(None) => {}
+                    None => {
+                        self.any_used.entry(here.file).or_insert(why);
+                    }
+                }
+            }
+            is_first = false;
+        }
+    }
+}
