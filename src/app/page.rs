@@ -2,6 +2,7 @@
 //! network. The same [`Content`] gives the same bytes. `shell` makes the frame around the sections and escapes names,
 //! which may hold any character.
 
+pub mod acceptance;
 mod accuracy;
 pub mod content;
 pub mod fleet;
@@ -29,6 +30,7 @@ use crate::manifest::VERSION;
 
 pub use content::{Content, Statements};
 pub use from_rows::{About, content};
+pub use words::instrument;
 
 use shell::{Maker, Shell, table};
 

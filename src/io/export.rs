@@ -1,6 +1,7 @@
 //! Tables of a run → files for controllers and off-line programming. Names come from logs and pipeline files: each is
 //! written so that it can only be read as a name.
 
+pub mod acceptance;
 pub mod controller_base;
 pub mod corrected_urdf;
 mod held_out;
@@ -67,6 +68,10 @@ pub enum ExportError {
         "--urdf, --base and --tip are for --format urdf; {0} has no use for them: leave them out"
     )]
     NoUseForUrdf(&'static str),
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    #[error("the PDF cannot be made: {0}; this is a defect of posegrid, please report it")]
+    Pdf(String),
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
     #[error("standard output: {0}")]
@@ -105,6 +110,10 @@ pub enum ExportErrorKind {
          run's file of table \"stations\" by --stations"
     )]
     NoLake,
+    #[error(
+        "it is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, whose other tables the report needs: name the file in its lake"
+    )]
+    NotInLake,
     #[error(
         "run {found} wrote it, and the residuals are of run {expected}; take the file of the same run"
     )]

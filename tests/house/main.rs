@@ -50,7 +50,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ),
     (
         "cli",
-        "at compensation geometry grid history ingest io kinematics manifest pipeline plan programs progress simulate units",
+        "at compensation geometry grid history ingest io kinematics manifest page pipeline plan programs progress simulate units",
     ),
 ];
 

@@ -143,6 +143,7 @@ pub fn of_first_version(path: &Path) {
             "replaced_row_digest",
             "verdict_of",
             "statement",
+            "warnings",
             "bound_mm",
             "held_out",
             "visits",

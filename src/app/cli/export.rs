@@ -15,12 +15,13 @@ use crate::at::At;
 use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
-    ExportError, ExportErrorKind, corrected_urdf, nodes_csv, parameters_csv, residuals_mcap,
-    ur_calibration, urdf,
+    ExportError, ExportErrorKind, acceptance, corrected_urdf, nodes_csv, parameters_csv,
+    residuals_mcap, ur_calibration, urdf,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
 use crate::kinematics::Convention;
+use crate::page;
 
 /// Write a table of a run in a form that controllers and off-line programming read
 #[derive(Debug, Clone, Args)]
@@ -40,6 +41,10 @@ Each format is made from a table of a run:
         from calibrations of a Universal Robots arm: the YAML that ur_description takes as kinematics_params, in place of
         the factory calibration that ur_calibration reads from the controller; its hash is not the controller's
 
+  acceptance
+        from runs, accuracy, calibrations or compensation of a run in its lake: a report in PDF in the order of ISO 9283, with
+        what the standard asks and the session does not have in its first table
+
 A geometry leaves joint curves, gear lines, gravity, drift and the difference of command and reported angle out; each file
 says what that costs, and which of base, flange and lengths the stations did not identify. For controllers of KUKA, ABB and Fanuc no form for identified link parameters is published, so that there
 is none here: take parameters --convention standard-dh, or corrected commands (posegrid compensate).
@@ -49,6 +54,7 @@ Example:
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --urdf kr210.urdf --base base_link --tip tool0 --out corrected.urdf
   posegrid export lake/residuals/kr210/monday/0a1b….parquet --format mcap --out residuals.mcap
+  posegrid export lake/runs/kr210/monday/0a1b….parquet --format acceptance --out acceptance.pdf
 
 Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made from it.")]
 pub struct ExportArgs {
@@ -90,6 +96,8 @@ pub enum ExportFormat {
     Parameters,
     /// The calibration file of a UR's ROS description
     UrCalibration,
+    /// A report for acceptance, as PDF
+    Acceptance,
 }
 
 fn convention(word: &str) -> Result<Convention, String> {
@@ -176,6 +184,11 @@ impl ExportArgs {
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
             }
+            (ExportFormat::Acceptance, Some(table)) if acceptance::TABLES.contains(&table) => {
+                let pdf = page::acceptance::pdf(&acceptance::rows(path, table)?);
+                let pdf = pdf.map_err(|error| ExportError::Pdf(error.to_string()))?;
+                Ok(sink.write_all(&pdf)?)
+            }
             (format, other) => Err(ExportErrorKind::OtherTable {
                 found: other.map_or_else(
                     || "no table of posegrid".to_owned(),
@@ -203,6 +216,7 @@ impl ExportFormat {
             Self::Mcap => "mcap",
             Self::Parameters => "parameters",
             Self::UrCalibration => "ur-calibration",
+            Self::Acceptance => "acceptance",
         }
     }
 
@@ -211,6 +225,7 @@ impl ExportFormat {
             Self::Csv => "\"compensation\"",
             Self::Urdf | Self::Parameters | Self::UrCalibration => "\"calibrations\"",
             Self::Mcap => "\"residuals\"",
+            Self::Acceptance => "\"runs\", \"accuracy\", \"calibrations\" or \"compensation\"",
         }
     }
 }

@@ -49,13 +49,13 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 /// Whether the subject is judged on stations that took no part, or is the raw command.
-fn is_listed(subject: &Subject) -> bool {
+pub(super) fn is_listed(subject: &Subject) -> bool {
     subject.model == Model::RawCommand
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }
 
 /// The subjects of the figures, each once, before ahead of after.
-fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
+pub(super) fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
     let own = figures.iter().filter(|figure| figure.quantity == FigureKind::PositionError);
     let mut subjects: Vec<Subject> = own.map(|figure| figure.subject.clone()).collect();
     // Models in their own order, the rest in that of the page.
@@ -78,7 +78,7 @@ fn rows(figures: &[AccuracyRow], subjects: &[Subject]) -> Markup {
 }
 
 /// The stations that judged; a table that did not drive them is compared with another session, as models are.
-fn stations(subject: &Subject, moment: Moment) -> String {
+pub(super) fn stations(subject: &Subject, moment: Moment) -> String {
     if (subject.model, moment) == (Model::Table, Moment::After) {
         words::judged(subject)
     } else {
@@ -92,14 +92,9 @@ fn row(figures: &[AccuracyRow], subject: &Subject) -> Markup {
     let value = |name: FigureName| figure(name).and_then(|figure| figure.value);
     let bound = figure(FigureName::Bound);
     let moment = bound.map_or(Moment::After, |bound| bound.evidence);
-    let evidence = match moment {
-        Moment::Before => "before",
-        Moment::After => "after, predicted",
-        Moment::MeasuredAfter => "after, measured",
-    };
     html! {
         tr {
-            th.word scope="row" { (words::subject(subject)) small { (evidence) } }
+            th.word scope="row" { (words::subject(subject)) small { (words::evidence(moment)) } }
             td.word { (stations(subject, moment)) }
             td { (bound.map_or(0, |bound| bound.n)) @if let Some(visits) = bound.and_then(|b| b.visits.filter(|&v| v > b.n)) { small { (visits) " visits" } } @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
             @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }

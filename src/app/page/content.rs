@@ -65,7 +65,7 @@ pub struct Statements {
 }
 
 impl Statements {
-    pub(super) fn all_warnings(&self) -> Vec<String> {
+    pub fn all_warnings(&self) -> Vec<String> {
         let rejected = self.rejected.iter();
         let rejected = rejected.map(|topic| format!("Too much rejected: {topic}"));
         rejected.chain(self.warnings.iter().cloned()).collect()

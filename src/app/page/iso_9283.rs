@@ -32,7 +32,7 @@ const ANGLES: [Characteristic; 6] = [
     Characteristic::RpC,
 ];
 
-type Of = (Moment, Subject);
+pub(super) type Of = (Moment, Subject);
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let figures: Vec<&AccuracyRow> =
@@ -40,15 +40,9 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     if figures.is_empty() {
         return None;
     }
-    let mut subjects: Vec<Of> = Vec::new();
-    for figure in &figures {
-        if !subjects.contains(&of(figure)) {
-            subjects.push(of(figure));
-        }
-    }
     let has_value =
         |own: &Of| figures.iter().any(|figure| of(figure) == *own && figure.value.is_some());
-    let (shown, none): (Vec<Of>, Vec<Of>) = subjects.into_iter().partition(has_value);
+    let (shown, none): (Vec<Of>, Vec<Of>) = subjects(&figures).into_iter().partition(has_value);
     Some(html! {
         p {
             "Figures of ISO 9283, of poses that were visited more than once: AP is how far the mean of the visits is from the command, "
@@ -60,6 +54,17 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             p.note { "Not shown of " (subjects.join("; of ")) ": " (reason) "." }
         }
     })
+}
+
+/// The subjects of figures in their order, each once.
+pub(super) fn subjects(figures: &[&AccuracyRow]) -> Vec<Of> {
+    let mut subjects: Vec<Of> = Vec::new();
+    for own in figures.iter().map(|figure| of(figure)) {
+        if !subjects.contains(&own) {
+            subjects.push(own);
+        }
+    }
+    subjects
 }
 
 /// Subjects without any figure by why they have none.
@@ -75,7 +80,7 @@ fn empty<'f>(figures: &[&'f AccuracyRow], subjects: &[Of]) -> BTreeMap<&'f str, 
     by_reason
 }
 
-fn of(figure: &AccuracyRow) -> Of {
+pub(super) fn of(figure: &AccuracyRow) -> Of {
     (figure.evidence, figure.subject.clone())
 }
 
@@ -160,7 +165,7 @@ fn pose_row(pose: usize, n: usize, names: &[Characteristic], figures: &[&Accurac
 }
 
 /// The heading of figures: measured or predicted, the correction, and the stations.
-fn whose((evidence, subject): &Of) -> String {
+pub(super) fn whose((evidence, subject): &Of) -> String {
     let evidence = match evidence {
         Moment::Before => "Measured",
         Moment::After => "Predicted",
@@ -176,9 +181,14 @@ fn symbol(name: FigureName) -> Markup {
 }
 
 fn shown(value: f64, unit: Unit) -> Markup {
-    if unit == Unit::Rad {
-        html! { data value=(value) { (words::fixed(1e6 * value, 0)) } "\u{a0}µrad" }
-    } else {
-        html! { (words::number(value, 3)) "\u{a0}" (unit.word()) }
+    let (digits, unit) = written(value, unit);
+    html! { data value=(value) { (digits) } "\u{a0}" (unit) }
+}
+
+/// The digits of a figure and their unit; angles are in µrad.
+pub(super) fn written(value: f64, unit: Unit) -> (String, &'static str) {
+    match unit {
+        Unit::Rad => (words::fixed(1e6 * value, 0), "µrad"),
+        Unit::Mm | Unit::One => (words::fixed(value, 3), unit.word()),
     }
 }

@@ -73,7 +73,7 @@ fn visible(page: String) -> String {
     page.chars().map(shown).collect()
 }
 
-fn is_hidden(c: char) -> bool {
+pub(super) fn is_hidden(c: char) -> bool {
     let turns = matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}');
     turns || (c.is_control() && c != '\n')
 }

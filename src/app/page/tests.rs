@@ -12,6 +12,7 @@ use crate::compensation::Conditions;
 use crate::figures::Counted;
 use crate::fit::Identifiability;
 use crate::grid::{Interpolation, Judgement, Source, Tolerance, Verdict};
+use crate::io::export::acceptance::AcceptanceRows;
 use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::io::tables::calibrations::{ArmColumns, CalibrationRow, FitColumns, LossName};
 use crate::io::tables::clocks::ClockRow;
@@ -20,13 +21,14 @@ use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::rejects::{RejectKind, RejectRow, Stage};
+use crate::io::tables::runs::{Ending, RunRow};
 use crate::io::tables::semivariograms::{self, SemivariogramRow};
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::validity::ValidFor;
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::kinematics::Convention;
-use crate::manifest::{Input, StageCount, Work, Written};
+use crate::manifest::{Input, RunKey, StageCount, Work, Written};
 use crate::report::compared::{Compared, ErrorPair, Pairs};
 use crate::report::frame::StatedFrame;
 use crate::report::iso_9283::Characteristic;
@@ -427,6 +429,41 @@ fn content(name: &str) -> Content {
         }],
         work: work(name),
         written: vec![written(name)],
+    }
+}
+
+fn acceptance_rows(name: &str) -> AcceptanceRows {
+    let Content { robot, session, run, figures, work, written, .. } = content(name);
+    let texts = || vec![name.to_owned()];
+    let ending = Ending {
+        statement: Some(name.to_owned()),
+        warnings: Some(texts()),
+        bound_mm: Some(0.204_75),
+        ..Ending::default()
+    };
+    AcceptanceRows {
+        key: RunKey { robot, session, run },
+        run: RunRow {
+            pipeline: name.to_owned(),
+            made: (&work).into(),
+            sessions: texts(),
+            test_sessions: texts(),
+            inputs: work.inputs[..].into(),
+            counts: String::new(),
+            files: written[..].into(),
+            ending,
+            row_digest: None,
+        },
+        accuracy: figures,
+        arm: of_arm(name),
+    }
+}
+
+#[test]
+fn names_of_any_kind_and_length_give_an_acceptance_report_that_is_the_same_again() {
+    for name in [HOSTILE, "", &"臂 ".repeat(5000)] {
+        let pdf = super::acceptance::pdf(&acceptance_rows(name)).expect("a PDF");
+        assert_eq!(pdf, super::acceptance::pdf(&acceptance_rows(name)).expect("a PDF"));
     }
 }
 

@@ -12,11 +12,7 @@ use crate::report::verdict::{self, Judge};
 
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();
-    let headline = match &verdict {
-        Verdict::Meets => "Tolerance met",
-        Verdict::DoesNotMeet => "Tolerance not met",
-        Verdict::NotShown(_) => "Not shown to meet the tolerance",
-    };
+    let headline = words::headline((&verdict).into());
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
@@ -79,7 +75,7 @@ fn typed(content: &Content) -> Markup {
     }
 }
 
-fn capital(text: &str) -> String {
+pub(super) fn capital(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     first.chain(letters).collect()

@@ -1,12 +1,12 @@
 use maud::{Markup, html};
 
-use crate::fit::Identifiability;
+use crate::fit::{Identifiability, Mounted, Uncertainty};
 use crate::io::table::Word as _;
 use crate::io::tables::plan_figures::{CorrectedBy, FigureRow};
 use crate::io::tables::sampling_plan::VisitPurpose;
 use crate::io::tables::words::TableVerdict;
 use crate::plan::Kind;
-use crate::report::{BaseRefit, Model, Split, Subject};
+use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 
 pub(super) const fn model(model: Model) -> &'static str {
     model.about().name
@@ -60,14 +60,64 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
     }
 }
 
+pub(super) const fn headline(verdict: TableVerdict) -> &'static str {
+    match verdict {
+        TableVerdict::Met => "Tolerance met",
+        TableVerdict::NotMet => "Tolerance not met",
+        TableVerdict::NotShown => "Not shown to meet the tolerance",
+    }
+}
+
+pub(super) const fn evidence(of: Moment) -> &'static str {
+    match of {
+        Moment::Before => "before",
+        Moment::After => "after, predicted",
+        Moment::MeasuredAfter => "after, measured",
+    }
+}
+
+/// The uncertainty of an instrument, as the pipeline file states it.
+pub fn instrument(of: &Uncertainty, takes_orientations: bool) -> String {
+    match of {
+        Uncertainty::Tracker(of) => {
+            let orientation = of.orientation_rad.filter(|_| takes_orientations);
+            let orientation = orientation
+                .map_or_else(String::new, |rad| format!("; {:.0} µrad in orientation", 1e6 * rad));
+            format!(
+                "{} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
+                of.range_um,
+                of.range_um_per_m,
+                of.transverse_um,
+                of.transverse_um_per_m,
+                of.divisor
+            )
+        }
+        Uncertainty::Camera(of) => {
+            let place = match of.mounted {
+                Mounted::Fixed => "a camera in the cell, the target at the flange",
+                Mounted::Flange => "a camera on the flange, the target in the cell",
+            };
+            format!(
+                "{place}; focal length {} px, corners found to {} px, a target of {} mm with {} corners along an edge",
+                of.focal_px, of.noise_px, of.target_mm, of.corners
+            )
+        }
+    }
+}
+
 /// The sign of a verdict, which distinguishes them without colour too.
 pub(super) fn mark(verdict: TableVerdict) -> Markup {
-    let (class, sign) = match verdict {
+    let (class, sign) = sign(verdict);
+    html! { span class={ "mark " (class) } aria-hidden="true" { (sign) } }
+}
+
+/// Class and sign of a verdict's mark.
+pub(super) const fn sign(verdict: TableVerdict) -> (&'static str, &'static str) {
+    match verdict {
         TableVerdict::Met => ("met", "✓"),
         TableVerdict::NotMet => ("not-met", "✗"),
         TableVerdict::NotShown => ("not-shown", "?"),
-    };
-    html! { span class={ "mark " (class) } aria-hidden="true" { (sign) } }
+    }
 }
 
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {

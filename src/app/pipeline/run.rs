@@ -23,7 +23,6 @@ use super::promise;
 use super::summary::{Summary, summary, when};
 use super::words::{notes, words};
 use super::{damage, driven};
-use crate::fit::{CameraUncertainty, Mounted, TrackerUncertainty, Uncertainty};
 use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, ESTIMATES, JOINED, Lake, Stage};
@@ -35,7 +34,7 @@ use crate::io::tables::{self, PublishContext, PublishError, RunRows};
 use crate::join::{SourceId, Station};
 use crate::judgement::Outcome;
 use crate::manifest::{Replaced, RunKey};
-use crate::page::Statements;
+use crate::page::{Statements, instrument};
 use crate::progress::Progress;
 use crate::report::compared::Pairs;
 
@@ -269,11 +268,10 @@ fn said(
 /// What the sessions were measured with, as the pipeline and robot files state it: what it is, and its name or uncertainty.
 fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let stated = &configuration.file.robot.valid_for;
-    let of = &configuration.stages.noise.source(SourceId::ONLY).uncertainty;
-    let tracker = match of {
-        Uncertainty::Tracker(of) => tracker_in_words(configuration, of),
-        Uncertainty::Camera(of) => camera_in_words(configuration, of),
-    };
+    let noise = &configuration.stages.noise;
+    let of = &noise.source(SourceId::ONLY).uncertainty;
+    let of_readings = configuration.reads.of_readings();
+    let tracker = format!("{of_readings}: {}", instrument(of, noise.takes_orientations()));
     let stated = [
         ("Arm", Some(configuration.arm.model().to_owned())),
         ("Controller", stated.controller_model.clone()),
@@ -332,37 +330,6 @@ fn context<'a>(
         replaces,
         pairs: pairs(outcome),
     }
-}
-
-fn tracker_in_words(configuration: &Configuration, of: &TrackerUncertainty) -> String {
-    let orientation =
-        of.orientation_rad.filter(|_| configuration.stages.noise.takes_orientations());
-    let orientation = orientation
-        .map_or_else(String::new, |rad| format!("; {:.0} µrad in orientation", 1e6 * rad));
-    format!(
-        "{}: {} µm + {} µm/m along the beam, {} µm + {} µm/m across it, limits divided by {}{orientation}",
-        configuration.reads.of_readings(),
-        of.range_um,
-        of.range_um_per_m,
-        of.transverse_um,
-        of.transverse_um_per_m,
-        of.divisor
-    )
-}
-
-fn camera_in_words(configuration: &Configuration, of: &CameraUncertainty) -> String {
-    let place = match of.mounted {
-        Mounted::Fixed => "a camera in the cell, the target at the flange",
-        Mounted::Flange => "a camera on the flange, the target in the cell",
-    };
-    format!(
-        "{}: {place}; focal length {} px, corners found to {} px, a target of {} mm with {} corners along an edge",
-        configuration.reads.of_readings(),
-        of.focal_px,
-        of.noise_px,
-        of.target_mm,
-        of.corners
-    )
 }
 
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².

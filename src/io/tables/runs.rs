@@ -32,6 +32,7 @@ columns! {
         reason: Option<String>,
         verdict_of: Option<VerdictOf>,
         statement: Option<String>,
+        warnings: Option<Vec<String>>,
         mean_before_mm: Option<f64>,
         mean_after_mm: Option<f64>,
         means_of: Option<String>,

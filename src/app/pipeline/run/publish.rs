@@ -3,7 +3,8 @@
 use crate::grid::Table;
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
-use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending, runs};
+use crate::io::tables::runs::{self, Ending};
+use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::judgement::Outcome;
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
@@ -47,7 +48,9 @@ pub fn publish(
     };
     let html = page::html(&page::content(rows, sessions, &about));
     run.publish_page(&html)?;
-    let row = runs::table(work, &counts, run.written(), &ending(outcome, context))?;
+    let warnings = Some(said.all_warnings());
+    let ending = Ending { warnings, ..ending(outcome, context) };
+    let row = runs::table(work, &counts, run.written(), &ending)?;
     if let Some(kept) = kept {
         kept.write(run.lake(), &key)?;
     }
