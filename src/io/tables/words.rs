@@ -86,7 +86,7 @@ pub enum CorrectedForm {
     Csv,
     Parquet,
     Json,
-    /// A file of a program in KRL; of versions before 0.2.5 a data list of KUKA.
+    /// A file of a program in KRL; of versions before 0.3.0 a data list of KUKA.
     Krl,
     /// A module in RAPID.
     Rapid,
