@@ -116,12 +116,11 @@ impl Reading<'_> {
         }
         let word = if slot == Slot::Base { "UFRAME" } else { "UTOOL" };
         let name = format!("{word}[{number}]");
-        let value = match self.written.get(&name).or_else(|| self.written.get(word)) {
-            Some(at) => Err(Refusal::AtRunTime { what: name.clone(), at: at.clone() }),
-            None => {
-                not_given(&name, &format!("its place in the file of the cell: [frames.{name:?}]"))
-            }
-        };
+        let written = self.written.get(&name).or_else(|| self.written.get(word));
+        let value = written.map_or_else(
+            || not_given(&name, &to_write(&name)),
+            |at| Err(Refusal::AtRunTime { what: name.clone(), at: at.clone() }),
+        );
         known(Setting::Frames(Chain::one(name, value)))
     }
 
@@ -140,6 +139,14 @@ impl Reading<'_> {
             }
         }
     }
+}
+
+/// What to write for a frame that no listing has.
+fn to_write(name: &str) -> String {
+    format!(
+        "its numbers in the file of the cell: [frames.{name:?}] found = \"surveyed\", place = {{ xyz_mm = [X, Y, Z], euler_deg = [W, P, R], \
+         euler_order = \"fixed-xyz\" }}"
+    )
 }
 
 /// What holds where a program begins, which anyone may call.
