@@ -70,7 +70,7 @@ def check(posegrid, lake, run, folder):
 
     def has(*wanted):
         for own in wanted:
-            expect(re.sub(r"\s", "", own) in text, f"{run}: lacks {own!r}")
+            expect(re.sub(r"[\s`]", "", own) in text, f"{run}: lacks {own!r}")
 
     figures = duckdb.sql(
         f"SELECT name, value, unit, expanded_uncertainty AS u FROM '{accuracy}' WHERE value IS NOT NULL AND pose IS NULL "

@@ -155,11 +155,12 @@ impl Report<'_> {
         sheet.band(&format!("{sign} {headline}{of}"), colour);
         let statement = ending.statement.as_ref().or(ending.reason.as_ref());
         let statement = statement.map_or("its reason is not recorded", |text| text.as_str());
-        sheet.text(&format!("{}.", verdict::capital(statement)), (BODY, false));
+        let statement = verdict::capital(&statement.replace('`', ""));
+        sheet.text(&format!("{statement}."), (BODY, false));
         let unknown =
             || vec!["an earlier version made the run, so its page alone has any".to_owned()];
         for warning in ending.warnings.clone().unwrap_or_else(unknown) {
-            sheet.text(&format!("Warning: {warning}."), (BODY, true));
+            sheet.text(&format!("Warning: {}.", warning.replace('`', "")), (BODY, true));
         }
     }
 

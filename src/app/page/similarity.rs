@@ -107,7 +107,7 @@ fn best(row: &SemivariogramRow, from: f64, reach: f64) -> Option<Vec<[f64; 2]>> 
 }
 
 fn fits(rows: &[&SemivariogramRow]) -> Markup {
-    let head = html! { th { "Errors of" } th.word { "Apart in" } th.word { "Model" } th { "Nugget, mm²" } th { "Sill, mm²" } th { "Range" } th { "Noise, mm²" } th.word { "Meaning" } };
+    let head = html! { th { "Errors of" } th.word { "Apart in" } th.word { "Model" } th { "Of stations side by side (nugget), mm²" } th { "Far apart (sill), mm²" } th { "Alike within (range)" } th { "Noise, mm²" } th.word { "Meaning" } };
     let body = html! {
         @for row in rows {
             @if let Some(Best { shape, nugget_mm2, sill_mm2, range }) = Best::of(row) {

@@ -165,7 +165,7 @@ fn all_rows(steps: &[&StepRow]) -> Markup {
                 th scope="row" { (step.step_mm) (pitches(step)) }
                 td.word { @if step.judgement == Judgement::Table { (words::verdict(step.verdict)) } @else { "–" } }
                 td.word { (step.source.word()) }
-                td.word { (step.interpolation.word()) }
+                td.word { (words::inside(step.interpolation)) }
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
                 td { (covers(step)) }
                 td { (judged_on(step)) }
@@ -256,7 +256,7 @@ fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
 fn other_bounds(steps: &[&StepRow]) -> Vec<Series> {
     let mut families: BTreeMap<String, Vec<&StepRow>> = BTreeMap::new();
     for step in steps {
-        let name = format!("bound, {}, {}", step.source.word(), step.interpolation.word());
+        let name = format!("bound, {}, {}", step.source.word(), words::inside(step.interpolation));
         families.entry(name).or_default().push(step);
     }
     let bounds = |(place, (name, steps)): (usize, (String, Vec<&StepRow>))| {
@@ -275,6 +275,6 @@ fn caption(content: &Content, chosen: &StepRow) -> String {
     let step = chosen.step_mm;
     format!(
         "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
-        chosen.interpolation.word()
+        words::inside(chosen.interpolation)
     )
 }

@@ -8,18 +8,24 @@ use crate::grid::Verdict;
 use crate::io::table::Word as _;
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::compared::Compared;
-use crate::report::verdict::{self, Judge};
+use crate::report::verdict::{self, Applied, Judge};
 
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();
     let headline = words::headline((&verdict).into());
+    let covered = content.verdict.table().covered();
+    let is_table = content.verdict.applied() == Applied::Table;
+    let few = covered.filter(|own| is_table && 2 * own.stations < own.measured);
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
             p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.said.measured { " · " (measured) } }
-            h1 { (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied().words()) }
-            @for warning in content.said.all_warnings() { p.warning { (warning) } }
+            h1 {
+                (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied().words())
+                @if let Some(own) = few { ", which answers for " (own.stations) " of " (own.measured) " measured stations alone" }
+            }
             p.lead { (sentence(content, &verdict)) }
+            @for warning in content.said.all_warnings() { p.warning { (words::message(&warning)) } }
             (remarks(content.verdict.judges()))
             (frame(content))
             (to_do(content))
@@ -28,7 +34,7 @@ pub(super) fn header(content: &Content) -> Markup {
             (instruments(content))
             details {
                 summary { "The verdict in full" }
-                p { "Tolerance " (content.tolerance.mm) " mm: " strong { (content.verdict.statement()) } "." }
+                p { "Tolerance " (content.tolerance.mm) " mm: " strong { (words::message(&content.verdict.statement())) } "." }
                 (judges(content.verdict.judges()))
                 p { "Beside it: " (content.verdict.other_statement()) "." }
                 p { "The step: " (content.choice) "." }
@@ -45,7 +51,7 @@ pub(super) fn header(content: &Content) -> Markup {
 fn to_do(content: &Content) -> Markup {
     html! {
         h2 { "What to do now" }
-        p { (capital(&content.next.words())) @if content.command.is_some() { ":" } @else { "." } }
+        p { (words::message(&capital(&content.next.words()))) @if content.command.is_some() { ":" } @else { "." } }
         @if let Some(command) = &content.command { pre { (command) } }
         @if content.next.sets_base { (typed(content)) }
     }
@@ -152,7 +158,7 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
             }
             @if let Some(step) = chosen {
                 (fact("Step of the table", &html! { (step.step_mm) " mm" }, &html! {
-                    (words::whole(step.nodes.unwrap_or(0) as u64)) " nodes, " (step.source.word()) ", " (step.interpolation.word())
+                    (words::whole(step.nodes.unwrap_or(0) as u64)) " nodes, " (step.source.word()) ", " (words::inside(step.interpolation))
                 }))
             }
             @if let Some(covered) = content.verdict.table().covered() {

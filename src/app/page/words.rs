@@ -1,6 +1,7 @@
 use maud::{Markup, html};
 
 use crate::fit::{Identifiability, Mounted, Uncertainty};
+use crate::grid::Interpolation;
 use crate::io::table::Word as _;
 use crate::io::tables::plan_figures::{CorrectedBy, FigureRow};
 use crate::io::tables::sampling_plan::VisitPurpose;
@@ -138,11 +139,28 @@ pub(super) fn design(design: Kind) -> String {
     }
 }
 
+/// The interpolation inside a cell, with the word of the tables where that is an abbreviation.
+pub(super) const fn inside(own: Interpolation) -> &'static str {
+    match own {
+        Interpolation::Idw => "inverse distance (idw)",
+        Interpolation::Trilinear => "trilinear",
+    }
+}
+
+/// A message whose commands and keys between ticks are code.
+pub(super) fn message(text: &str) -> Markup {
+    html! {
+        @for (place, part) in text.split('`').enumerate() {
+            @if place % 2 == 1 { code { (part) } } @else { (part) }
+        }
+    }
+}
+
 /// Source of the node values, and interpolation inside a cell, in a few words.
 pub(super) fn family(figure: &FigureRow) -> String {
     let source = plain(figure.source.word());
     match figure.interpolation {
-        Some(interpolation) => format!("{source}, {}", interpolation.word()),
+        Some(interpolation) => format!("{source}, {}", inside(interpolation)),
         None => source,
     }
 }
@@ -156,7 +174,7 @@ pub(super) fn origin(figure: &FigureRow) -> String {
     };
     match figure.interpolation {
         Some(interpolation) => {
-            let interpolation = interpolation.word();
+            let interpolation = inside(interpolation);
             format!("node values {source}, {interpolation} inside a cell")
         }
         None => format!("node values {source}"),
