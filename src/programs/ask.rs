@@ -7,11 +7,11 @@ use nalgebra::{Isometry3, Point3, Translation3};
 use crate::flow::{Known, Setting};
 use crate::frame::{Cell, Chain};
 use crate::krl::abc;
-use crate::program::{Letters, Position, Programs, Shape, Stated, Turn, Use};
+use crate::program::{Position, Programs, Shape, Stated, Turn, Use};
 use crate::rapid::{is_module, quaternion};
 use crate::refusal::Refusal;
 use crate::taught::{Taught, TaughtFrame};
-use crate::value::Number;
+use crate::value::{Letters, Number};
 
 /// What a position asks of the arm.
 #[derive(Debug, Clone, PartialEq)]

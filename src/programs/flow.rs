@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use crate::frame::Chain;
-use crate::program::Letters;
 use crate::refusal::{Place, Refusal};
+use crate::value::Letters;
 
 /// What statements set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

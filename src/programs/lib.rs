@@ -19,6 +19,7 @@
 //! frames, asking and writing stay as they are. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
 
 mod ask;
+mod edit;
 mod fanuc;
 mod flow;
 mod frame;
@@ -42,9 +43,10 @@ pub use ask::{Asked, Branch, Wanted};
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use further::{ADDED, Further};
 pub use krl::postures::Postures;
-pub use program::{Computed, File, Letters, Path, Position, Programs, Split, Way};
+pub use program::{Computed, File, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};
+pub use value::Letters;
 
 /// Whether a file belongs to a program or says something of its frames.
 pub fn is_program(file: &File) -> bool {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::flow::{Known, Setting, Slot, State, known, unknown};
 use crate::frame::Chain;
 use crate::refusal::{Place, Refusal};
-use crate::value::Number;
+use crate::value::{Letters, Number};
 
 /// A file as it lies on the controller.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,14 +58,6 @@ pub enum Stated {
     Quadrants([Number; 4]),
     /// `CONFIG` of FANUC, with the turns of joints 4, 5 and 6.
     Config { letters: Letters, turns: [Number; 3] },
-}
-
-/// The letters of FANUC's `CONFIG`, each true for the first: F or N, D or U, B or T.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Letters {
-    pub flip: bool,
-    pub down: bool,
-    pub back: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]

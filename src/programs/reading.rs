@@ -8,8 +8,7 @@ use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
 use crate::refusal::{Place, Refusal};
-use crate::value::{Cursor, Value};
-use crate::write::{DEGREE_DECIMALS, MM_DECIMALS};
+use crate::value::{Cursor, DEGREE_DECIMALS, MM_DECIMALS, Value};
 
 /// The numbers of a position, and an external axis that is not at 0.
 pub(crate) type Shaped = (Result<Shape, Refusal>, Option<(String, String)>);

@@ -5,6 +5,11 @@ use std::ops::Range;
 
 use crate::lex::{Kind, Token, capitals};
 
+/// A tenth of a micrometre and less is nothing to a controller, whose numbers are single precision.
+pub const MM_DECIMALS: usize = 4;
+/// 1e-5° at 2 m is a third of a micrometre.
+pub const DEGREE_DECIMALS: usize = 5;
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Number {
     /// With its sign.
@@ -349,6 +354,14 @@ impl Value {
         let numbers: Option<Vec<&Number>> = self.list()?.iter().map(Self::number).collect();
         numbers?.try_into().ok()
     }
+}
+
+/// The letters of FANUC's `CONFIG`, each true for the first: F or N, D or U, B or T.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Letters {
+    pub flip: bool,
+    pub down: bool,
+    pub back: bool,
 }
 
 #[cfg(test)]

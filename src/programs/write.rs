@@ -5,34 +5,26 @@
 //! not corrected keeps its text too.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use crate::geometry::rpy;
 use crate::geometry::typed::number as decimal;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
+use crate::edit::insert;
+pub(crate) use crate::edit::line_end;
+pub use crate::edit::{CORRECTED, Edit};
 use crate::fanuc::is_listing;
 use crate::krl::abc;
 use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
 use crate::rapid::is_module;
 use crate::value::Number;
+pub use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
 
-/// A tenth of a micrometre and less is nothing to a controller, whose numbers are single precision.
-pub const MM_DECIMALS: usize = 4;
-/// 1e-5° at 2 m is a third of a micrometre.
-pub const DEGREE_DECIMALS: usize = 5;
 pub(crate) const QUATERNION_DECIMALS: usize = 8;
 /// An orientation that is turned by less is not turned, rad.
 const UNTURNED: f64 = 1e-8;
-
-/// Bytes of a file to replace.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Edit {
-    pub span: Range<usize>,
-    pub text: String,
-}
 
 /// The command for a position.
 #[derive(Debug, Clone, PartialEq)]
@@ -224,8 +216,6 @@ pub(crate) fn quaternion_near(rotation: &UnitQuaternion<f64>, near: [f64; 4]) ->
     parts
 }
 
-/// The words that begin the comment of a corrected file.
-pub const CORRECTED: &str = "corrected by posegrid";
 /// The constant that marks a corrected file where comments are removed.
 const CONSTANT: &str = "POSEGRID_CORRECTED";
 
@@ -286,13 +276,6 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     marks
 }
 
-/// An insertion of whole lines at a place; a line is ended first where the place is inside one.
-pub(crate) fn insert(bytes: &[u8], place: usize, line: String, end: &str) -> Edit {
-    let is_line_start = place == after_mark(bytes) || matches!(bytes[place - 1], b'\n' | b'\r');
-    let text = if is_line_start { line } else { format!("{end}{line}") };
-    Edit { span: place..place, text }
-}
-
 /// The end of the header's line: of `DEF`, `DEFDAT` or `MODULE`; that of the header itself where code follows it in its line.
 fn behind_head(file: &File, tokens: &[Token], is_rapid: bool) -> Option<usize> {
     let words: &[&str] = if is_rapid { &["MODULE"] } else { &["DEF", "DEFFCT", "DEFDAT"] };
@@ -350,15 +333,6 @@ fn before_end_of_list(file: &File, tokens: &[Token]) -> Option<usize> {
     let before =
         file.bytes[..end.span().start].iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
     Some(before.map_or(0, |place| place + 1))
-}
-
-/// The ends of a file's lines: those of its first.
-pub(crate) fn line_end(bytes: &[u8]) -> &'static str {
-    match bytes.iter().position(|byte| *byte == b'\n') {
-        Some(place) if place > 0 && bytes[place - 1] == b'\r' => "\r\n",
-        Some(_) => "\n",
-        None => "\r\n",
-    }
 }
 
 /// Text that cannot end its comment: printable ASCII only.

@@ -2,10 +2,10 @@
 
 use super::FANUC;
 use super::listing::{lines, section};
+use crate::edit::{CORRECTED, Edit, insert, line_end};
 use crate::lex::{Token, tokens};
 use crate::program::File;
 use crate::value::{Cursor, Number};
-use crate::write::{CORRECTED, Edit, insert, line_end};
 
 /// Letters of a comment.
 const LONGEST: usize = 32;

@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use crate::lex::{Kind, capitals};
-use crate::program::{Letters, Shape, Stated, Turn};
+use crate::program::{Shape, Stated, Turn};
 use crate::refusal::Refusal;
-use crate::value::{Cursor, Number};
+use crate::value::{Cursor, Letters, Number};
 
 /// A position as its listing has it.
 pub(super) struct Listed {

@@ -16,7 +16,7 @@
 
 use crate::fanuc::counts_from_horizontal;
 use crate::kinematics::{Arm, Configuration, Side};
-use crate::program::Letters;
+use crate::value::Letters;
 
 /// The meaning of the bits of S for an arm: its configuration at S 2, the usual home with a bent wrist. Of FANUC's letters that at N U T.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
