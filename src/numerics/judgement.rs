@@ -193,17 +193,16 @@ pub fn results<'a>(
     let Corrections { grids, driven, scales, accuracy, at_tip, iso_9283, verdict } =
         judges.corrections(judges.grids(&folds, known, progress)?, &residuals, &semivariograms)?;
     residuals.extend(driven.iter().flat_map(Driven::sets).cloned());
+    let best = models.best().0;
+    let Models { base_target, geometric, full } = models;
     Ok(Outcome {
-        best: models.best().0,
+        best,
         targets: flanges.targets,
-        frame: stated::frame(&error_frame, &models.base_target, last, settings),
+        frame: stated::frame(&error_frame, &base_target, last, settings),
         training,
         test,
-        calibrations: vec![
-            (Model::BaseTarget, models.base_target),
-            (Model::Geometric, models.geometric),
-        ],
-        full: models.full,
+        calibrations: vec![(Model::BaseTarget, base_target), (Model::Geometric, geometric)],
+        full,
         camera_size: estimate.camera_size,
         stated_sizes: estimate.stated_sizes,
         scales,

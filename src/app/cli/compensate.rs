@@ -159,7 +159,7 @@ pub fn run(
     let recorded = Recorded::around(&named.path, &source)?;
     recorded.check_file(&args.targets)?;
     let targets = targets::read(&args.targets)?;
-    recorded.check_targets(&args.targets, &targets.targets)?;
+    recorded.check_targets(&args.targets, &targets.targets, 1)?;
     let outcomes = args.outcomes(&source, &needed, &targets);
     let joint_names = source.joint_names();
     let by = source.by(&joint_names);

@@ -101,16 +101,17 @@ impl Recorded {
         known.map_or(Ok(()), |known| Err(corrected_already(targets, "the file".to_owned(), known)))
     }
 
-    /// Checks that no target is a command that was written.
+    /// Checks that of the targets fewer than `least` are commands that were written.
     pub(super) fn check_targets(
         &self,
         path: &Path,
         targets: &[Target],
+        least: usize,
     ) -> Result<(), CompensateCommandError> {
         for known in &self.records {
             let commands = Commands::of(&known.2);
             let same: Vec<&Target> = targets.iter().filter(|own| commands.has(own)).collect();
-            if let Some(first) = same.first() {
+            if let Some(first) = same.first().filter(|_| same.len() >= least) {
                 let what = format!(
                     "{} of its {} targets, {:?} first,",
                     same.len(),
