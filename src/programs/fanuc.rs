@@ -24,6 +24,7 @@ use crate::flow::{Known, Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::{Chain, not_given};
 use crate::kinematics::Arm;
 use crate::lex::Dialect;
+use crate::postures::counts_from_horizontal;
 use crate::program::{File, Programs, Shape};
 use crate::reading::{Common, Shaped, Used};
 use crate::refusal::{Place, Refusal};
@@ -157,13 +158,6 @@ fn entry(routine: &str) -> State {
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.to_owned() }),
         _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.to_owned() }),
     })
-}
-
-/// Whether an arm's joint 3 is counted as FANUC counts it: against the horizontal, so that axis 3 turns by the sum of joints 2 and 3.
-pub(crate) fn counts_from_horizontal(arm: &Arm) -> bool {
-    let map = arm.axes_from_joints();
-    let part = |row: usize, column: usize| map.get((row, column)).copied().unwrap_or_default();
-    (part(2, 1) - part(2, 2)).abs() < 1e-12 && part(2, 2).abs() > 0.5 && part(1, 2).abs() < 1e-12
 }
 
 impl Programs {

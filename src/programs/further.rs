@@ -7,11 +7,11 @@
 
 use nalgebra::Isometry3;
 
+use crate::edit::{Edit, line_end};
 use crate::geometry::typed::number as decimal;
 use crate::program::{Path, Position, Programs, Shape, Stated, Turn};
-use crate::write::{
-    DEGREE_DECIMALS, Edit, MM_DECIMALS, QUATERNION_DECIMALS, abc_near, line_end, quaternion_near,
-};
+use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
+use crate::write::{QUATERNION_DECIMALS, abc_near, quaternion_near};
 
 /// The comment behind each added line.
 pub const ADDED: &str = "added by posegrid";

@@ -13,7 +13,6 @@
 mod data;
 pub(crate) mod frames;
 mod motion;
-pub(crate) mod postures;
 mod steps;
 
 use std::collections::BTreeSet;

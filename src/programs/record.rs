@@ -8,8 +8,9 @@ use std::path::{Component, Path};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::edit::Edit;
 use crate::program::File;
-use crate::write::{Edit, in_order};
+use crate::write::in_order;
 
 /// The record's name in the folder of corrected files.
 pub const RECORD: &str = "posegrid-corrections.json";

@@ -1,8 +1,9 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::edit::Edit;
 use crate::program::Shape;
-use crate::write::{Command, Edit, applied, edits, mark, marks};
+use crate::write::{Command, applied, edits, mark, marks};
 
 /// Pieces of programs of all dialects, sound and broken.
 const PIECES: [&str; 82] = [

@@ -1,8 +1,7 @@
 //! Corrected poses → numbers in the places of the old ones, and marks; every other byte stays.
 //!
-//! A number has as many decimals as the file has for it, and at least those that its dialect takes: [`MM_DECIMALS`] or
-//! [`DEGREE_DECIMALS`], of FANUC three; no exponent and no −0. A number that is the same when it is read again keeps its text. An orientation that is
-//! not corrected keeps its text too.
+//! A number has as many decimals as the file has for it, and at least those that its dialect takes (`Position::decimals`); no exponent and
+//! no −0. A number that is the same when it is read again keeps its text. An orientation that is not corrected keeps its text too.
 
 use std::f64::consts::TAU;
 
@@ -11,16 +10,13 @@ use crate::geometry::typed::number as decimal;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
-use crate::edit::insert;
-pub(crate) use crate::edit::line_end;
-pub use crate::edit::{CORRECTED, Edit};
+use crate::edit::{CORRECTED, Edit, insert, line_end};
 use crate::fanuc::is_listing;
 use crate::krl::abc;
 use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
 use crate::rapid::is_module;
 use crate::value::Number;
-pub use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
 
 pub(crate) const QUATERNION_DECIMALS: usize = 8;
 /// An orientation that is turned by less is not turned, rad.

@@ -49,7 +49,7 @@ pub fn verify(cell: &Cell, arguments: &[&str]) -> Ended {
     by_digests(cell, &[&["--pipeline", pipeline], arguments].concat())
 }
 
-/// The same without the pipeline file: nothing is computed anew, which takes seconds for each run.
+/// `posegrid verify` of the cell's lake by digests alone: without the pipeline file no run is computed anew, which takes seconds for each.
 pub fn by_digests(cell: &Cell, arguments: &[&str]) -> Ended {
     let temporary = cell.path("temporary");
     fs::create_dir_all(&temporary).expect("writable");

@@ -80,6 +80,12 @@ impl Report<'_> {
         self.figures.iter().filter(|own| own.quantity == FigureKind::Iso9283)
     }
 
+    /// Why no figure of ISO 9283 is shown.
+    fn no_visits(&self) -> &str {
+        let reason = self.iso_9283().find_map(|own| own.reason.as_deref());
+        reason.unwrap_or("no pose was visited again")
+    }
+
     /// U of the figure that the verdict rests on, the largest of all where it rests on none.
     fn expanded_uncertainty_mm(&self) -> Option<f64> {
         let bound = self.run.ending.bound_mm;
@@ -223,8 +229,7 @@ impl Report<'_> {
         subjects.retain(|(_, own)| !self.has_better_base(own));
         subjects.sort_by(|(_, a), (_, b)| a.of_session.cmp(&b.of_session));
         if subjects.is_empty() {
-            let reason = self.iso_9283().find_map(|own| own.reason.as_deref());
-            let reason = reason.unwrap_or("no pose was visited again");
+            let reason = self.no_visits();
             sheet.text(
                 &format!("AP, RP, AD, RD, vAP and drift are not shown: {reason}."),
                 (BODY, false),

@@ -20,7 +20,7 @@ pub(super) struct Statement<'t> {
 
 pub(super) struct Listing<'f> {
     pub(super) file: usize,
-    /// Of the program, in capitals.
+    /// The program's name, in capitals.
     pub(super) name: String,
     /// The line that says that its positions move with a conveyor.
     pub(super) tracks: Option<u32>,

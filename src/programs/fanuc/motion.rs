@@ -78,7 +78,7 @@ impl Parts {
         }
     }
 
-    /// What of a motion is not followed.
+    /// The first option of a motion that is not followed, or that it has no end.
     fn unknown(&self, word: &str) -> Option<String> {
         let is_known = |own: &&String| {
             has(HARMLESS, own) || is_with_digits(own, "ACC") || is_with_digits(own, "EV")

@@ -37,8 +37,8 @@ use crate::io::calibrations_table::PublishedArm;
 use crate::io::input::{self, Bound};
 use crate::io::whole_file;
 use crate::programs::record::{RECORD, UndoError, digest};
-use crate::programs::write::{Command, Edit, edits};
-use crate::programs::{Asked, Cell, File, Position, Programs};
+use crate::programs::write::{Command, edits};
+use crate::programs::{Asked, Cell, Edit, File, Position, Programs};
 use densify::{Densified, Known};
 use report::{Outcome, Report};
 use solve::Solver;
@@ -272,21 +272,23 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     let stated = stated(&programs, &asked, &solver);
     // A position in a touched base may stand where another program was corrected to: touching corrects at its points.
     recorded.check_targets(&args.targets, &stated, stated.len().div_ceil(4))?;
-    let Corrections { outcomes, mut commands, corrected } = corrected(&programs, &asked, &solver);
+    let Corrections { outcomes, commands, edits, corrected } =
+        corrected(&programs, &asked, &solver);
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
     let further = args.program.densify.map(|limit_mm| {
         let known = Known { programs: &programs, asked: &asked, commands: &commands };
         solver.further(limit_mm, &known, &deviations)
     });
-    let edits = changes(&programs, &asked, &mut commands, further.as_deref().unwrap_or_default());
+    let edits = changes(&programs, &asked, edits, further.as_deref().unwrap_or_default());
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
-    let written = written(&programs, &edits, arm);
+    let date = write::today();
+    let written = written(&programs, &edits, arm, &date);
     let recording = record(&written, &programs, &corrected, |made| {
         recorded.add(&made, source.by(&[]), args.no_record)
     })?;
-    write(written, &out, arm)?;
+    write(written, &out, arm, date)?;
     Ok((report, recording, source))
 }
 
@@ -326,6 +328,7 @@ fn asked(
 struct Corrections {
     outcomes: Vec<Outcome>,
     commands: Vec<Option<Command>>,
+    edits: Vec<Vec<Edit>>,
     /// The commands of the calibrated tool.
     corrected: Vec<Option<Corrected>>,
 }
@@ -339,40 +342,41 @@ fn corrected(
     let mut solved = solver.solve(&open).into_iter();
     let mut commands = vec![None; programs.positions.len()];
     let mut corrected = vec![None; programs.positions.len()];
+    let mut all = vec![Vec::new(); programs.positions.len()];
     let mut outcome = |(position, asked): (&Position, &Result<Asked, String>)| {
         let asked = asked.as_ref().map_err(Clone::clone)?;
         let done = solved.next().unwrap_or_else(|| Err("it has no command".to_owned()))?;
-        let crossed = edits(position, asked, &done.command).crossed;
+        let own = edits(position, asked, &done.command);
+        all[asked.position] = own.all;
         commands[asked.position] = Some(done.command);
         corrected[asked.position] = Some(done.corrected);
-        Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed })
+        Ok(Outcome::Corrected { correction_mm: done.correction_mm, crossed: own.crossed })
     };
     let refused = |reason| Outcome::Refused { reason };
     let outcomes = programs.positions.iter().zip(asked);
     let outcomes = outcomes.map(|own| outcome(own).unwrap_or_else(refused)).collect();
-    Corrections { outcomes, commands, corrected }
+    Corrections { outcomes, commands, edits: all, corrected }
 }
 
-/// The edits of each file; helpers of circles with further points get the commands that these have for them.
+/// The edits of each file from those of each position; helpers of circles with further points get the commands that these have for them.
 fn changes(
     programs: &Programs,
     asked: &[Result<Asked, String>],
-    commands: &mut [Option<Command>],
+    mut of_positions: Vec<Vec<Edit>>,
     further: &[Densified],
 ) -> Vec<Vec<Edit>> {
     let mut all = vec![Vec::new(); programs.files.len()];
     for own in further {
         let Ok(points) = &own.points else { continue };
         all[programs.paths[own.path].file].push(points.lines.clone());
-        if let Some((helper, command)) = points.helper.clone() {
-            commands[helper] = Some(command);
+        if let Some((helper, command)) = &points.helper
+            && let Ok(asked) = &asked[*helper]
+        {
+            of_positions[*helper] = edits(&programs.positions[*helper], asked, command).all;
         }
     }
-    for asked in asked.iter().flatten() {
-        if let Some(command) = &commands[asked.position] {
-            let position = &programs.positions[asked.position];
-            all[position.file].extend(edits(position, asked, command).all);
-        }
+    for (position, own) in programs.positions.iter().zip(of_positions) {
+        all[position.file].extend(own);
     }
     all
 }

@@ -66,7 +66,7 @@ fn lines<'a>(
     in_order(lines, set_aside, aside_line).concat()
 }
 
-/// What is told of each piece of work, with what `of_aside` tells of sessions set aside where they were listed.
+/// `of_pieces` in their order, with `of_aside` of each session set aside between them, where the folder lists it.
 pub(super) fn in_order<T>(
     of_pieces: impl Iterator<Item = T>,
     set_aside: &[SetAside],

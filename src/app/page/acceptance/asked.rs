@@ -8,7 +8,7 @@ use crate::report::iso_9283::Characteristic;
 
 const NOT_STATED: &str = "not stated";
 
-/// What it is of, what the standard asks, and what is there.
+/// A row a subject of the standard: its name, what the standard asks, and what the session has of it.
 pub(super) fn rows(of: &Report<'_>) -> Vec<Vec<String>> {
     let conditions = &of.arm.valid_for.conditions;
     let stated = |what: &Option<String>| what.clone().unwrap_or_else(|| NOT_STATED.to_owned());
@@ -72,10 +72,9 @@ fn poses(of: &Report<'_>) -> String {
 
 fn cycles(of: &Report<'_>) -> String {
     let visits = figures(of, Characteristic::RpL).map(|own| own.n).max();
-    let reason = of.iso_9283().find_map(|own| own.reason.as_deref());
     match visits {
         Some(visits) => held(visits >= 30, &format!("{visits} at most")),
-        None => held(false, &format!("1; {}", reason.unwrap_or("no pose was visited again"))),
+        None => held(false, &format!("1; {}", of.no_visits())),
     }
 }
 

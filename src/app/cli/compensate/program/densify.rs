@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::path::{Course, NotStated, Stop};
 use super::solve::Solver;
-use crate::programs::write::{Command, Edit};
-use crate::programs::{Asked, Branch, Further, Path, Programs, Wanted, Way};
+use crate::programs::write::Command;
+use crate::programs::{Asked, Branch, Edit, Further, Path, Programs, Wanted, Way};
 
 /// Shares that a way is cut into at most.
 const MOST: f64 = 128.0;

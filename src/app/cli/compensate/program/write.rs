@@ -14,9 +14,9 @@ use crate::io::calibrations_table::PublishedArm;
 use crate::io::tables::words::CorrectedForm;
 use crate::io::whole_file::write_whole;
 use crate::manifest::RunKey;
-use crate::programs::Programs;
 use crate::programs::record::{Changed, RECORD, Record, digest};
-use crate::programs::write::{Edit, applied, marks};
+use crate::programs::write::{applied, marks};
+use crate::programs::{Edit, Programs};
 
 /// A file that changes.
 pub(super) struct Written {
@@ -31,9 +31,9 @@ pub(super) fn written(
     programs: &Programs,
     all: &[Vec<Edit>],
     PublishedArm { key, arm, .. }: &PublishedArm,
+    date: &str,
 ) -> Vec<Written> {
     let RunKey { run, robot, session } = key;
-    let date = today();
     let files = programs.files.iter().zip(all).enumerate().filter(|(_, (_, own))| !own.is_empty());
     let written = files.map(|(place, (file, own))| {
         let words = format!(
@@ -75,6 +75,7 @@ pub(super) fn write(
     written: Vec<Written>,
     out: &Path,
     arm: &PublishedArm,
+    date: String,
 ) -> Result<(), ProgramError> {
     if written.is_empty() {
         return Ok(());
@@ -84,7 +85,7 @@ pub(super) fn write(
         written.into_iter().map(|own| (own.changed, own.bytes)).unzip();
     let paths: Vec<_> = files.iter().map(|own| out.join(&own.name)).collect();
     let calibration = arm.arm.table_id.clone();
-    let record = Record { calibration, robot, session, run, date: today(), files };
+    let record = Record { calibration, robot, session, run, date, files };
     let path = out.join(RECORD);
     let record = serde_json::to_vec(&record)
         .map_err(|source| ProgramError::Write { path: path.clone(), source: source.into() })?;
@@ -102,7 +103,7 @@ pub(super) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), ProgramError> {
 }
 
 /// The day of the correction, UTC.
-fn today() -> String {
+pub(super) fn today() -> String {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
     let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));

@@ -14,7 +14,6 @@
 //! wrist's centre is behind axis 1. Controllers' own lists of positions (CURPOS.DG) show N U T, published joint angles with their letters
 //! all eight; those with B come from one source only, and are taken as not proven.
 
-use crate::fanuc::counts_from_horizontal;
 use crate::kinematics::{Arm, Configuration, Side};
 use crate::value::Letters;
 
@@ -76,6 +75,13 @@ impl Postures {
     }
 }
 
+/// Whether an arm's joint 3 is counted as FANUC counts it: against the horizontal, so that axis 3 turns by the sum of joints 2 and 3.
+pub(crate) fn counts_from_horizontal(arm: &Arm) -> bool {
+    let map = arm.axes_from_joints();
+    let part = |row: usize, column: usize| map.get((row, column)).copied().unwrap_or_default();
+    (part(2, 1) - part(2, 2)).abs() < 1e-12 && part(2, 2).abs() > 0.5 && part(1, 2).abs() < 1e-12
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{Point3, Rotation3, Vector3};
@@ -84,7 +90,7 @@ mod tests {
     use crate::kinematics::{RobotFile, SingularityFactors};
 
     fn kr210() -> Arm {
-        let text = include_str!("../../../pipelines/robots/kr210-r2700-extra.toml");
+        let text = include_str!("../../pipelines/robots/kr210-r2700-extra.toml");
         toml::from_str::<RobotFile>(text).unwrap().arm().unwrap()
     }
 
@@ -150,8 +156,8 @@ mod tests {
             ([-15.6154, 48.3697, 60.5986, 142.0264, 34.2715, -150.7098], "FDT"),
         ];
         for file in [
-            include_str!("../../../pipelines/robots/r2000ic-165f.toml"),
-            include_str!("../../../pipelines/robots/m20ia.toml"),
+            include_str!("../../pipelines/robots/r2000ic-165f.toml"),
+            include_str!("../../pipelines/robots/m20ia.toml"),
         ] {
             let arm = toml::from_str::<RobotFile>(file).unwrap().arm().unwrap();
             let postures = Postures::of_fanuc(&arm).unwrap();
