@@ -35,7 +35,11 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
         &["refused_node", "branches", "no_convergence", "too_large"],
         "tests/run/compensate.rs and src/numerics/compensation/tests.rs: tables made for it, with a hole, with a jump and with a smaller largest error",
     ),
-    ("corrections.form", &["krl", "rapid"], "tests/run/compensate/programs.rs: files of programs"),
+    (
+        "corrections.form",
+        &["krl", "rapid", "fanuc"],
+        "tests/run/compensate/programs.rs and src/app/cli/compensate/program/write.rs: files of programs",
+    ),
     ("joint_errors.joint_unit", &["mm"], "tests/run/any_arm.rs: an arm on a track"),
     (
         "rejects.kind",

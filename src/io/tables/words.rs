@@ -90,6 +90,8 @@ pub enum CorrectedForm {
     Krl,
     /// A module in RAPID.
     Rapid,
+    /// A listing of FANUC's teach pendant.
+    Fanuc,
 }
 
 /// Units of a column that has several.
@@ -120,7 +122,7 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
-    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid" }
+    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid", Fanuc: "fanuc" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     VerdictOf {

@@ -16,7 +16,7 @@ use crate::io::whole_file::write_whole;
 use crate::manifest::RunKey;
 use crate::programs::record::{Changed, RECORD, Record, digest};
 use crate::programs::write::{applied, marks};
-use crate::programs::{Edit, Programs};
+use crate::programs::{Edit, File, Programs};
 
 /// A file that changes.
 pub(super) struct Written {
@@ -57,17 +57,24 @@ pub(super) fn record(
     add: impl Fn(Made<'_>) -> Result<Recording, CompensateCommandError>,
 ) -> Result<Recording, CompensateCommandError> {
     written.iter().try_fold(Recording::Done, |_, own| {
-        let is_krl = matches!(programs.files[own.file].ending().as_str(), "src" | "sub" | "dat");
         let positions = programs.positions.iter().zip(corrected);
         let positions = positions.filter(|(position, _)| position.file == own.file);
         add(Made {
-            form: if is_krl { CorrectedForm::Krl } else { CorrectedForm::Rapid },
+            form: form(&programs.files[own.file]),
             bytes: &own.bytes,
             targets_digest: own.changed.original_blake3.clone(),
             targets: positions.clone().count(),
             corrected: positions.filter_map(|(_, corrected)| corrected.as_ref()).collect(),
         })
     })
+}
+
+fn form(file: &File) -> CorrectedForm {
+    match file.ending().as_str() {
+        "src" | "sub" | "dat" => CorrectedForm::Krl,
+        "ls" => CorrectedForm::Fanuc,
+        _ => CorrectedForm::Rapid,
+    }
 }
 
 /// Writes the files that change, each at its name in the folder, and the record of what changed.
@@ -108,4 +115,17 @@ pub(super) fn today() -> String {
     let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
     let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
     day.map_or_else(|| "no date".to_owned(), |day| day.date_naive().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_names_the_dialect_of_its_file() {
+        let of = |name: &str| form(&File { name: name.to_owned(), bytes: Vec::new() });
+        assert_eq!(["R1/wing.src", "R1/WING.DAT"].map(of), [CorrectedForm::Krl; 2]);
+        assert_eq!(["part.mod", "main.prg"].map(of), [CorrectedForm::Rapid; 2]);
+        assert_eq!(of("TP/WING.LS"), CorrectedForm::Fanuc);
+    }
 }
