@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use arrow::util::display::array_value_to_string;
+use arrow_array::Array as _;
 use nalgebra::{Isometry3, UnitQuaternion};
 use thiserror::Error;
 
-use super::table::{Field, Table, columns};
+use super::table::{Field, Table, columns, values};
 use super::tables::validity::ValidFor;
 use crate::at::At;
 use crate::geometry::Transform;
@@ -43,7 +43,7 @@ fn first_difference<C: Field>(path: &Path, table: &Table, row: usize) -> At<Stri
     let batch = table.batch();
     let shown = |name: &str, row: usize| {
         let array = batch.column_by_name(name)?;
-        array_value_to_string(array, row).ok()
+        array.is_valid(row).then(|| values::text(array, row))?
     };
     let mut names = C::columns(&[]).into_iter().map(|column| column.name);
     let name = names.find(|name| shown(name, 0) != shown(name, row)).unwrap_or_default();

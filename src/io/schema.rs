@@ -10,7 +10,7 @@ mod check;
 
 use std::sync::{Arc, LazyLock};
 
-use arrow::datatypes::{DataType, Field, TimeUnit};
+use arrow_schema::{DataType, Field, TimeUnit};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -250,9 +250,9 @@ impl TableSchema {
     }
 
     /// The Arrow schema of the table.
-    pub fn arrow(&self) -> arrow::datatypes::Schema {
+    pub fn arrow(&self) -> arrow_schema::Schema {
         let field = |c: &ColumnSchema| Field::new(&c.name, c.kind.arrow(), c.nullable);
-        arrow::datatypes::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
+        arrow_schema::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
     }
 }
 

@@ -316,8 +316,8 @@ impl Thrift<'_> {
 mod tests {
     use std::sync::Arc;
 
-    use arrow::array::{ArrayRef, RecordBatch, StringArray, StructArray};
-    use arrow::datatypes::Field;
+    use arrow_array::{ArrayRef, RecordBatch, StringArray, StructArray};
+    use arrow_schema::Field;
     use parquet::arrow::ArrowWriter;
 
     use super::*;

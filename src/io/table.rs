@@ -12,12 +12,12 @@ mod read;
 mod row;
 mod same;
 mod together;
+pub mod values;
 mod write;
 
-use arrow::array::{
-    AsArray, BooleanArray, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
-};
-use arrow::datatypes::{Float64Type, Int64Type};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type};
+use arrow_array::{BooleanArray, Float64Array, Int64Array, ListArray, RecordBatch, StringArray};
 
 pub use cell::{Cell, Value};
 pub use columns::Columns;
@@ -90,7 +90,7 @@ impl Table {
         self.array(column).as_list()
     }
 
-    fn array(&self, column: &str) -> &dyn arrow::array::Array {
+    fn array(&self, column: &str) -> &dyn arrow_array::Array {
         let found = self.batch.column_by_name(column);
         found.unwrap_or_else(|| panic!("table {} has no column {column}", self.schema.table))
     }

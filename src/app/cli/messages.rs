@@ -6,8 +6,7 @@ use std::fmt::{self, Display};
 use std::io::{self, IsTerminal as _, Write};
 
 use clap::ValueEnum;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::{LevelFilter, ParseError, filter_fn};
+use tracing_subscriber::filter::{LevelFilter, ParseError, Targets, filter_fn};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
@@ -29,7 +28,7 @@ pub enum LogFormat {
 /// `RUST_LOG` selects among posegrid's own messages. Those of libraries are left out: an HTTP library may print
 /// credentials.
 pub fn start(format: LogFormat, bars: &Bars) {
-    let asked = env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
+    let asked = env::var("RUST_LOG").unwrap_or_default();
     let least = if format == LogFormat::Errors { LevelFilter::ERROR } else { LevelFilter::INFO };
     let (filter, unread) = match filter(&asked, least) {
         Ok(filter) => (filter, None),
@@ -38,7 +37,7 @@ pub fn start(format: LogFormat, bars: &Bars) {
     let ours = filter_fn(|message| message.target().starts_with("posegrid"));
     let bars = bars.clone();
     let messages = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+        .with_max_level(LevelFilter::TRACE)
         // Otherwise it would report the failed write to the stderr that failed, and panic.
         .log_internal_errors(false)
         .with_writer(move || Beside(bars.clone()));
@@ -48,17 +47,21 @@ pub fn start(format: LogFormat, bars: &Bars) {
             .with_target(false)
             .with_ansi(io::stderr().is_terminal() && !is_plain())
             .finish()
+            .with(filter)
             .with(ours)
             .init(),
-        LogFormat::Json => messages.json().finish().with(ours).init(),
+        LogFormat::Json => messages.json().finish().with(filter).with(ours).init(),
     }
     if let Some(error) = unread {
         tracing::warn!("RUST_LOG={asked:?} has no effect: {error}");
     }
 }
 
-fn filter(asked: &str, least: LevelFilter) -> Result<EnvFilter, ParseError> {
-    EnvFilter::builder().with_default_directive(least.into()).parse(asked)
+fn filter(asked: &str, least: LevelFilter) -> Result<Targets, ParseError> {
+    match asked.trim().trim_matches(',') {
+        "" => Ok(Targets::new().with_default(least)),
+        directives => directives.parse(),
+    }
 }
 
 /// Whether colours are not wanted: <https://no-color.org>.

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Seek as _;
 use std::path::Path;
 
-use arrow::array::AsArray as _;
+use arrow_array::cast::AsArray as _;
 
 use super::error::folder_error;
 use super::{Lake, LakeError, encoded, rows_of};

@@ -4,11 +4,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use ::parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
-use arrow::array::{
-    Array, ArrayRef, AsArray as _, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
-};
-use arrow::compute::{cast, concat_batches};
-use arrow::datatypes::{DataType, TimeUnit};
+use arrow_array::cast::AsArray as _;
+use arrow_array::{Array, ArrayRef, Float64Array, Int64Array, ListArray, RecordBatch, StringArray};
+use arrow_schema::{DataType, TimeUnit};
+use arrow_select::concat::concat_batches;
 use bytes::Bytes;
 
 use super::fill::Filling;
@@ -20,6 +19,7 @@ use super::{
 };
 use crate::input::Bound;
 use crate::stated;
+use crate::table::values::{numbers, texts};
 
 pub(super) fn read(
     bytes: Vec<u8>,
@@ -222,23 +222,13 @@ const fn nanoseconds(unit: TimeUnit) -> i64 {
 
 /// The values of an array without inner ones; `None` where they are neither numbers nor texts.
 fn values(array: &ArrayRef) -> Option<Values> {
-    let as_type = |wanted: DataType| cast(array, &wanted).ok();
-    match array.data_type() {
-        DataType::Timestamp(unit, _) => {
-            let integers = as_type(DataType::Int64)?;
-            Some(Values::Scaled(integers.as_primitive().clone(), nanoseconds(*unit)))
-        }
-        own if own.is_integer() || own.is_floating() => {
-            let numbers = as_type(DataType::Float64)?;
-            Some(Values::Numbers(numbers.as_primitive().clone()))
-        }
-        DataType::Binary
-        | DataType::LargeBinary
-        | DataType::FixedSizeBinary(_)
-        | DataType::BinaryView => None,
-        // Decimals too: their digits become the nearest double.
-        _ => Some(Values::Texts(as_type(DataType::Utf8)?.as_string().clone())),
+    if let DataType::Timestamp(unit, _) = array.data_type() {
+        let integers = array.to_data().into_builder().data_type(DataType::Int64).build().ok()?;
+        return Some(Values::Scaled(integers.into(), nanoseconds(*unit)));
     }
+    // Decimals are texts: their digits become the nearest double.
+    let numbers = numbers(array).map(Values::Numbers);
+    numbers.or_else(|| texts(array).map(Values::Texts))
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
 use std::iter::repeat_n;
 use std::sync::Arc;
 
-use arrow::array::{
-    ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Builder, ListArray, ListBuilder,
-    StringArray, StringBuilder, TimestampMicrosecondArray, new_null_array,
+use arrow_array::builder::{Float64Builder, Int64Builder, ListBuilder, StringBuilder};
+use arrow_array::{
+    ArrayRef, BooleanArray, Float64Array, ListArray, StringArray, TimestampMicrosecondArray,
+    new_null_array,
 };
-use arrow::buffer::OffsetBuffer;
-use arrow::datatypes::{DataType, Field, FieldRef};
+use arrow_buffer::OffsetBuffer;
+use arrow_schema::{DataType, Field, FieldRef};
 
 use crate::schema::{ColumnType, UTC};
 use crate::units::WallTime;
@@ -18,16 +19,19 @@ pub trait Cell {
     fn value(self) -> Option<Self::Value>;
 }
 
+/// The values of a whole column. One function of each type makes its array, not one of each caller's iterator.
+pub type Values<'v, V> = &'v mut dyn Iterator<Item = Option<V>>;
+
 pub trait Value: Sized {
     const KIND: ColumnType;
     /// The array of a whole column; an error has the first row whose value does not fit, and the value.
-    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)>;
+    fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)>;
     /// The array of a column with the same value in each row.
     fn same(value: Option<Self>, rows: usize) -> Result<ArrayRef, (usize, String)>
     where
         Self: Clone,
     {
-        Self::array(repeat_n(value, rows))
+        Self::array(&mut repeat_n(value, rows))
     }
 }
 
@@ -47,7 +51,7 @@ impl<V: Value> Cell for Option<V> {
 
 impl Value for f64 {
     const KIND: ColumnType = ColumnType::Float64;
-    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+    fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
         let mut column = Float64Builder::with_capacity(values.size_hint().0);
         values.for_each(|value| column.append_option(value));
         Ok(Arc::new(column.finish()))
@@ -56,7 +60,7 @@ impl Value for f64 {
 
 impl Value for WallTime {
     const KIND: ColumnType = ColumnType::Timestamp;
-    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+    fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
         let micros = values.map(|value| value.map(Self::us));
         Ok(Arc::new(micros.collect::<TimestampMicrosecondArray>().with_timezone(UTC)))
     }
@@ -64,7 +68,7 @@ impl Value for WallTime {
 
 impl Value for bool {
     const KIND: ColumnType = ColumnType::Bool;
-    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+    fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
         Ok(Arc::new(values.collect::<BooleanArray>()))
     }
 }
@@ -73,9 +77,7 @@ macro_rules! whole_numbers {
     ($($number:ty),+) => {$(
         impl Value for $number {
             const KIND: ColumnType = ColumnType::Int64;
-            fn array(
-                values: impl Iterator<Item = Option<Self>>,
-            ) -> Result<ArrayRef, (usize, String)> {
+            fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
                 let mut column = Int64Builder::with_capacity(values.size_hint().0);
                 for (row, value) in values.enumerate() {
                     column.append_option(value.map(|value| signed(row, value)).transpose()?);
@@ -95,9 +97,7 @@ macro_rules! texts {
     ($($text:ty),+) => {$(
         impl Value for $text {
             const KIND: ColumnType = ColumnType::String;
-            fn array(
-                values: impl Iterator<Item = Option<Self>>,
-            ) -> Result<ArrayRef, (usize, String)> {
+            fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
                 Ok(Arc::new(values.collect::<StringArray>()))
             }
             fn same(value: Option<Self>, rows: usize) -> Result<ArrayRef, (usize, String)> {
@@ -115,9 +115,7 @@ macro_rules! lists {
     ($builder:ident, $kind:ident, $arrow:ident, $into:expr; $($list:ty),+) => {$(
         impl Value for $list {
             const KIND: ColumnType = ColumnType::$kind;
-            fn array(
-                values: impl Iterator<Item = Option<Self>>,
-            ) -> Result<ArrayRef, (usize, String)> {
+            fn array(values: Values<'_, Self>) -> Result<ArrayRef, (usize, String)> {
                 let mut list = ListBuilder::new($builder::new()).with_field(element(DataType::$arrow));
                 for (row, value) in values.enumerate() {
                     for element in value.iter().flat_map(|list| list.iter()) {

@@ -1,13 +1,14 @@
 //! Columns checked against the contract of their table: types, lengths, nulls, numbers, words, the order of rows.
 
+use std::cmp::Ordering;
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, AsArray, BooleanArray, RecordBatch, StringArray, UInt64Array};
-use arrow::compute::kernels::cmp::{eq, lt};
-use arrow::compute::{and, or, take_record_batch};
-use arrow::datatypes::Float64Type;
-use arrow::error::ArrowError;
-use arrow::row::{RowConverter, SortField};
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use arrow_array::{Array, ArrayRef, RecordBatch, StringArray, UInt64Array};
+use arrow_cmp::make_comparator;
+use arrow_schema::{ArrowError, SortOptions};
+use arrow_select::take::take_record_batch;
 
 use super::{Table, TableError, same};
 use crate::manifest::RunKey;
@@ -31,11 +32,12 @@ pub(super) fn table(
     let arrow = |source: ArrowError| TableError::of(schema, source);
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let names = row_names(schema, key.as_ref(), &batch);
+    let compared = by_names(&names).map_err(arrow)?;
     // Nearly always the rows are in order, and each is compared only with the one before it.
-    let (batch, order) = if rising(&names, rows).map_err(arrow)? {
+    let (batch, order) = if (1..rows).all(|row| compared(row - 1, row).is_lt()) {
         (batch, None)
     } else {
-        in_order(schema, batch, &names)?
+        in_order(schema, batch, compared)?
     };
     let table = Table { schema, key, batch, version: schema.version };
     Ok((table, order))
@@ -68,18 +70,29 @@ fn all(
 fn in_order(
     schema: &TableSchema,
     batch: RecordBatch,
-    names: &[ArrayRef],
+    compared: impl Fn(usize, usize) -> Ordering,
 ) -> Result<(RecordBatch, Option<Vec<usize>>), TableError> {
-    let arrow = |source: ArrowError| TableError::of(schema, source);
-    let order = row_order(names, batch.num_rows()).map_err(arrow)?;
-    check_rows_differ(schema, &order)?;
+    let mut order: Vec<usize> = (0..batch.num_rows()).collect();
+    order.sort_by(|&a, &b| compared(a, b));
+    if let Some(pair) = order.windows(2).find(|pair| compared(pair[0], pair[1]).is_eq()) {
+        return Err(same_name(schema, pair[0], pair[1]));
+    }
     // A table from another program keeps its order: that of targets is the order of the program that visits them.
     if schema.role == Role::Accepted {
         return Ok((batch, None));
     }
-    let rows: UInt64Array = order.iter().map(|row| row.given as u64).collect();
-    let batch = take_record_batch(&batch, &rows).map_err(arrow)?;
-    Ok((batch, Some(order.iter().map(|row| row.given).collect())))
+    let rows: UInt64Array = order.iter().map(|&row| row as u64).collect();
+    let batch = take_record_batch(&batch, &rows);
+    Ok((batch.map_err(|source| TableError::of(schema, source))?, Some(order)))
+}
+
+fn same_name(schema: &TableSchema, first: usize, second: usize) -> TableError {
+    let names = schema.order.join(", ");
+    let same = if names.is_empty() { "file" } else { &names };
+    let place = format_args!(", rows {first} and {second}");
+    let one = &schema.one_row_per;
+    let problem = format_args!("the same {same}; a table has one row per {one}");
+    TableError::at(schema, place, problem)
 }
 
 fn check_column(
@@ -174,51 +187,10 @@ fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<Arr
     Some(Arc::new(ranks))
 }
 
-/// False without columns that identify rows, and with nulls among them, where this test does not apply.
-fn rising(names: &[ArrayRef], rows: usize) -> Result<bool, ArrowError> {
-    let told = |column: &ArrayRef| column.null_count() == 0 && !column.data_type().is_nested();
-    if rows < 2 || !names.iter().all(told) {
-        return Ok(rows < 2);
-    }
-    let pairs = rows - 1;
-    let mut behind = BooleanArray::from(vec![false; pairs]);
-    let mut tied = BooleanArray::from(vec![true; pairs]);
-    for column in names {
-        let (before, after) = (column.slice(0, pairs), column.slice(1, pairs));
-        behind = or(&behind, &and(&tied, &lt(&before, &after)?)?)?;
-        tied = and(&tied, &eq(&before, &after)?)?;
-    }
-    Ok(behind.true_count() == pairs)
-}
-
-/// A row by its place in the order given, and whether it has the same name as the one before it.
-struct OrderedRow {
-    given: usize,
-    same_as_previous: bool,
-}
-
-/// The rows in the schema's order; nulls first, enumerations in the order of their words.
-fn row_order(columns: &[ArrayRef], rows: usize) -> Result<Vec<OrderedRow>, ArrowError> {
-    if columns.is_empty() {
-        let row = |given| OrderedRow { given, same_as_previous: given > 0 };
-        return Ok((0..rows).map(row).collect());
-    }
-    let fields = columns.iter().map(|column| SortField::new(column.data_type().clone())).collect();
-    let names = RowConverter::new(fields)?.convert_columns(columns)?;
-    let mut order: Vec<usize> = (0..rows).collect();
-    order.sort_by(|&a, &b| names.row(a).cmp(&names.row(b)));
-    let same = |place: usize| place > 0 && names.row(order[place]) == names.row(order[place - 1]);
-    let row = |(place, &given)| OrderedRow { given, same_as_previous: same(place) };
-    Ok(order.iter().enumerate().map(row).collect())
-}
-
-fn check_rows_differ(schema: &TableSchema, order: &[OrderedRow]) -> Result<(), TableError> {
-    let Some(place) = order.iter().position(|row| row.same_as_previous) else { return Ok(()) };
-    let (first, second) = (order[place - 1].given, order[place].given);
-    let names = schema.order.join(", ");
-    let same = if names.is_empty() { "file" } else { &names };
-    let place = format_args!(", rows {first} and {second}");
-    let one = &schema.one_row_per;
-    let problem = format_args!("the same {same}; a table has one row per {one}");
-    Err(TableError::at(schema, place, problem))
+/// Which of two rows comes first: nulls do, and enumerations in the order of their words.
+fn by_names(names: &[ArrayRef]) -> Result<impl Fn(usize, usize) -> Ordering, ArrowError> {
+    let column = |of: &ArrayRef| make_comparator(of, of, SortOptions::default());
+    let columns = names.iter().map(column).collect::<Result<Vec<_>, _>>()?;
+    let of = move |a, b| columns.iter().map(|column| column(a, b)).find(|order| order.is_ne());
+    Ok(move |a, b| of(a, b).unwrap_or(Ordering::Equal))
 }

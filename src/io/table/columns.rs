@@ -1,6 +1,7 @@
+use std::mem;
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
+use arrow_array::{Array, ArrayRef, Int64Array, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
 use crate::manifest::RunKey;
@@ -38,6 +39,9 @@ pub struct Columns {
     error: Option<TableError>,
 }
 
+/// Makes the array of a column of so many rows.
+type Make<'m> = &'m mut dyn FnMut(usize) -> Result<ArrayRef, (usize, String)>;
+
 impl Columns {
     pub fn new(schema: &'static TableSchema, rows: usize) -> Self {
         Self {
@@ -71,23 +75,26 @@ impl Columns {
 
     #[must_use]
     pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
-        self.put(name, C::Value::KIND, |_| C::Value::array(values.into_iter().map(Cell::value)))
+        let mut values = values.into_iter().map(Cell::value);
+        self.put(name, C::Value::KIND, &mut |_| C::Value::array(&mut values))
     }
 
     #[must_use]
-    pub fn whole_numbers(self, name: &str, values: Vec<i64>) -> Self {
-        self.put(name, ColumnType::Int64, |_| Ok(Arc::new(Int64Array::from(values))))
+    pub fn whole_numbers(self, name: &str, mut values: Vec<i64>) -> Self {
+        let mut array = || Arc::new(Int64Array::from(mem::take(&mut values)));
+        self.put(name, ColumnType::Int64, &mut |_| Ok(array()))
     }
 
     #[must_use]
     pub fn same<C: Cell<Value: Clone>>(self, name: &str, value: C) -> Self {
-        self.put(name, C::Value::KIND, |rows| C::Value::same(value.value(), rows))
+        let value = value.value();
+        self.put(name, C::Value::KIND, &mut |rows| C::Value::same(value.clone(), rows))
     }
 
     /// Lists of one length, their values one after another, as many for each row.
     #[must_use]
     pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
-        self.put(name, ColumnType::ListFloat64, |rows| Ok(cell::lists_alike(values, rows)))
+        self.put(name, ColumnType::ListFloat64, &mut |rows| Ok(cell::lists_alike(values, rows)))
     }
 
     /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
@@ -139,24 +146,14 @@ impl Columns {
         check::table(self.schema, self.key, self.rows, self.arrays, self.like.as_ref())
     }
 
-    fn put(
-        mut self,
-        name: &str,
-        kind: ColumnType,
-        make: impl FnOnce(usize) -> Result<ArrayRef, (usize, String)>,
-    ) -> Self {
+    fn put(mut self, name: &str, kind: ColumnType, make: Make<'_>) -> Self {
         if self.error.is_none() {
             self.error = self.try_put(name, kind, make).err();
         }
         self
     }
 
-    fn try_put(
-        &mut self,
-        name: &str,
-        kind: ColumnType,
-        make: impl FnOnce(usize) -> Result<ArrayRef, (usize, String)>,
-    ) -> Result<(), TableError> {
+    fn try_put(&mut self, name: &str, kind: ColumnType, make: Make<'_>) -> Result<(), TableError> {
         let place = self.place(name)?;
         let column = &self.schema.columns[place];
         if kind != column.kind {

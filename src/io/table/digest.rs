@@ -19,7 +19,7 @@ mod column;
 #[cfg(test)]
 mod tests;
 
-use arrow::array::RecordBatch;
+use arrow_array::RecordBatch;
 use blake3::Hasher;
 use rayon::prelude::*;
 

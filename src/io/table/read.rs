@@ -9,15 +9,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, AsArray as _, RecordBatch, new_null_array};
-use arrow::compute::{CastOptions, cast_with_options, concat_batches};
-use arrow::datatypes::{DataType, TimeUnit, TimestampMicrosecondType};
-use arrow::error::ArrowError;
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::TimestampMicrosecondType;
+use arrow_array::{ArrayRef, RecordBatch, new_null_array};
+use arrow_schema::{ArrowError, DataType, TimeUnit};
+use arrow_select::concat::concat_batches;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::error::{plain, plain_values};
+use super::values::widened;
 use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::input::{self, Bound};
 use crate::manifest::RunKey;
@@ -364,28 +366,6 @@ fn in_utc(array: &ArrayRef) -> ArrayRef {
             Arc::new(moments.clone().with_timezone(UTC))
         }
         _ => Arc::clone(array),
-    }
-}
-
-/// The array as `wanted` where the values are unchanged; otherwise as found, and the check that follows reports its
-/// type.
-fn widened(array: &ArrayRef, wanted: &DataType) -> ArrayRef {
-    // Otherwise values that do not fit would silently become null.
-    let strict = CastOptions { safe: false, ..CastOptions::default() };
-    let as_wanted =
-        widens(array.data_type(), wanted).then(|| cast_with_options(array, wanted, &strict));
-    as_wanted.and_then(Result::ok).unwrap_or_else(|| Arc::clone(array))
-}
-
-fn widens(found: &DataType, wanted: &DataType) -> bool {
-    match (found, wanted) {
-        (found, DataType::Float64) => found.is_integer() || found.is_floating(),
-        (found, DataType::Int64) => found.is_integer(),
-        (found, DataType::Utf8) => found.is_string(),
-        (DataType::List(found) | DataType::LargeList(found), DataType::List(wanted)) => {
-            widens(found.data_type(), wanted.data_type())
-        }
-        (found, wanted) => found == wanted,
     }
 }
 

@@ -7,8 +7,9 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, AsArray};
-use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
+use arrow_array::Array;
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type, TimestampMicrosecondType};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::{Columns, Table, TableError, Value};

@@ -1,7 +1,7 @@
 //! Columns with the same value in every row, such as the table's subject.
 
-use arrow::array::{Array, StringArray};
-use arrow::datatypes::ArrowNativeType;
+use arrow_array::{Array, StringArray};
+use arrow_buffer::ArrowNativeType;
 
 /// The text of every row, where all have the same; `None` where they differ, some are null or there is no row.
 pub(super) fn text(array: &StringArray) -> Option<&str> {

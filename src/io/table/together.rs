@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use arrow::array::BooleanArray;
-use arrow::compute::{concat_batches, filter_record_batch};
+use arrow_array::BooleanArray;
+use arrow_select::concat::concat_batches;
+use arrow_select::filter::filter_record_batch;
 
 use super::{Table, TableError, check};
 use crate::manifest::RunKey;

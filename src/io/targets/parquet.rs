@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use arrow::array::Array as _;
+use arrow_array::Array as _;
 
 use super::{Place, Row, RowProblem, Rows, TargetsError};
 use crate::compensation::TargetJoints;

@@ -1,7 +1,8 @@
 //! A table as text: one row after the other, and each joint angle in a column of its own.
 
-use arrow::array::{Array as _, ArrayRef, AsArray as _};
-use arrow::datatypes::{Float64Type, Int64Type, TimestampMicrosecondType};
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::{Float64Type, Int64Type, TimestampMicrosecondType};
+use arrow_array::{Array as _, ArrayRef};
 
 use super::angles::JointUnits;
 use crate::schema::{ColumnSchema, ColumnType};

@@ -65,15 +65,15 @@ impl Source {
     /// The files of the only robot.
     pub fn alone(&self) -> Result<Files, ConfigurationError> {
         self.keys(&self.text, true)?;
-        self.checked(toml::from_str(&self.text).map_err(|source| unread(&self.path, &source))?)
+        let file = toml::from_str(&self.text).map_err(|source| unread(&self.path, &source))?;
+        self.checked(file)
     }
 
     /// The files of one of several robots.
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
-        let values = robots.file_of(&robot.entry);
-        let files = self.keys(&values.to_string(), false).and_then(|()| {
-            self.checked(values.try_into().map_err(|source| unread(&self.path, &source))?)
-        });
+        let text = robots.file_of(&robot.entry).to_string();
+        let file = self.keys(&text, false).and_then(|()| self.made(&text));
+        let files = file.and_then(|file| self.checked(file));
         files.map_err(|source| robot.fault(source))
     }
 
@@ -83,8 +83,15 @@ impl Source {
         robots: &Robots,
         robot: &StatedRobot,
     ) -> Result<PipelineFile, ConfigurationError> {
-        let file = robots.file_of_any(&robot.entry).try_into();
-        file.map_err(|source| robot.fault(unread(&self.path, &source)))
+        let file = self.made(&robots.file_of_any(&robot.entry).to_string());
+        file.map_err(|source| robot.fault(source))
+    }
+
+    /// The pipeline file of a text made from several places, whose lines nobody knows.
+    fn made(&self, text: &str) -> Result<PipelineFile, ConfigurationError> {
+        let problem = |source: toml::de::Error| source.message().trim().replace('\n', " ");
+        let file = toml::from_str(text).map_err(problem);
+        file.map_err(|problem| ConfigurationErrorKind::Fault(problem).at(&self.path))
     }
 
     /// Checks that no other robot than that of `files` is asked for, as the file is of one.

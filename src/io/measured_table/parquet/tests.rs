@@ -1,11 +1,12 @@
 //! Small Parquet files with columns inside columns, made here.
 
 use ::parquet::arrow::ArrowWriter;
-use arrow::array::{
+use arrow_array::types::{Float64Type, Int32Type};
+use arrow_array::{
     BinaryArray, BooleanArray, Decimal128Array, FixedSizeListArray, Float32Array, Int32Array,
     StructArray, TimestampMillisecondArray, UInt64Array,
 };
-use arrow::datatypes::{Field, Float64Type, Int32Type};
+use arrow_schema::Field;
 
 use super::super::Cell;
 use super::*;

@@ -1,7 +1,10 @@
-use arrow::array::{Array, AsArray};
-use arrow::datatypes::{DataType, Float64Type};
-use arrow::util::display::array_value_to_string;
+use arrow_array::Array;
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use arrow_schema::DataType;
 use serde_json::Value;
+
+use crate::table::values;
 
 const SHOWN: usize = 120;
 
@@ -133,11 +136,7 @@ pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
     if array.is_null(row) {
         return "null".to_owned();
     }
-    if let DataType::Float64 = array.data_type() {
-        return array.as_primitive::<Float64Type>().value(row).to_string();
-    }
-    let text = array_value_to_string(array, row);
-    text.unwrap_or_else(|_| "a value without words".to_owned())
+    values::text(array, row).unwrap_or_else(|| "a value without words".to_owned())
 }
 
 fn short(text: &str) -> String {

@@ -3,8 +3,10 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use arrow::array::{Array, AsArray};
-use arrow::datatypes::{DataType, Float64Type};
+use arrow_array::Array;
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use arrow_schema::DataType;
 
 use super::{CLOSE, cells};
 use crate::table::Table;
@@ -80,7 +82,7 @@ fn key_cell(table: &Table, column: &str, row: usize) -> String {
 }
 
 /// The numbers that identify a table's rows.
-struct Named<'a>(Vec<&'a arrow::array::Float64Array>);
+struct Named<'a>(Vec<&'a arrow_array::Float64Array>);
 
 impl<'a> Named<'a> {
     fn new(table: &'a Table, columns: &[&str]) -> Self {
@@ -92,7 +94,7 @@ impl<'a> Named<'a> {
     fn order(&self, row: usize, other: &Self, other_row: usize) -> Ordering {
         let pairs = self.0.iter().zip(&other.0);
         let mut orders = pairs.map(|(left, right)| {
-            let value = |array: &arrow::array::Float64Array, row| {
+            let value = |array: &arrow_array::Float64Array, row| {
                 array.is_valid(row).then(|| array.value(row))
             };
             match (value(left, row), value(right, other_row)) {

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, AsArray, StringArray};
-use arrow::compute::{filter, is_not_null};
-use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type, TimestampMicrosecondType};
-use arrow::error::ArrowError;
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type, TimestampMicrosecondType};
+use arrow_array::{Array, ArrayRef, BooleanArray, StringArray};
+use arrow_buffer::ArrowNativeType;
+use arrow_schema::ArrowError;
+use arrow_select::filter::filter;
 use bytes::Bytes;
 use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
 use parquet::data_type::ByteArray;
@@ -42,9 +44,9 @@ pub(super) fn encode(
 
 /// The values that are present, one after another: without nulls and without the bounds of lists.
 fn present(array: &ArrayRef) -> Result<ArrayRef, ArrowError> {
-    let array = match array.null_count() {
-        0 => Arc::clone(array),
-        _ => filter(array, &is_not_null(array)?)?,
+    let array = match array.nulls() {
+        None => Arc::clone(array),
+        Some(nulls) => filter(array, &BooleanArray::new(nulls.inner().clone(), None))?,
     };
     Ok(match array.as_list_opt::<i32>() {
         None => array,

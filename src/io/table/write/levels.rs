@@ -2,7 +2,8 @@
 
 use std::iter::{once, repeat_n};
 
-use arrow::array::{Array, ArrayRef, AsArray, ListArray};
+use arrow_array::cast::AsArray;
+use arrow_array::{Array, ArrayRef, ListArray};
 use parquet::schema::types::ColumnDescPtr;
 
 pub(super) struct Levels {
