@@ -37,8 +37,6 @@ const BESIDE: usize = 20;
 const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
-/// Least statistic of a slip, which leaves a session without a result.
-const SLIP_TRIED: f64 = 100.0;
 /// Share of the statistic of a motion of the base that a slip has at least: it is one of those motions, or none of them does better.
 const SLIP_SHARE: f64 = 0.9;
 const MOST: usize = 4;
@@ -282,10 +280,8 @@ impl<'a> Small<'a> {
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        let is_slip = |joint: &usize| {
-            let own = statistics[1 + joint];
-            own >= SLIP_TRIED && own >= SLIP_SHARE * statistics[0]
-        };
+        // No least statistic: sizes found without the slip grow with it, so its statistic stays below the number of rows.
+        let is_slip = |joint: &usize| statistics[1 + joint] >= SLIP_SHARE * statistics[0];
         let joints = (0..self.units.len()).filter(is_slip);
         let columns: Vec<Columns> =
             [Columns::Base].into_iter().chain(joints.map(Columns::Joint)).collect();
