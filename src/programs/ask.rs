@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Point3, Translation3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::flow::{Known, Setting};
 use crate::frame::{Cell, Chain};
@@ -172,6 +172,9 @@ impl Programs {
                 let turns = (by == index).then(all).transpose()?;
                 Ok(Branch::Config { letters: *letters, turns })
             }
+            Shape::Pose { stated: Some(Stated::Near(joints)), .. } => {
+                Ok(Branch::Joints(joints.clone()))
+            }
             Shape::Pose { stated: None, .. } => {
                 Err(Refusal::Partial { what: "arm configuration that its motion reads" })
             }
@@ -229,6 +232,9 @@ pub(crate) fn pose(xyz: &[Number; 3], turn: &Turn) -> Result<Isometry3<f64>, Ref
             .ok_or_else(|| {
                 Refusal::Other("its four numbers of orientation are no unit quaternion".to_owned())
             })?,
+        Turn::Vector(parts) => UnitQuaternion::from_scaled_axis(Vector3::from(
+            parts.each_ref().map(|number| number.value),
+        )),
     };
     Ok(Isometry3::from_parts(Translation3::from(at.coords), turn))
 }

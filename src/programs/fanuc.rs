@@ -162,7 +162,7 @@ fn entry(routine: &str) -> State {
 
 impl Programs {
     /// Refuses FANUC's positions in joint angles where an arm counts joint 3 in another way.
-    pub fn hold_joints(&mut self, arm: &Arm) {
+    pub(crate) fn hold_joints(&mut self, arm: &Arm) {
         if counts_from_horizontal(arm) {
             return;
         }

@@ -94,6 +94,8 @@ impl Programs {
                 let [x, y, z] = xyz.as_slice() else { return None };
                 Some(format!("{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}"))
             }
+            // Its motions are not split.
+            Turn::Vector(_) => None,
             Turn::Quaternion(near) => {
                 let parts = quaternion_near(&pose.rotation, near.each_ref().map(|own| own.value));
                 let parts = parts.map(|part| decimal(part, QUATERNION_DECIMALS)).join(",");

@@ -13,10 +13,6 @@
 //!
 //! A position is one of three: asked for, refused by name, or computed while the program runs. Nothing is guessed: where
 //! a frame, a tool or a way through the program is not known, the position is refused.
-//!
-//! # Another dialect
-//! `URScript` needs a `lex::Dialect`, a reader that fills `program::Motion`s and `flow::Step`s, and its `program::Shape`s; flow,
-//! frames, asking and writing stay as they are. A `p[…]` of `URScript` is a literal, `set_tcp` sets the slot of the tool, and functions are routines.
 
 mod ask;
 mod edit;
@@ -34,6 +30,7 @@ mod reading;
 pub mod record;
 mod refusal;
 pub mod taught;
+mod urscript;
 mod value;
 pub mod write;
 
@@ -55,6 +52,7 @@ pub fn is_program(file: &File) -> bool {
     matches!(file.ending().as_str(), "src" | "sub" | "dat")
         || rapid::is_known(file)
         || fanuc::is_listing(file)
+        || urscript::is_script(file)
 }
 
 /// Everything that motions of these files use.
@@ -62,15 +60,25 @@ pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
     let (found, krl_root) = krl::read(&files);
     let (found, rapid_root) = rapid::read(&files, cell, found);
     let (found, fanuc_root) = fanuc::read(&files, found);
+    let (found, urscript_root) = urscript::read(&files, found);
     let root = |file: &File| match file {
         own if rapid::is_known(own) => rapid_root.clone(),
         own if fanuc::is_listing(own) => fanuc_root.clone(),
+        own if urscript::is_script(own) => urscript_root.clone(),
         _ => krl_root.clone(),
     };
     let roots = files.iter().map(root).collect();
     let marks = files.iter().map(write::mark).collect();
     let Used { positions, computed, paths } = found;
     Programs { files, positions, computed, paths, marks, roots }
+}
+
+impl Programs {
+    /// Refuses positions that the controller of a calibrated arm reads in another way than this crate.
+    pub fn hold(&mut self, arm: &kinematics::Arm) {
+        self.hold_joints(arm);
+        self.hold_poses(arm);
+    }
 }
 
 #[cfg(test)]

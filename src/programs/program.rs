@@ -47,6 +47,8 @@ pub enum Turn {
     Abc([Number; 3]),
     /// Real part first.
     Quaternion([Number; 4]),
+    /// The axis times the angle, rad.
+    Vector([Number; 3]),
 }
 
 /// Numbers that state an arm configuration.
@@ -58,6 +60,8 @@ pub enum Stated {
     Quadrants([Number; 4]),
     /// `CONFIG` of FANUC, with the turns of joints 4, 5 and 6.
     Config { letters: Letters, turns: [Number; 3] },
+    /// Joint angles near which a controller of Universal Robots reaches the pose, degrees.
+    Near(Vec<f64>),
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -128,7 +128,13 @@ impl<'f> Common<'f> {
         (!positions.is_empty()).then_some(Target::Literal { positions, is_beside: false })
     }
 
-    fn add(&mut self, here: &Here<'_>, name: &str, written: &Written, kind: &str) -> usize {
+    pub(crate) fn add(
+        &mut self,
+        here: &Here<'_>,
+        name: &str,
+        written: &Written,
+        kind: &str,
+    ) -> usize {
         let (shape, external) = (self.shape)(self, here.scopes, &written.value, kind);
         let file = &self.files[written.file];
         let shared = || Refusal::Shared { file: file.base_name().to_owned() };

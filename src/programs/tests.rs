@@ -6,7 +6,21 @@ use crate::program::Shape;
 use crate::write::{Command, applied, edits, mark, marks};
 
 /// Pieces of programs of all dialects, sound and broken.
-const PIECES: [&str; 82] = [
+const PIECES: [&str; 96] = [
+    "def P():\n",
+    "end\n",
+    "movel(p[.1,.2,.3,0,3.1,0], a=1.2, r=0.01)\n",
+    "movej([0,1,2,3,4,5])\n",
+    "movec(P1,P2)\n",
+    "get_inverse_kin(P1, qnear=[0,1,2,3,4,5])",
+    "pose_trans(P1,",
+    "global P1=p[.1,.2,.3,0,0,0]\n",
+    "set_tcp(p[0,0,0,0,0,0])\n",
+    "while (True):\n",
+    "if x: end\n",
+    "elif y:\n",
+    "thread t(a):\n",
+    "p[",
     "DEF P()\r\n",
     "END\n",
     "DEFDAT P\n",
@@ -104,7 +118,8 @@ fn cell() -> Cell {
     let place = posegrid_arm::geometry::Placement::of(&nalgebra::Isometry3::identity());
     let frame =
         CellFrame { found: Some(Found::Surveyed), place: Some(place), ..CellFrame::default() };
-    let names = ["$ROBROOT", "base_frame"].map(|name| (name.to_owned(), frame.clone()));
+    let names =
+        ["$ROBROOT", "base_frame", "base", "tcp"].map(|name| (name.to_owned(), frame.clone()));
     Cell { frames: names.into_iter().collect(), ..Cell::default() }
 }
 
@@ -112,8 +127,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn any_bytes_are_read_and_only_numbers_are_replaced(source in text(), data in text(), module in text(), listing in text()) {
-        let named = [("p.src", source), ("p.dat", data), ("m.mod", module), ("l.LS", listing)];
+    fn any_bytes_are_read_and_only_numbers_are_replaced(source in text(), data in text(), module in text(), listing in text(), script in text()) {
+        let named = [("p.src", source), ("p.dat", data), ("m.mod", module), ("l.LS", listing), ("u.script", script)];
         let files = named.map(|(name, bytes)| File { name: name.to_owned(), bytes });
         let programs = read(files.to_vec(), &cell());
         let mut all = vec![Vec::new(); files.len()];
@@ -172,7 +187,7 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
             "P[{n}]{{\n   GP1:\n\tUF : 0, UT : 0,\t\tCONFIG : 'N U T, 0, 0, 0',\n\tX = {n}.000 mm, Y = 0 mm, Z = 0 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n}};\n"
         )
     });
-    let files = vec![
+    let mut files = vec![
         File {
             name: "p.src".to_owned(),
             bytes: format!("DEF P()\nPTP {{A1 0,A2 0,A3 0,A4 0,A5 9,A6 0}}\n{lines}END\n")
@@ -187,12 +202,19 @@ fn a_hundred_thousand_positions_take_a_linear_time() {
             bytes: format!("/PROG L\n/MN\n{statements}/POS\n{entries}/END\n").into_bytes(),
         },
     ];
+    let moves = each(50_000, &|n| format!("  movel(p[0.{n},0.2,0.3,0,3.1,0], a=1.2, v=0.25)\n"));
+    let nested = "if f(".repeat(20_000) + &"get_inverse_kin(".repeat(20_000);
+    files.push(File {
+        name: "u.script".to_owned(),
+        bytes: format!("def p():\n  movej([0,1,1,0,1,0])\n{moves}end\n{nested}").into_bytes(),
+    });
     let begun = std::time::Instant::now();
     let programs = read(files, &cell());
-    assert_eq!(programs.positions.len(), 170_001);
+    assert_eq!(programs.positions.len(), 220_002);
     let asked = (0..programs.positions.len()).filter(|index| programs.ask(*index, &cell()).is_ok());
-    assert_eq!(asked.count(), 69_999);
-    assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
+    assert_eq!(asked.count(), 120_000);
+    // A time that grows with the square would be many minutes.
+    assert!(begun.elapsed().as_secs() < 90, "{:?}", begun.elapsed());
 }
 
 /// The inverse of edits: places in the written bytes with the old text, which need not be UTF-8.

@@ -14,7 +14,10 @@ pub const DEGREE_DECIMALS: usize = 5;
 pub struct Number {
     /// With its sign.
     pub span: Range<usize>,
+    /// mm or degrees, where it is of a position.
     pub value: f64,
+    /// The value of one that is written.
+    pub unit: f64,
     /// Digits behind the point.
     pub decimals: usize,
     /// Whether it is in a form other than decimal digits: with an exponent, or of another base.
@@ -273,13 +276,20 @@ fn number(text: &[u8], span: Range<usize>) -> Option<Number> {
     let text = std::str::from_utf8(text).ok()?;
     if let Some(inside) = text.strip_prefix('\'') {
         let value = based(inside.strip_suffix('\'')?)?;
-        return Some(Number { span, value, decimals: 0, is_special: true, is_glued: false });
+        return Some(Number {
+            span,
+            value,
+            decimals: 0,
+            is_special: true,
+            is_glued: false,
+            unit: 1.0,
+        });
     }
     let value: f64 = text.parse().ok().filter(|value: &f64| value.is_finite())?;
     let is_special = text.contains(['e', 'E']);
     let mantissa = text.split(['e', 'E']).next().unwrap_or(text);
     let decimals = mantissa.split_once('.').map_or(0, |(_, behind)| behind.len());
-    Some(Number { span, value, decimals, is_special, is_glued: false })
+    Some(Number { span, value, unit: 1.0, decimals, is_special, is_glued: false })
 }
 
 /// `B0101`, `H1F`.

@@ -16,6 +16,7 @@ use crate::krl::abc;
 use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
 use crate::rapid::is_module;
+use crate::urscript::{is_script, vector_near};
 use crate::value::Number;
 
 pub(crate) const QUATERNION_DECIMALS: usize = 8;
@@ -73,13 +74,17 @@ pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
 
 impl Edits {
     fn number(&mut self, number: &Number, to: f64, least: usize) {
-        let text = decimal(to, number.decimals.max(least).min(9));
+        // m and rad have as many more.
+        let more = if number.unit > 1.0 { number.unit.log10().round() } else { 0.0 };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0, 2 or 3")]
+        let least = least + more as usize;
+        let text = decimal(to / number.unit, number.decimals.max(least).min(9));
         self.text(number, text);
     }
 
     fn text(&mut self, number: &Number, mut text: String) {
         #[expect(clippy::float_cmp, reason = "the same number is the same text")]
-        let is_same = text.parse::<f64>().is_ok_and(|value| value == number.value);
+        let is_same = text.parse::<f64>().is_ok_and(|value| value * number.unit == number.value);
         if !is_same {
             if number.is_glued && !text.starts_with('-') {
                 text.insert(0, ' ');
@@ -103,6 +108,12 @@ impl Edits {
                     self.text(number, decimal(to, decimals));
                 }
             }
+            Turn::Vector(numbers) => {
+                let near = numbers.each_ref().map(|number| number.value);
+                for (number, to) in numbers.iter().zip(vector_near(to, near)) {
+                    self.number(number, to, degrees + 2);
+                }
+            }
         }
     }
 
@@ -122,7 +133,7 @@ impl Edits {
                 }
                 self.text(turn, decimal(new, 0));
             }
-            Stated::Status { turn: None, .. } => {}
+            Stated::Status { turn: None, .. } | Stated::Near(_) => {}
             Stated::Quadrants(numbers) => {
                 let quarter = |degrees: f64| (degrees / 90.0).floor();
                 self.counted(numbers.iter().zip([0, 3, 5]), [from, to], quarter);
@@ -219,7 +230,8 @@ const CONSTANT: &str = "POSEGRID_CORRECTED";
 pub fn mark(file: &File) -> Option<u32> {
     let lines = file.bytes.split(|byte| *byte == b'\n');
     let is_mark = |line: &[u8]| {
-        let is_before = |byte: &u8| matches!(byte, b' ' | b'\t' | b';' | b'!' | b':' | b'0'..=b'9');
+        let is_before =
+            |byte: &u8| matches!(byte, b' ' | b'\t' | b';' | b'!' | b'#' | b':' | b'0'..=b'9');
         let start = line.iter().position(|byte| !is_before(byte));
         let rest = &line[start.unwrap_or(line.len())..];
         let begins = |words: &str| {
@@ -240,10 +252,14 @@ pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     if is_listing(file) {
         return crate::fanuc::mark::marks(file, &plain(words));
     }
+    let end = line_end(&file.bytes);
+    if is_script(file) {
+        let line = format!("# {CORRECTED} {}{end}", plain(words));
+        return vec![insert(&file.bytes, after_mark(&file.bytes), line, end)];
+    }
     let is_rapid = is_module(file);
     let dialect: &Dialect = if is_rapid { &crate::rapid::RAPID } else { &crate::krl::KRL };
     let tokens = tokens(&file.bytes, dialect);
-    let end = line_end(&file.bytes);
     let comment = if is_rapid { '!' } else { ';' };
     let id: String = plain(id).replace('"', "?").chars().take(80).collect();
     let line = format!("{comment} {CORRECTED} {}{end}", plain(words));

@@ -92,6 +92,8 @@ pub enum CorrectedForm {
     Rapid,
     /// A listing of FANUC's teach pendant.
     Fanuc,
+    /// A script of Universal Robots.
+    UrScript,
 }
 
 /// Units of a column that has several.
@@ -122,7 +124,7 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
-    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid", Fanuc: "fanuc" }
+    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid", Fanuc: "fanuc", UrScript: "urscript" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     VerdictOf {

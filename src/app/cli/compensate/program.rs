@@ -45,7 +45,7 @@ use solve::Solver;
 use write::{record, write, written};
 
 /// Whole programs: .src and .dat of KRL with $config.dat and $machine.dat, .mod, .prg, .sys and .modx of RAPID with MOC.cfg, listings .ls
-/// of FANUC
+/// of FANUC, .script of Universal Robots
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Whole robot programs")]
 pub struct ProgramArgs {
@@ -165,8 +165,8 @@ pub enum ProgramError {
     )]
     OnlyData(String),
     #[error(
-        "no file of a program is among those given: .src with its .dat, .mod, .prg, .sys or .modx, or a listing .ls of FANUC (a .tp is none); \
-         programs of Universal Robots are not read"
+        "no file of a program is among those given: .src with its .dat, .mod, .prg, .sys or .modx, a listing .ls of FANUC (a .tp is none), or a \
+         .script of Universal Robots (a .urp is none: save the program, and PolyScope writes the .script beside it)"
     )]
     NoProgram,
     #[error("not stated: {}; a program moves a real robot, so state what it is run with, or allow it with {}",
@@ -183,8 +183,8 @@ impl ProgramError {
     }
 }
 
-/// Endings of programs that are not read: FANUC's that are no listings, and those of Universal Robots.
-const UNREAD: [&str; 4] = ["tp", "script", "urscript", "urp"];
+/// Endings of programs that are not read: those whose text stands in a file beside them.
+const UNREAD: [&str; 2] = ["tp", "urp"];
 
 impl CompensateArgs {
     /// Whether what is given is a program and not a file of targets.
@@ -264,7 +264,7 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     let mut cell = args.cell()?;
     let mut programs = crate::programs::read(files, &cell);
     for own in std::iter::once(&**arm).chain(&taught_on) {
-        programs.hold_joints(&own.arm.arm);
+        programs.hold(&own.arm.arm);
     }
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);

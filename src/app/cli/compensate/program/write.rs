@@ -73,6 +73,7 @@ fn form(file: &File) -> CorrectedForm {
     match file.ending().as_str() {
         "src" | "sub" | "dat" => CorrectedForm::Krl,
         "ls" => CorrectedForm::Fanuc,
+        "script" | "urscript" => CorrectedForm::UrScript,
         _ => CorrectedForm::Rapid,
     }
 }
@@ -127,5 +128,6 @@ mod tests {
         assert_eq!(["R1/wing.src", "R1/WING.DAT"].map(of), [CorrectedForm::Krl; 2]);
         assert_eq!(["part.mod", "main.prg"].map(of), [CorrectedForm::Rapid; 2]);
         assert_eq!(of("TP/WING.LS"), CorrectedForm::Fanuc);
+        assert_eq!(of("wing.script"), CorrectedForm::UrScript);
     }
 }

@@ -1,0 +1,139 @@
+//! `URScript` of Universal Robots (*The URScript Programming Language*): programs `.script`, as PolyScope saves them or off-line tools write them.
+//!
+//! 1. Each file becomes statements (`statement`): a line each, which goes on inside brackets. A line with `$` is a label of PolyScope.
+//! 2. Assignments are values, and functions steps (`steps`): `set_tcp`, blocks, calls, motions (`motion`).
+//! 3. The functions are walked ([`crate::flow`]).
+//!
+//! Frames: `p[x, y, z, rx, ry, rz]`, m and rad, stands in the controller's base, or in a feature by `pose_trans(feature, p[…])`. The cell says
+//! where the base of the calibrated arm is in it, as `base`; a tool that no `set_tcp` states, as `tcp`.
+//!
+//! Joint angles are commands whatever the arm is. A pose becomes joint angles by the calibration that the controller has of its own arm, so it is
+//! corrected only where the nominal arm is that one ([`Programs::hold_poses`]).
+//!
+//! A list of joint angles states an arm configuration, and so does `qnear`. A motion to any other pose goes on in the one in which it begins.
+
+mod motion;
+mod statement;
+mod steps;
+
+use std::collections::BTreeSet;
+
+use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
+use crate::frame::{Chain, not_given};
+use crate::kinematics::Arm;
+use crate::lex::Dialect;
+use crate::names::Scope;
+use crate::program::{File, Programs, Shape};
+use crate::reading::{Common, Shaped, Used};
+use crate::refusal::{Place, Refusal};
+use crate::value::Value;
+use statement::Statements;
+
+pub(crate) use motion::vector_near;
+
+pub const URSCRIPT: Dialect = Dialect {
+    name: "URScript",
+    comments: &[b"#"],
+    header: Some(b"$"),
+    text_quote: b'"',
+    number_quote: None,
+    in_names: b"_",
+};
+
+pub(crate) fn is_script(file: &File) -> bool {
+    matches!(file.ending().as_str(), "script" | "urscript")
+}
+
+pub(crate) struct Reading<'f> {
+    common: Common<'f>,
+    /// Functions that others call.
+    called: BTreeSet<String>,
+    /// Threads with the places that begin them: they run beside everything.
+    threads: Vec<(String, Place)>,
+    any_displacement: bool,
+}
+
+/// Positions and motions of the scripts among `files`, behind those that are found already, and the arm's base.
+pub(crate) fn read(files: &[File], found: Used) -> (Used, Chain) {
+    let own = files.iter().enumerate().filter(|(_, file)| is_script(file));
+    let scripts: Vec<Statements<'_>> =
+        own.map(|(place, file)| Statements::new(place, &file.bytes)).collect();
+    let mut reading = Reading {
+        common: Common::new(files, found, shape, "the file that declares it"),
+        called: BTreeSet::new(),
+        threads: Vec::new(),
+        any_displacement: false,
+    };
+    for pass in [Reading::data, Reading::steps] {
+        for script in &scripts {
+            pass(&mut reading, script);
+        }
+    }
+    reading.walk();
+    let give = "where the base of the calibrated arm is in the controller's base: [frames.base] found = \"surveyed\" with place in the file of the \
+                cell, zeros for a ready robot file or the robot's own calibration file";
+    (reading.common.found, Chain::one("base", not_given("base", give)))
+}
+
+/// Positions are made of values as the dialect writes them (`motion`).
+fn shape(_: &Common<'_>, _: &[Scope], value: &Value, _: &str) -> Shaped {
+    let none = || Refusal::Other("it is no position of six plain numbers".to_owned());
+    (motion::shape(value).ok_or_else(none), None)
+}
+
+impl Reading<'_> {
+    fn scopes(&self, file: usize, function: Option<&str>) -> Vec<Scope> {
+        let name = self.common.files[file].name.to_ascii_uppercase();
+        let own = function.map(|own| format!("{name}/{own}"));
+        own.into_iter().chain([name, String::new()]).collect()
+    }
+
+    fn walk(&mut self) {
+        let mut changed = [false; SLOTS];
+        for slot in [Slot::Tool, Slot::Branch, Slot::Place] {
+            changed[slot as usize] = true;
+        }
+        changed[Slot::Displacement as usize] = self.any_displacement;
+        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
+        self.common.walk(others, &self.threads, &self.called, entry);
+    }
+}
+
+/// What holds where a program begins.
+fn entry(routine: &str) -> State {
+    State::new(|slot| match slot {
+        Slot::Base => known(Setting::Frames(Chain::default())),
+        Slot::Tool => {
+            let give = "it by set_tcp with plain numbers before the motion, or in the file of the cell: [frames.tcp] found = \"surveyed\" with place";
+            known(Setting::Frames(Chain::one("tcp", not_given("tcp", give))))
+        }
+        Slot::Mode => known(Setting::On(true)),
+        Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
+        Slot::Branch => unknown(Refusal::NoBranch { routine: routine.to_owned() }),
+        _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.to_owned() }),
+    })
+}
+
+impl Programs {
+    /// Refuses poses of URScript where an arm is no calibration that a controller has of its own arm: such an arm stands at angles that no
+    /// drawing has.
+    pub(crate) fn hold_poses(&mut self, arm: &Arm) {
+        let flange = arm.flange(&vec![0.0; arm.joints().len()]);
+        let turn = flange.isometry().rotation.to_rotation_matrix();
+        let is_drawn = turn.matrix().iter().all(|own| (own - own.round()).abs() < 1e-9);
+        if !is_drawn {
+            return;
+        }
+        let words = "the controller makes joint angles of a pose by the calibration that it has of its own arm, and the calibrated arm's nominal one is a \
+                     drawing; calibrate with the robot's own file (YAML of ur_calibration) as the robot file, or write the position as joint angles";
+        for position in &mut self.positions {
+            let is_pose = matches!(position.shape, Ok(Shape::Pose { .. }));
+            if is_pose && is_script(&self.files[position.file]) {
+                position.shape = Err(Refusal::Other(words.to_owned()));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,248 @@
+//! Motions: `movel(p[…], a=1.2, v=0.25, r=0.01)`, `movej(get_inverse_kin(P_p, qnear=P_q))`, `movel(pose_trans(feature, P_p))`.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use super::Reading;
+use crate::ask::pose;
+use crate::flow::{Known, Setting, Slot, Step, known};
+use crate::frame::Chain;
+use crate::names::Written;
+use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
+use crate::reading::{Here, NOT_SPLIT, one};
+use crate::refusal::Refusal;
+use crate::value::{Cursor, Number, Value};
+
+const MM: f64 = 1000.0;
+const DEGREES: f64 = 180.0 / PI;
+
+/// Motions to positions; those without a way are refused.
+pub(super) fn way(word: &str) -> Option<Option<Way>> {
+    Some(match word {
+        "MOVEJ" => Some(Way::Joints),
+        "MOVEL" | "MOVEP" => Some(Way::Straight),
+        "MOVEC" => Some(Way::Circle),
+        "SERVOJ" | "SERVOC" | "SERVOL" | "MOVE_THROUGH" => None,
+        _ => return None,
+    })
+}
+
+/// `p[…]` as a list behind its name; any other value as it is.
+pub(super) fn value(part: Cursor<'_>) -> Value {
+    let mut rest = part;
+    let is_pose = rest.take_word("P") && rest.first().is_some_and(|own| own.is(b'['));
+    match (is_pose, rest.value()) {
+        (true, list @ Value::List(_)) => {
+            Value::Fields { kind: Some("P".to_owned()), fields: vec![(String::new(), list)] }
+        }
+        (true, _) => Value::Expression,
+        (false, _) => part.value(),
+    }
+}
+
+fn six(value: &Value) -> Option<[Number; 6]> {
+    let Value::List(all) = value else {
+        return None;
+    };
+    let all: Vec<Number> = all.iter().map(|own| own.number().cloned()).collect::<Option<_>>()?;
+    all.try_into().ok()
+}
+
+/// The numbers of a position: of a pose those of its rotation vector are rad.
+pub(super) fn shape(value: &Value) -> Option<Shape> {
+    let in_unit =
+        |unit: f64| move |number: Number| Number { value: number.value * unit, unit, ..number };
+    match value {
+        Value::List(_) => {
+            Some(Shape::Joints(six(value)?.into_iter().map(in_unit(DEGREES)).collect()))
+        }
+        Value::Fields { fields, .. } => {
+            let [x, y, z, a, b, c] = six(&fields.first()?.1)?;
+            let (xyz, turn) = ([x, y, z].map(in_unit(MM)), Turn::Vector([a, b, c]));
+            Some(Shape::Pose { xyz, turn, stated: None })
+        }
+        _ => None,
+    }
+}
+
+/// A target, the feature that it stands in, and the list of joint angles near which it is reached.
+struct Read<'t> {
+    target: Cursor<'t>,
+    feature: Option<Cursor<'t>>,
+    near: Option<Cursor<'t>>,
+}
+
+/// The arguments of a call of a function, without their names; `None` where more stands there.
+fn arguments<'t>(part: Cursor<'t>, function: &str) -> Option<Vec<(String, Cursor<'t>)>> {
+    let mut rest = part;
+    if !(rest.take_word(function) && rest.take_sign(b'(')) {
+        return None;
+    }
+    let inside = rest.take_part(b')')?;
+    rest.is_empty().then(|| named(inside))
+}
+
+/// Arguments with their names, which are empty for those without one.
+pub(super) fn named(mut inside: Cursor<'_>) -> Vec<(String, Cursor<'_>)> {
+    let mut all = Vec::new();
+    while let Some(part) = inside.take_part(b',') {
+        let mut rest = part;
+        let name = rest.take_name().filter(|_| rest.take_sign(b'='));
+        all.push(name.map_or((String::new(), part), |name| (name, rest)));
+    }
+    all
+}
+
+impl<'t> Read<'t> {
+    fn of(part: Cursor<'t>) -> Option<Self> {
+        let Some(own) = arguments(part, "GET_INVERSE_KIN") else {
+            return Self::pose(part);
+        };
+        match &own[..] {
+            [(_, target)] => Self::pose(*target),
+            [(_, target), (name, near)] if name.is_empty() || name == "QNEAR" => {
+                Some(Self { near: Some(*near), ..Self::pose(*target)? })
+            }
+            _ => None,
+        }
+    }
+
+    fn pose(part: Cursor<'t>) -> Option<Self> {
+        let Some(own) = arguments(part, "POSE_TRANS") else {
+            return Some(Self { target: part, feature: None, near: None });
+        };
+        let [(_, feature), (_, target)] = own[..] else { return None };
+        Some(Self { target, feature: Some(feature), near: None })
+    }
+}
+
+impl Reading<'_> {
+    pub(super) fn motion(
+        &mut self,
+        here: &Here<'_>,
+        word: &str,
+        inside: Cursor<'_>,
+        steps: &mut Vec<Step>,
+    ) {
+        let way = way(word).flatten();
+        let all = named(inside);
+        let count = if way == Some(Way::Circle) { 2 } else { 1 };
+        let (mut targets, mut own, mut states) = (Vec::new(), Vec::new(), false);
+        for (_, part) in all.iter().take(count) {
+            let (target, feature, is_near) = self.target(here, word, *part);
+            states = is_near || self.is_joints(&target);
+            own = feature;
+            targets.push(target);
+        }
+        let not_followed =
+            || Refusal::Instruction { word: word.to_ascii_lowercase(), at: self.common.at(here) };
+        let is_zero = |part: &Cursor<'_>| {
+            let mut rest = *part;
+            rest.take_number().is_some_and(|own| own.value == 0.0)
+        };
+        let radius = all.iter().find(|(name, _)| name == "R");
+        let is_blended = radius.map_or(all.len() > 4, |(_, part)| !is_zero(part));
+        let obstacle = way.is_none().then(not_followed).map(Arc::new);
+        steps.push(self.common.moves(Motion {
+            file: here.file,
+            line: here.line,
+            word: word.to_ascii_lowercase(),
+            targets,
+            own,
+            is_held: false,
+            reads: if states { Reads::Always } else { Reads::Never },
+            way: way.unwrap_or(Way::Other),
+            is_blended,
+            split: Err(NOT_SPLIT),
+            obstacle,
+        }));
+    }
+
+    /// Whether a target is a list of joint angles, which states an arm configuration.
+    fn is_joints(&self, target: &Target) -> bool {
+        let Target::Literal { positions, .. } = target else {
+            return false;
+        };
+        let mut shapes = positions.iter().map(|own| &self.common.found.positions[*own].shape);
+        shapes.all(|shape| matches!(shape, Ok(Shape::Joints(_))))
+    }
+
+    fn target(
+        &mut self,
+        here: &Here<'_>,
+        word: &str,
+        part: Cursor<'_>,
+    ) -> (Target, Vec<(Slot, Known)>, bool) {
+        let read = Read::of(part);
+        let is_near = read.as_ref().is_some_and(|read| read.near.is_some());
+        let feature = read.as_ref().and_then(|read| read.feature);
+        let frame = feature.map(|feature| self.frame(here, feature, "pose_trans"));
+        let found = match (read, &frame) {
+            (None, _) | (_, Some(None)) => None,
+            (Some(read), _) => self.literal(here, word, &read),
+        };
+        let target = self.common.target(here, part, found);
+        let own = frame.flatten().map(|frame| (Slot::Base, frame)).into_iter().collect();
+        (target, own, is_near)
+    }
+
+    fn literal(&mut self, here: &Here<'_>, word: &str, read: &Read<'_>) -> Option<Target> {
+        let target = match value(read.target) {
+            Value::Name(name) => self.common.declared(here, &name)?,
+            own @ (Value::List(_) | Value::Fields { .. }) => {
+                let span = read.target.span();
+                let written = Written { file: here.file, line: here.line, value: own, span };
+                one(self.common.add(here, &word.to_ascii_lowercase(), &written, ""))
+            }
+            _ => return None,
+        };
+        if let (Some(near), Target::Literal { positions, .. }) = (read.near, &target) {
+            let near = self.constant(here, near).and_then(|own| shape(&own));
+            // From a place that nothing here knows the controller may reach another arm configuration.
+            let Some(Shape::Joints(near)) = near else {
+                return None;
+            };
+            let near: Vec<f64> = near.iter().map(|own| own.value).collect();
+            for position in positions {
+                let shape = &mut self.common.found.positions[*position].shape;
+                if let Ok(Shape::Pose { stated, .. }) = shape {
+                    *stated = Some(Stated::Near(near.clone()));
+                }
+            }
+        }
+        Some(target)
+    }
+
+    /// The value of a constant, or as it is written out.
+    fn constant(&self, here: &Here<'_>, part: Cursor<'_>) -> Option<Value> {
+        match value(part) {
+            Value::Name(name) => Some(self.common.constant(here.scopes, &name).ok()?.value.clone()),
+            own => Some(own),
+        }
+    }
+
+    /// A feature or a tool by its constant; `None` where it is worked out.
+    pub(super) fn frame(&self, here: &Here<'_>, part: Cursor<'_>, or: &str) -> Option<Known> {
+        let name = match value(part) {
+            Value::Name(name) => name,
+            _ => or.to_owned(),
+        };
+        let Some(Shape::Pose { xyz, turn, .. }) = shape(&self.constant(here, part)?) else {
+            return None;
+        };
+        let value = pose(&xyz, &turn);
+        Some(known(Setting::Frames(Chain::one(name, value))))
+    }
+}
+
+/// A rotation vector, rad: of all that make a rotation, the one nearest to another.
+pub(crate) fn vector_near(to: &UnitQuaternion<f64>, near: [f64; 3]) -> [f64; 3] {
+    let (own, near) = (to.scaled_axis(), Vector3::from(near));
+    // Without a turn any axis makes none: whole turns about the other's.
+    let axis = own.try_normalize(1e-9).or_else(|| near.try_normalize(1e-9));
+    let turns = axis.map_or(0.0, |axis| ((near - own).dot(&axis) / (2.0 * PI)).round());
+    let nearest = own + axis.unwrap_or_default() * (2.0 * PI * turns);
+    nearest.into()
+}

@@ -1,0 +1,66 @@
+//! Lines of a script → statements: one goes on where a bracket is open.
+
+use std::ops::Range;
+
+use super::URSCRIPT;
+use crate::lex::{Kind, Token, tokens};
+use crate::value::Cursor;
+
+pub(super) struct Statements<'f> {
+    pub(super) file: usize,
+    bytes: &'f [u8],
+    /// Without line ends.
+    tokens: Vec<Token>,
+    ranges: Vec<Range<usize>>,
+}
+
+impl<'f> Statements<'f> {
+    pub(super) fn new(file: usize, bytes: &'f [u8]) -> Self {
+        let mut own = Self { file, bytes, tokens: Vec::new(), ranges: Vec::new() };
+        let (mut start, mut depth) = (0, 0_i32);
+        for token in tokens(bytes, &URSCRIPT) {
+            match token.kind {
+                Kind::LineEnd if depth > 0 => {}
+                Kind::LineEnd => own.end(&mut start),
+                kind => {
+                    depth += i32::from(matches!(kind, Kind::Sign(b'(' | b'[' | b'{')));
+                    depth -= i32::from(matches!(kind, Kind::Sign(b')' | b']' | b'}')));
+                    own.tokens.push(token);
+                }
+            }
+        }
+        own.end(&mut start);
+        own
+    }
+
+    fn end(&mut self, start: &mut usize) {
+        if *start < self.tokens.len() {
+            self.ranges.push(*start..self.tokens.len());
+            *start = self.tokens.len();
+        }
+    }
+
+    pub(super) fn all(&self) -> impl Iterator<Item = (Cursor<'_>, u32)> {
+        self.ranges.iter().map(|range| {
+            let tokens = &self.tokens[range.clone()];
+            (Cursor::new(self.bytes, tokens), tokens[0].line)
+        })
+    }
+}
+
+/// The name and the value of an assignment, and whether an element is assigned.
+pub(super) fn assignment(statement: Cursor<'_>) -> Option<(String, Cursor<'_>, bool)> {
+    let mut rest = statement;
+    let is_word =
+        |rest: &Cursor<'_>| rest.peek_name().is_some_and(|own| own == "GLOBAL" || own == "LOCAL");
+    if is_word(&rest) {
+        rest.take();
+    }
+    let name = rest.take_name()?;
+    let is_element = rest.take_sign(b'[');
+    if is_element {
+        rest.take_part(b']')?;
+    }
+    let is_assigned = rest.take_sign(b'=') && !rest.first().is_some_and(|own| own.is(b'='));
+    is_assigned.then_some((name, rest, is_element))
+}

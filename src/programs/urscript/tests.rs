@@ -1,0 +1,171 @@
+use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::motion::vector_near;
+use crate::tests::undone;
+use crate::write::{Command, applied, edits, mark, marks};
+use crate::{Branch, Cell, File, Programs, Wanted, Way, read};
+
+fn cell() -> Cell {
+    let zeros = "place = { xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }";
+    let text = format!(
+        "[frames]\nbase = {{ found = \"surveyed\", {zeros} }}\ntcp = {{ found = \"surveyed\", {zeros} }}\nPlane_1 = {{ found = \"surveyed\" }}\n"
+    );
+    toml::from_str(&text).unwrap()
+}
+
+/// As PolyScope saves a program.
+fn script(statements: &str) -> File {
+    let body: String = statements.lines().map(|own| format!("    {own}\r\n")).collect();
+    let text = format!(
+        "def Part():\r\n  set_tcp(p[0.0,0.0,0.15,0.0,0.0,0.0])\r\n  set_payload(0.5)\r\n\
+         \u{20} global Plane_1=p[0.5, 0.0, 0.1, 0.0, 0.0, 1.5707963267948966]\r\n\
+         \u{20} global Over_p=p[.3, -.2, .4, 3.1, 0.0, 0.1]\r\n  global Over_q=[-1.6, -1.7, -2.2, -0.8, 1.6, 0.0]\r\n\
+         \u{20} global Part_p=p[.01, .02, .03, 0.0, 3.14159, 0.0]\r\n  while (True):\r\n    $ 4 \"Part\"\r\n{body}  end\r\nend\r\n"
+    );
+    File { name: "part.script".to_owned(), bytes: text.into_bytes() }
+}
+
+const BEGIN: &str = "movej(get_inverse_kin(Over_p, qnear=Over_q), a=1.4, v=1.05)";
+
+fn programs(statements: &str) -> Programs {
+    read(vec![script(statements)], &cell())
+}
+
+fn verdicts(programs: &Programs) -> Vec<String> {
+    let told = |index| {
+        programs.ask(index, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    (0..programs.positions.len()).map(told).collect()
+}
+
+#[test]
+fn a_pose_is_in_metres_and_a_rotation_vector_under_its_feature_and_tool() {
+    let programs =
+        programs(&format!("{BEGIN}\nmovel(pose_trans(Plane_1, Part_p), a=1.2, v=0.25, r=0.01)"));
+    let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["OVER_P", "PART_P"]);
+    assert_eq!(verdicts(&programs), ["ok", "ok"]);
+    let asked = programs.ask(1, &cell()).unwrap();
+    let Wanted::Pose { base_from_tool, branches, .. } = asked.wanted else { panic!("a pose") };
+    let expected = Vector3::new(500.0 - 20.0, 10.0, 130.0);
+    assert!((base_from_tool.translation.vector - expected).norm() < 1e-9, "{base_from_tool}");
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), 3.14159);
+    let apart = base_from_tool.rotation.to_rotation_matrix().matrix() - turn.matrix();
+    assert!(apart.norm() < 1e-9, "{apart}");
+    assert!((asked.flange_from_tool.translation.vector.z - 150.0).abs() < 1e-9);
+    // The movel goes on where the movej ended: near Over_q.
+    let near: Vec<f64> =
+        [-1.6_f64, -1.7, -2.2, -0.8, 1.6, 0.0].iter().map(|own| own.to_degrees()).collect();
+    let [Branch::Joints(own)] = &branches[..] else { panic!("{branches:?}") };
+    assert!(own.iter().zip(&near).all(|(own, near)| (own - near).abs() < 1e-9), "{own:?}");
+    let ways: Vec<_> = programs.paths.iter().map(|own| (own.way, own.is_blended)).collect();
+    assert_eq!(ways, [(Way::Joints, false), (Way::Straight, true)]);
+}
+
+#[test]
+fn joint_angles_are_radians_and_only_their_numbers_change() {
+    let file = script("movej([0, -1.57, 1.570000000, 0.1, .2, 0], a=1.4, v=1.05, t=0, r=0)");
+    let programs = read(vec![file.clone()], &cell());
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Joints(joints) = &asked.wanted else { panic!("joint angles") };
+    assert!((joints[1] - (-1.57_f64).to_degrees()).abs() < 1e-12);
+    let mut to = joints.clone();
+    to[1] += 0.01_f64.to_degrees();
+    let command = Command { base_from_tool: None, joints: Some([joints.clone(), to]) };
+    let mut all = edits(&programs.positions[0], &asked, &command).all;
+    assert_eq!(all.len(), 1, "{all:?}");
+    assert_eq!(all[0].text, "-1.5600000");
+    all.extend(marks(&file, "run 1", "id"));
+    let written = File { bytes: applied(&file.bytes, &all), ..file.clone() };
+    assert!(written.bytes.starts_with(b"# corrected by posegrid run 1\r\ndef Part():"));
+    assert_eq!(mark(&written), Some(1));
+    assert_eq!(undone(&written.bytes, &file.bytes, &all), file.bytes);
+}
+
+#[test]
+fn a_pose_gets_metres_and_the_nearest_rotation_vector() {
+    let programs = programs(BEGIN);
+    let asked = programs.ask(0, &cell()).unwrap();
+    let Wanted::Pose { base_from_tool, .. } = &asked.wanted else { panic!("a pose") };
+    let to = Translation3::new(0.5, 0.0, 0.0) * base_from_tool;
+    let command = Command { base_from_tool: Some(to), joints: None };
+    let all = edits(&programs.positions[0], &asked, &command).all;
+    let texts: Vec<&str> = all.iter().map(|own| own.text.as_str()).collect();
+    assert_eq!(texts, ["0.3005000"]);
+    // Beyond half a turn the vector goes on, as a controller writes it.
+    let near = [3.1, 0.0, 0.0];
+    let to = UnitQuaternion::from_scaled_axis(Vector3::new(3.2, 0.0, 0.0));
+    assert!((vector_near(&to, near)[0] - 3.2).abs() < 1e-12);
+    assert_eq!(vector_near(&UnitQuaternion::identity(), [0.0; 3]), [0.0; 3]);
+}
+
+#[test]
+fn what_is_not_known_is_refused_by_name_or_computed() {
+    let cases = [
+        ("movel(Part_p, v=0.1)", "no motion before it states an arm configuration"),
+        (
+            &format!("{BEGIN}\nforce_mode(p[0,0,0,0,0,0], [0], [0], 2, [0])\nmovel(Part_p)"),
+            "a displacement may be on",
+        ),
+        (&format!("{BEGIN}\nurcap_function(1)\nmovel(Part_p)"), "the call of URCAP_FUNCTION"),
+        (
+            &format!("{BEGIN}\nset_tcp(tool_now())\nmovel(Part_p)"),
+            "set_tcp is worked out at run time",
+        ),
+        (
+            &format!("{BEGIN}\nPart_p = pose_add(Part_p, Part_p)\nmovel(Part_p)"),
+            "PART_P is worked out at run time",
+        ),
+        (
+            &format!("{BEGIN}\nnear = point_dist(Part_p, Over_p)\nmovel(Part_p)"),
+            "it is also read in part.script",
+        ),
+        ("x = later()\nmovel(x)", "X is worked out at run time"),
+        (&format!("{BEGIN}\nservoj([0,0,0,0,0,0])"), "servoj is not followed"),
+        (
+            &format!("{BEGIN}\nif x > 1:\n  set_tcp(p[0,0,0.2,0,0,0])\nend\nmovel(Part_p)"),
+            "the tool is another by the way",
+        ),
+    ];
+    for (statements, expected) in cases {
+        let found = verdicts(&programs(statements));
+        let last = found.last().unwrap();
+        assert!(last.contains(expected), "{statements}: {found:?}");
+    }
+    for computed in [
+        "movel(pose_add(Part_p, p[0,0,0.1,0,0,0]))",
+        "movej(get_inverse_kin(Over_p, qnear=get_actual_joint_positions()))",
+        "movel(pose_trans(get_actual_tcp_pose(), p[0,0,-0.05,0,0,0]))",
+    ] {
+        let programs = programs(computed);
+        assert_eq!(programs.computed.len(), 1, "{computed}: {:?}", programs.computed);
+    }
+}
+
+#[test]
+fn functions_are_followed_and_a_frame_of_the_cell_is_asked_for() {
+    let text = "def Part():\n  def go(to):\n    movel(to, a=1)\n    movel(p[0.1,0,0.1,0,0,0])\n  end\n  movej([0,-1,1,0,1,0])\n  go(p[0,0,0,0,0,0])\nend\nPart()\n";
+    let file = File { name: "a.script".to_owned(), bytes: text.into() };
+    let programs = read(vec![file.clone()], &cell());
+    // The movel inside goes on in the arm configuration of the movej before the call, with the tool of the cell.
+    assert_eq!(programs.computed.len(), 1);
+    assert_eq!(verdicts(&programs), ["ok", "ok"]);
+    let told = read(vec![file], &Cell::default()).ask(0, &Cell::default()).unwrap_err();
+    assert!(
+        told.to_string().contains("[frames.tcp]") || told.to_string().contains("[frames.base]"),
+        "{told}"
+    );
+}
+
+#[test]
+fn poses_need_the_calibration_of_the_controller() {
+    use crate::kinematics::RobotFile;
+    let text = include_str!("../../../pipelines/robots/ur10.toml");
+    let drawn = toml::from_str::<RobotFile>(text).unwrap().arm().unwrap();
+    let mut programs = programs(&format!("{BEGIN}\nmovej([0,-1,1,0,1,0])"));
+    programs.hold(&drawn);
+    let found = verdicts(&programs);
+    assert!(found[0].contains("ur_calibration"), "{found:?}");
+    assert_eq!(found[1], "ok");
+}
