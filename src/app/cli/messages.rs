@@ -85,7 +85,7 @@ impl Write for Beside {
 
 /// Writes a result to stdout and ends its last line.
 pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
-    let mut text = text.to_string();
+    let mut text = without_secrets(&text.to_string()).into_owned();
     if !text.ends_with('\n') {
         text.push('\n');
     }

@@ -31,6 +31,17 @@ pub struct Summary {
     pub next: Next,
 }
 
+/// The tolerance, with its share where that is not the usual one.
+fn in_words(tolerance: &Tolerance) -> String {
+    let percent = 100.0 * tolerance.share;
+    let share = if (percent - 95.0).abs() < 1e-9 {
+        String::new()
+    } else {
+        format!(" of {percent} % of positions")
+    };
+    format!("{} mm{share}", tolerance.mm)
+}
+
 /// The summary of a run; `table_state` is whether the table that drove it still holds.
 pub(super) fn summary(
     outcome: &Outcome<'_>,
@@ -41,7 +52,7 @@ pub(super) fn summary(
 ) -> Summary {
     let (verdict, tolerance) = (&outcome.verdict, &configuration.stages.tolerance);
     let mut findings = outcome.frame.lines();
-    findings.push(format!("tolerance {} mm: {}", tolerance.mm, verdict.statement()));
+    findings.push(format!("tolerance {}: {}", in_words(tolerance), verdict.statement()));
     findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
     let (stated, doubts) = (Stated::of(&configuration.arm), outcome.doubts_set_up());

@@ -70,18 +70,27 @@ impl Place {
 
 /// A text without the credentials that stand before the `@` of an address in it.
 pub fn without_secrets(text: &str) -> Cow<'_, str> {
-    let mut parts = text.split(SCHEME);
-    let first = parts.next().unwrap_or_default();
-    if !text.contains(SCHEME) || !text.contains('@') {
+    // A path made of an address has one stroke.
+    let schemes = ["s3:/", "http:/", "https:/"];
+    if !text.contains('@') || !schemes.iter().any(|scheme| text.contains(scheme)) {
         return Cow::Borrowed(text);
     }
-    let parts = parts.map(|part| {
-        let address = part.split_whitespace().next().unwrap_or_default();
-        let shown = address.rfind('@').map_or(part, |at| &part[at..]);
-        let hidden = if shown.len() < part.len() { "…" } else { "" };
-        format!("{SCHEME}{hidden}{shown}")
-    });
-    Cow::Owned(first.to_owned() + &parts.collect::<String>())
+    let hidden = |text: String, scheme: &&str| {
+        let mut parts = text.split(scheme);
+        let first = parts.next().unwrap_or_default().to_owned();
+        parts.fold(first, |shown, part| shown + scheme + &without_user(part))
+    };
+    Cow::Owned(schemes.iter().fold(text.to_owned(), hidden))
+}
+
+/// What stands behind a scheme without what is before its `@`.
+fn without_user(part: &str) -> String {
+    let (strokes, rest) = part.split_at(part.len() - part.trim_start_matches('/').len());
+    let address = rest.split_whitespace().next().unwrap_or_default();
+    match address.rfind('@') {
+        Some(at) => format!("{strokes}…{}", &rest[at..]),
+        None => part.to_owned(),
+    }
 }
 
 impl fmt::Display for Place {
@@ -109,6 +118,8 @@ mod tests {
         assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));
         assert_eq!(Place::of("s3://").bucket(), Some(("", "")));
         assert_eq!(Place::of("s3://KEY:SE/C@bucket/a/").to_string(), "s3://…@bucket/a");
+        let text = "no s3:/K:S@b/x, https://u:p@h/y nor C:/a@b or a@b";
+        assert_eq!(without_secrets(text), "no s3:/…@b/x, https://…@h/y nor C:/a@b or a@b");
         assert_eq!(url.as_path(), None);
         // A folder with this name is a path: only the whole scheme makes an address.
         assert!(Place::of("s3:/x").as_path().is_some());

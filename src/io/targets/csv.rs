@@ -28,8 +28,8 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let decoded = decode(&bytes)
         .map_err(|fault| TargetsErrorKind::Read(io::Error::other(fault.to_string())).at(path))?;
     let text: &str = &decoded.text;
-    let above = text.lines().next().filter(|line| line.to_lowercase().starts_with("sep="));
-    let text = &text[above.map_or(0, |line| text.len().min(line.len() + 1))..];
+    let above = text.split_once('\n').filter(|(line, _)| line.to_lowercase().starts_with("sep="));
+    let text = above.map_or(text, |(_, behind)| behind);
     let separator = separator(text);
     let mut reader = ReaderBuilder::new();
     let mut reader = reader.trim(Trim::All).delimiter(separator).from_reader(text.as_bytes());
@@ -224,6 +224,7 @@ mod tests {
             "target;x_mm;y_mm;z_mm\r\nA;1575.5;-33;991\r\n",
             "target\tx_mm\ty_mm\tz_mm\nA\t1575.5\t-33\t991\n",
             "sep=;\ntarget;x_mm;y_mm;z_mm\nA;1575,5;-33;991\n",
+            "sep=;\r\ntarget;x_mm;y_mm;z_mm\r\nA;1575,5;-33;991\r\n",
         ] {
             assert_eq!(targets(text).unwrap(), wanted, "{text:?}");
         }

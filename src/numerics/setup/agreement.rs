@@ -81,9 +81,9 @@ impl Relation {
 }
 
 /// The median disagreement of each relation, in the order of [`Relation::ALL`]: mm, for orientations rad; `None` where the
-/// set-up or the logs state too little.
+/// set-up or the logs state too little. With them the spread of the readings, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement([Option<f64>; 7]);
+pub struct Agreement([Option<f64>; 7], f64);
 
 impl Agreement {
     /// The disagreement of `set_up` with the logs.
@@ -99,7 +99,7 @@ impl Agreement {
     }
 
     pub(super) fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {
-        Self(Relation::ALL.map(|relation| match relation {
+        let of = |relation| match relation {
             Relation::Arm => Some(seen.arm()),
             Relation::Target => set_up.stated_target().map(|target| seen.target(&target)),
             Relation::OnePoint => set_up.one_point().map(|[tool, target]| (tool - target).norm()),
@@ -107,7 +107,17 @@ impl Agreement {
             Relation::Commands => seen.commands(set_up, evidence),
             Relation::Turns => seen.turns(set_up, evidence),
             Relation::Orientations => seen.orientations(set_up, evidence),
-        }))
+        };
+        Self(Relation::ALL.map(of), spread(&seen.measured))
+    }
+
+    /// Whether a disagreement is a share of what it was against the spread of the readings too: units that make everything small leave as
+    /// little of readings that belong to other stations.
+    pub(super) fn is_less(&self, relation: Relation, stated: &Self, share: f64) -> bool {
+        let [own, was] = [self, stated].map(|of| of.get(relation).unwrap_or(f64::INFINITY));
+        let is_of_readings =
+            matches!(relation, Relation::Arm | Relation::Target | Relation::Survey);
+        own <= share * was && (!is_of_readings || own * stated.1 <= share * was * self.1)
     }
 
     pub fn get(&self, relation: Relation) -> Option<f64> {
@@ -129,7 +139,7 @@ impl Agreement {
     /// The relation that disagrees most for its kind, of those that `other` states too, with its disagreement.
     pub(super) fn worst_beside(&self, other: &Self) -> (Relation, f64) {
         let stated = |relation: Relation| other.get(relation).and(self.get(relation));
-        Self(Relation::ALL.map(stated)).worst()
+        Self(Relation::ALL.map(stated), self.1).worst()
     }
 
     /// One number to compare set-ups by: Σ ln(1 + (s/usual)²), the negative log-likelihood of medians under Cauchy's

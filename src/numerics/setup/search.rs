@@ -124,10 +124,9 @@ struct Explanation {
 impl Explanation {
     /// Whether it explains the worst disagreement of `stated`, and leaves no relation beyond its gate.
     fn explains(&self, stated: &Agreement) -> bool {
-        let (relation, worst) = stated.worst_beside(&self.agreement);
+        let (relation, _) = stated.worst_beside(&self.agreement);
         let sort = self.hypothesis.sort;
-        let mended = self.agreement.get(relation).unwrap_or(f64::INFINITY);
-        mended <= sort.explained() * worst
+        self.agreement.is_less(relation, stated, sort.explained())
             && stated.cost() - self.agreement.cost() >= sort.least_gain()
             && self.agreement.iter().all(|(relation, left)| left <= relation.most_left())
     }
