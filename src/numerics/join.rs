@@ -76,8 +76,8 @@ pub(crate) use courses::undo;
 pub use disposition::REPEATED;
 pub use error::JoinError;
 pub use joined::{
-    ClockEstimate, Command, JoinReject, Joined, Pairing, ReadingCounts, RowItem, RowReject,
-    Station, Thresholds, Unmeasured,
+    ClockEstimate, Command, JoinReject, Joined, Pairing, ReadingCounts, RejectCode, RowItem,
+    RowReject, Station, Thresholds, Unmeasured,
 };
 pub use logged_lengths::LengthReadings;
 pub use reading::{

@@ -42,6 +42,21 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     ("joint_errors.joint_unit", &["mm"], "tests/run/any_arm.rs: an arm on a track"),
     (
+        "rejects.code",
+        &[
+            "nothing_lost",
+            "unusable",
+            "repeated",
+            "alone",
+            "target_moved",
+            "wrong_target",
+            "instrument_moved",
+            "flipped_view",
+            "several_candidates",
+        ],
+        "src/io/tables/rejects.rs: words of faults that these cells do not have",
+    ),
+    (
         "rejects.kind",
         &["rows", "references"],
         "tests/run/tabled.rs: these cells have logs, and rows are of tables of stations",

@@ -206,6 +206,7 @@ fn session(name: &str) -> Session {
             stage: Stage::Ingest,
             kind: RejectKind::Messages,
             number: 1,
+            code: None,
             reason: name.to_owned(),
             file: None,
             topic: None,

@@ -12,7 +12,7 @@ use crate::ingest::{
     AngleUnit, LengthColumns, LengthRead, LengthUnit, LoggedCovariance, OrientationColumns,
     OrientationForm, ReadingColumns, StationsSettings, TableTime,
 };
-use crate::join::tabled::{ApartRow, Row, RowItem, RowReading, RowReject, Rows};
+use crate::join::tabled::{ApartRow, RejectCode, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
 use crate::measured_table::{Cell, LeftOutFor, MeasuredTable, RowLeftOut};
 use crate::units::round_ns;
@@ -560,6 +560,7 @@ impl Reader<'_> {
             line,
             column,
             station: None,
+            code: if fault.is_missing { RejectCode::Missing } else { RejectCode::Unusable },
             reason: fault.reason,
         });
     }

@@ -1,8 +1,8 @@
 //! `rejects`: messages and byte ranges of the logs, readings and dwells that were left out, with reasons.
 
 use super::stations::Unpaired;
-use crate::ingest::{LogReject, SpanClock};
-use crate::join::{JoinReject, RowItem, RowReject, Station};
+use crate::ingest::{LogReject, LossKind, SpanClock};
+use crate::join::{JoinReject, RejectCode, RowItem, RowReject, Station, Unmeasured};
 use crate::judgement::JoinedSession;
 use crate::table::{Word, row, words};
 
@@ -13,6 +13,7 @@ row! {
         stage: Stage,
         kind: RejectKind,
         number: u64,
+        code: Option<RejectCode>,
         reason: String,
         file: Option<String>,
         topic: Option<String>,
@@ -60,6 +61,27 @@ words! {
         Rows: "rows",
         References: "references",
     }
+    RejectCode {
+        Damaged: "damaged",
+        NotFound: "not_found",
+        NothingLost: "nothing_lost",
+        Unusable: "unusable",
+        Missing: "missing",
+        Repeated: "repeated",
+        Settling: "settling",
+        Moving: "moving",
+        Outlier: "outlier",
+        NoArmDwell: "no_arm_dwell",
+        Alone: "alone",
+        Unmeasured(Unmeasured::NoReadings): "no_readings",
+        Unmeasured(Unmeasured::TooFewReadings): "too_few_readings",
+        Unmeasured(Unmeasured::TargetMoved): "target_moved",
+        Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
+        Unmeasured(Unmeasured::WrongTarget): "wrong_target",
+        Unmeasured(Unmeasured::InstrumentMoved): "instrument_moved",
+        Unmeasured(Unmeasured::FlippedView): "flipped_view",
+        SeveralCandidates: "several_candidates",
+    }
 }
 
 /// The rows of one session's rejects, in the order of the stages.
@@ -73,12 +95,13 @@ pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
 }
 
 /// A row with this number of items, without its own number and place.
-fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
+fn of(stage: Stage, kind: RejectKind, number: u64, code: RejectCode, reason: &str) -> RejectRow {
     RejectRow {
         reject: 0,
         stage,
         kind,
         number,
+        code: Some(code),
         reason: reason.to_owned(),
         file: None,
         topic: None,
@@ -99,6 +122,12 @@ fn of_log(log: &LogReject) -> RejectRow {
         Some(messages) => (RejectKind::Messages, messages),
         None => (RejectKind::Bytes, log.byte_end.saturating_sub(log.byte_start)),
     };
+    let code = match log.loss {
+        LossKind::Bytes => RejectCode::Damaged,
+        LossKind::Unusable => RejectCode::Unusable,
+        LossKind::Missing => RejectCode::NotFound,
+        LossKind::Nothing | LossKind::Stamps => RejectCode::NothingLost,
+    };
     RejectRow {
         file: Some(log.file.clone()),
         topic: log.topic.clone(),
@@ -107,7 +136,7 @@ fn of_log(log: &LogReject) -> RejectRow {
         clock: log.time_span_ns.map(|_| log.clock),
         start_ns: log.time_span_ns.map(|(start, _)| start),
         end_ns: log.time_span_ns.map(|(_, end)| end),
-        ..of(Stage::Ingest, kind, number, &log.reason)
+        ..of(Stage::Ingest, kind, number, code, &log.reason)
     }
 }
 
@@ -122,7 +151,7 @@ fn of_row(reject: &RowReject) -> RejectRow {
         station: reject.station,
         line: Some(reject.line),
         column: reject.column.clone(),
-        ..of(stage, kind, 1, &reject.reason)
+        ..of(stage, kind, 1, reject.code, &reject.reason)
     }
 }
 
@@ -132,17 +161,21 @@ fn of_readings(reject: &JoinReject) -> RejectRow {
         clock: Some(SpanClock::Tracker),
         start_ns: Some(reject.start.ns()),
         end_ns: Some(reject.end.ns()),
-        ..of(Stage::Join, kind, reject.readings, &reject.reason)
+        ..of(Stage::Join, kind, reject.readings, reject.code, &reject.reason)
     }
 }
 
 fn of_dwell(station: &Station) -> Option<RejectRow> {
     let reason = Unpaired::of(&station.pairing)?;
+    let code = match reason {
+        Unpaired::Unmeasured(why) => RejectCode::Unmeasured(why),
+        Unpaired::SeveralCandidates => RejectCode::SeveralCandidates,
+    };
     Some(RejectRow {
         clock: Some(SpanClock::Controller),
         start_ns: Some(station.start.ns()),
         end_ns: Some(station.end.ns()),
         station: Some(station.number),
-        ..of(Stage::Join, RejectKind::Dwell, 1, reason.word())
+        ..of(Stage::Join, RejectKind::Dwell, 1, code, reason.word())
     })
 }

@@ -17,7 +17,7 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::references::{Event, Followed, Look, Motion, ReferenceId, follow};
-use super::{RowItem, RowReject, Value};
+use super::{RejectCode, RowItem, RowReject, Value};
 use crate::geometry::upper;
 use crate::ingest::StandsOn;
 use crate::units::NS_PER_S;
@@ -198,7 +198,8 @@ fn twice(stops: &[Stop<'_>], names: &[String]) -> Vec<RowReject> {
                 let name = &names[own.reference.0];
                 let reason =
                     format!("reference {name:?} was read at line {first} of the same station");
-                again.push(RowReject::of(RowItem::Reference, own.line, stop.row, reason));
+                let code = RejectCode::Repeated;
+                again.push(RowReject::of(RowItem::Reference, own.line, stop.row, code, reason));
             }
         }
         again
@@ -214,8 +215,11 @@ fn alone(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool, on: StandsOn)
     );
     let own = stops.iter().flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
     let own = own.filter(|(_, own)| stands(own.reference));
-    own.map(|(stop, own)| RowReject::of(RowItem::Reference, own.line, stop.row, reason.clone()))
-        .collect()
+    own.map(|(stop, own)| {
+        let code = RejectCode::Alone;
+        RowReject::of(RowItem::Reference, own.line, stop.row, code, reason.clone())
+    })
+    .collect()
 }
 
 /// The stray readings of a course, as rejects.
@@ -230,7 +234,8 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>]) -> Vec<RowReject> {
                 course.names[reference.0]
             );
             let line = own.map_or(stop.line, |own| own.line);
-            Some(RowReject::of(RowItem::Reference, line, stop.row, reason))
+            let code = RejectCode::Outlier;
+            Some(RowReject::of(RowItem::Reference, line, stop.row, code, reason))
         }
         Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
     };

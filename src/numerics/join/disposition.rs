@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::{JoinError, JoinReject, ReadingCounts};
+use super::{JoinError, JoinReject, ReadingCounts, RejectCode, Unmeasured};
 use crate::units::{Stamp, Tracker};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,30 +34,50 @@ pub const REPEATED: &str =
     "repeated: the reading before it again, while the arm moved: the beam was lost";
 
 impl Disposition {
-    const fn reason(self) -> &'static str {
+    /// Why readings are left out, in a word and in full; `None` of those that are kept.
+    const fn reason(self) -> Option<(RejectCode, &'static str)> {
+        Some(match self {
+            Self::Kept => return None,
+            Self::Settling => {
+                (RejectCode::Settling, "settling: before settle_s after the arm became stationary")
+            }
+            Self::Outlier => {
+                (RejectCode::Outlier, "outlier: beyond mad_factor from the median of its dwell")
+            }
+            Self::Moving => (RejectCode::Moving, "moving: the target was not stationary"),
+            Self::Missing => {
+                (RejectCode::Missing, "missing: zeros or not a number, no measurement")
+            }
+            Self::Repeated => (RejectCode::Repeated, REPEATED),
+            Self::Unpaired(why) => why.reason(),
+        })
+    }
+}
+
+impl Why {
+    const fn reason(self) -> (RejectCode, &'static str) {
         match self {
-            Self::Kept => "kept",
-            Self::Settling => "settling: before settle_s after the arm became stationary",
-            Self::Outlier => "outlier: beyond mad_factor from the median of its dwell",
-            Self::Moving => "moving: the target was not stationary",
-            Self::Missing => "missing: zeros or not a number, no measurement",
-            Self::Repeated => REPEATED,
-            Self::Unpaired(Why::NoArmDwell) => {
-                "unpaired: the target was stationary, but the arm was not, or the controller's log does not reach there"
-            }
-            Self::Unpaired(Why::WrongTarget) => {
-                "unpaired: too far from the arm's position: another reflector or a lost beam"
-            }
-            Self::Unpaired(Why::InstrumentMoved) => {
+            Self::NoArmDwell => (
+                RejectCode::NoArmDwell,
+                "unpaired: the target was stationary, but the arm was not, or the controller's log does not reach there",
+            ),
+            Self::WrongTarget => (
+                RejectCode::WRONG_TARGET,
+                "unpaired: too far from the arm's position: another reflector or a lost beam",
+            ),
+            Self::InstrumentMoved => (
+                RejectCode::MOVED,
                 "instrument_moved: too far from the arm's position, with which it agrees once the base is placed anew: the instrument or \
-                 the base was moved, and no reference tells how"
-            }
-            Self::Unpaired(Why::Ambiguous) => {
-                "unpaired: the target was stationary in more than one place during one dwell of the arm"
-            }
-            Self::Unpaired(Why::TooFew) => {
-                "unpaired: fewer than min_readings were left after settling and outliers"
-            }
+                 the base was moved, and no reference tells how",
+            ),
+            Self::Ambiguous => (
+                RejectCode::SeveralCandidates,
+                "unpaired: the target was stationary in more than one place during one dwell of the arm",
+            ),
+            Self::TooFew => (
+                RejectCode::Unmeasured(Unmeasured::TooFewReadings),
+                "unpaired: fewer than min_readings were left after settling and outliers",
+            ),
         }
     }
 }
@@ -138,14 +158,15 @@ impl Dispositions {
         stamp: impl Fn(usize) -> Result<Stamp<Tracker>, JoinError>,
     ) -> Result<Vec<JoinReject>, JoinError> {
         let runs = self.runs().into_iter();
-        let rejected = runs.filter(|(_, disposition)| *disposition != Disposition::Kept);
-        let reject = |(rows, disposition): (Range<usize>, Disposition)| {
+        let rejected = runs.filter_map(|(rows, own)| Some((rows, own.reason()?)));
+        let reject = |(rows, (code, reason)): (Range<usize>, (RejectCode, &str))| {
             Ok(JoinReject {
                 start: stamp(rows.start)?,
                 end: stamp(rows.end - 1)?,
                 readings: rows.len() as u64,
                 is_of_reference: false,
-                reason: disposition.reason().to_owned(),
+                code,
+                reason: reason.to_owned(),
             })
         };
         rejected.map(reject).collect()

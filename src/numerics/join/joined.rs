@@ -58,9 +58,14 @@ impl Joined {
             let samples = reading.kept as u64;
             self.counts.kept = self.counts.kept.saturating_sub(samples);
             self.counts.unpaired += samples;
-            let (start, end, reason) = (reading.first, reading.last, reason.to_owned());
-            let (readings, is_of_reference) = (samples, false);
-            self.rejects.push(JoinReject { start, end, readings, is_of_reference, reason });
+            self.rejects.push(JoinReject {
+                start: reading.first,
+                end: reading.last,
+                readings: samples,
+                is_of_reference: false,
+                code: RejectCode::Unmeasured(otherwise),
+                reason: reason.to_owned(),
+            });
         }
     }
 }
@@ -122,7 +127,7 @@ pub enum Pairing {
     Ambiguous,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Unmeasured {
     NoReadings,
     /// Readings fall into it, but too few are left after settling and outlier rejection.
@@ -199,6 +204,34 @@ impl AddAssign for ReadingCounts {
     }
 }
 
+/// Why something was left out, in a word, as the schema of `rejects` describes each; the reason says it in full.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RejectCode {
+    Damaged,
+    /// A log's own summary counts messages that are not in it.
+    NotFound,
+    NothingLost,
+    Unusable,
+    Missing,
+    /// The one before it again, or a copy of another row.
+    Repeated,
+    Settling,
+    Moving,
+    /// Far from the others of its dwell, or from where other references put it.
+    Outlier,
+    NoArmDwell,
+    /// A reference that was read once only.
+    Alone,
+    /// As of a dwell that is not paired.
+    Unmeasured(Unmeasured),
+    SeveralCandidates,
+}
+
+impl RejectCode {
+    pub(super) const MOVED: Self = Self::Unmeasured(Unmeasured::InstrumentMoved);
+    pub(super) const WRONG_TARGET: Self = Self::Unmeasured(Unmeasured::WrongTarget);
+}
+
 /// A tracker dwell or a run of readings that belongs to no station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JoinReject {
@@ -207,6 +240,7 @@ pub struct JoinReject {
     pub readings: u64,
     /// Whether they are readings of a reference, not of a target.
     pub is_of_reference: bool,
+    pub code: RejectCode,
     pub reason: String,
 }
 
@@ -219,6 +253,7 @@ pub struct RowReject {
     pub column: Option<String>,
     /// Number of the station that the row became; `None` where it became none.
     pub station: Option<usize>,
+    pub code: RejectCode,
     pub reason: String,
 }
 
@@ -235,8 +270,9 @@ impl RowReject {
         kind: RowItem,
         line: u64,
         station: Option<usize>,
+        code: RejectCode,
         reason: String,
     ) -> Self {
-        Self { kind, file: String::new(), line, column: None, station, reason }
+        Self { kind, file: String::new(), line, column: None, station, code, reason }
     }
 }

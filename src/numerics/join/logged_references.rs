@@ -18,7 +18,9 @@ use super::average::{kept, robust_sigma};
 use super::courses::{Origin, RowReference, Stop, courses, read, taken_out, undo};
 use super::readings::pieces;
 use super::references::ReferenceId;
-use super::{JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, Station, Unmeasured};
+use super::{
+    JoinError, JoinReject, JoinSettings, Joined, ReferenceReadings, RejectCode, Station, Unmeasured,
+};
 use crate::figures::median;
 use crate::units::{ClockModel, Stamp, Tracker};
 
@@ -74,7 +76,7 @@ pub(super) fn followed(
     let (mut courses, rejects) = courses(&stops, &names, origin);
     let left_out = rejects.into_iter().filter_map(|reject| {
         let run = runs.get(usize::try_from(reject.line).ok()?.checked_sub(1)?)?;
-        Some(run.reject(reject.reason))
+        Some(run.reject(reject.code, reject.reason))
     });
     joined.rejects.extend(left_out);
     let stations = &joined.stations;
@@ -165,9 +167,10 @@ impl LeftOut {
         self.readings += readings;
     }
 
-    fn reject(&self, reason: String) -> Option<JoinReject> {
+    fn reject(&self, code: RejectCode, reason: String) -> Option<JoinReject> {
         let (start, end) = self.span.filter(|_| self.readings > 0)?;
-        Some(JoinReject { start, end, readings: self.readings, is_of_reference: true, reason })
+        let readings = self.readings;
+        Some(JoinReject { start, end, readings, is_of_reference: true, code, reason })
     }
 }
 
@@ -244,17 +247,18 @@ impl Gathering {
         let (still, moved): (Vec<Run>, Vec<Run>) =
             self.runs.into_iter().partition(|run| run.scatter_mm <= reach_mm);
         let left_out = [
-            (self.missing, "without a measurement"),
-            (self.outliers, "far from the others of their look"),
+            (self.missing, RejectCode::Missing, "without a measurement"),
+            (self.outliers, RejectCode::Outlier, "far from the others of their look"),
         ];
         let left_out = left_out
             .into_iter()
-            .filter_map(|(own, why)| own.reject(format!("reference {name:?}: {why}")));
+            .filter_map(|(own, code, why)| own.reject(code, format!("reference {name:?}: {why}")));
         let moved = moved.iter().map(|run| {
-            run.reject(format!(
+            let reason = format!(
                 "reference {name:?} moved while it was measured: its readings scatter by {:.3} mm, usually by {usual_mm:.3} mm",
                 run.scatter_mm
-            ))
+            );
+            run.reject(RejectCode::Moving, reason)
         });
         (still, left_out.chain(moved).collect())
     }
@@ -262,12 +266,13 @@ impl Gathering {
 
 impl Run {
     /// The readings in its mean, left out for a reason.
-    fn reject(&self, reason: String) -> JoinReject {
+    fn reject(&self, code: RejectCode, reason: String) -> JoinReject {
         JoinReject {
             start: self.start,
             end: self.end,
             readings: self.used,
             is_of_reference: true,
+            code,
             reason,
         }
     }

@@ -25,7 +25,7 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
 
 pub use super::courses::{LookAt, ReadReference, ReferenceCourse, RowReference};
 use super::courses::{Origin, Stop, courses, read as read_references, taken_out, undo};
-pub use super::{RowItem, RowReject};
+pub use super::{RejectCode, RowItem, RowReject};
 
 /// A row of a table: a station with the readings of its targets.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +82,7 @@ impl Rows {
                         RowItem::Reading,
                         reading.line,
                         None,
+                        RejectCode::Unusable,
                         "a position without an orientation: of a camera on the flange it says nothing".to_owned(),
                     )),
                 }
@@ -148,7 +149,8 @@ fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>) -> Vec<RowReje
             readings.partition(|reading| reading.value.kind().is_length());
         rows[*place].readings = lengths;
         rejects.extend(places.into_iter().map(|reading| {
-            RowReject::of(RowItem::Reading, reading.line, Some(*place), reason.clone())
+            let code = RejectCode::MOVED;
+            RowReject::of(RowItem::Reading, reading.line, Some(*place), code, reason.clone())
         }));
     }
     rejects
@@ -180,7 +182,7 @@ fn without_copies(rows: Vec<Row>) -> (Vec<Row>, Vec<(RowReject, usize)>) {
         let reason = format!(
             "a copy of line {line}: joints, readings and time are the same to the last digit"
         );
-        let reject = RowReject::of(RowItem::Row, row.line, None, reason);
+        let reject = RowReject::of(RowItem::Row, row.line, None, RejectCode::Repeated, reason);
         copies.push((reject, row.readings.len()));
     }
     (kept, copies)
@@ -279,11 +281,18 @@ impl<'a> Gates<'a> {
                 None => readings.push(read(reading, row, at)),
                 Some(away_mm) => {
                     let away = format!("{away_mm:.0} mm from the nominal arm's position");
-                    let reason = elsewhere.map_or_else(
-                        || format!("{away}: another reflector or a wrong number"),
-                        |own| format!("instrument_moved: {away}: {}", own.words()),
-                    );
-                    far.push(RowReject::of(RowItem::Reading, reading.line, Some(number), reason));
+                    let (code, why) = match elsewhere {
+                        None => (
+                            RejectCode::WRONG_TARGET,
+                            format!("{away}: another reflector or a wrong number"),
+                        ),
+                        Some(own) => (
+                            RejectCode::MOVED,
+                            format!("instrument_moved: {away}: {}", own.words()),
+                        ),
+                    };
+                    let (kind, station) = (RowItem::Reading, Some(number));
+                    far.push(RowReject::of(kind, reading.line, station, code, why));
                 }
             }
         }

@@ -23,8 +23,8 @@ use crate::ingest::{Poses, PosesError, StandsOn, TargetReadings};
 use crate::join::readings::{Readings, Seen, is_measurement};
 use crate::join::references::{Event, Followed, Look, Motion, ReferenceId, follow};
 use crate::join::{
-    JoinError, JoinInput, JoinReject, JoinSettings, Joined, Pairing, ReferenceReadings, Unmeasured,
-    Value,
+    JoinError, JoinInput, JoinReject, JoinSettings, Joined, Pairing, ReferenceReadings, RejectCode,
+    Unmeasured, Value,
 };
 use crate::units::{NS_PER_S, Stamp, Tracker};
 
@@ -137,6 +137,7 @@ fn left_out(own: &dyn Poses<Tracker>, used: &Range<usize>) -> Result<Vec<JoinRej
             end: own.stamp(rows.end - 1)?,
             readings: rows.len() as u64,
             is_of_reference: false,
+            code: RejectCode::MOVED,
             reason: "instrument_moved: the instrument or the base was bumped by more than the join can pair across, and the references do \
                      not tell how it turned: only the larger part of the session is joined; three references that are not in line tell it"
                 .to_owned(),

@@ -23,8 +23,8 @@ use crate::io::tables::PublishContext;
 use crate::join::references::{Look, ReferenceId, follow};
 use crate::join::tabled::{LookAt, ReadReference, ReferenceCourse};
 use crate::join::{
-    ClockEstimate, JoinReject, Joined, ReadingCounts, ReadingKind, RowItem, RowReject, Station,
-    Thresholds,
+    ClockEstimate, JoinReject, Joined, ReadingCounts, ReadingKind, RejectCode, RowItem, RowReject,
+    Station, Thresholds,
 };
 use crate::judgement::{
     JoinedSession, LengthResidual, Outcome, SeveralTargets, Source as OfSource,
@@ -132,6 +132,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 end: Stamp::from_ns(9),
                 readings: 4,
                 is_of_reference: false,
+                code: RejectCode::Moving,
                 reason: "moving: the target was not stationary".to_owned(),
             }],
             row_rejects: vec![RowReject {
@@ -140,6 +141,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 line: 734,
                 column: Some("x [mm]".to_owned()),
                 station: Some(2),
+                code: RejectCode::Missing,
                 reason: "missing: the cell is blank".to_owned(),
             }],
             references: vec![references()],
