@@ -25,7 +25,7 @@ pub(super) fn header(content: &Content) -> Markup {
                 @if let Some(own) = few { ", which answers for " (own.stations) " of " (own.measured) " measured stations alone" }
             }
             p.lead { (sentence(content, &verdict)) }
-            @for warning in content.said.all_warnings() { p.warning { (words::message(&warning)) } }
+            (warnings(&content.said.all_warnings()))
             (remarks(content.verdict.judges()))
             (frame(content))
             (to_do(content))
@@ -47,11 +47,29 @@ pub(super) fn header(content: &Content) -> Markup {
     }
 }
 
+fn warnings(all: &[String]) -> Markup {
+    html! {
+        @for (first, others) in words::alike(all) {
+            div.warning {
+                p { (words::message(first)) }
+                @if !others.is_empty() {
+                    details {
+                        summary { (others.len()) " more like it" }
+                        ul { @for own in others { li { (words::message(own)) } } }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// What to do with the result, with the command to type.
 fn to_do(content: &Content) -> Markup {
     html! {
         h2 { "What to do now" }
-        p { (words::message(&capital(&content.next.words()))) @if content.command.is_some() { ":" } @else { "." } }
+        @for (after, step) in content.next.steps().iter().rev().enumerate().rev() {
+            p { (words::message(&capital(step))) @if after == 0 && content.command.is_some() { ":" } @else { "." } }
+        }
         @if let Some(command) = &content.command { pre { (command) } }
         @if content.next.sets_base { (typed(content)) }
     }

@@ -147,6 +147,25 @@ pub(super) const fn inside(own: Interpolation) -> &'static str {
     }
 }
 
+/// Warnings that differ in session, numbers and names alone, each first one with the others, in their order.
+pub fn alike(warnings: &[String]) -> Vec<(&str, Vec<&str>)> {
+    let mut folded: Vec<(&str, Vec<&str>)> = Vec::new();
+    for own in warnings {
+        match folded.iter_mut().find(|(first, _)| kind(first) == kind(own)) {
+            Some((_, others)) => others.push(own),
+            None => folded.push((own, Vec::new())),
+        }
+    }
+    folded
+}
+
+/// A warning without its session, and without what stands between quotes or is a number.
+fn kind(warning: &str) -> String {
+    let text = warning.split_once(": ").map_or(warning, |(_, text)| text);
+    let unnamed: String = text.split('"').step_by(2).collect();
+    unnamed.chars().filter(|c| !c.is_ascii_digit()).collect()
+}
+
 /// A message whose commands and keys between ticks are code.
 pub(super) fn message(text: &str) -> Markup {
     html! {
@@ -236,6 +255,18 @@ pub(super) fn percent(share: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn warnings_that_differ_in_session_numbers_and_names_alone_are_folded() {
+        let all = [
+            "mon: reference \"F1\" was moved by 0.31 mm",
+            "mon: the log ends too early",
+            "tue: reference \"F2\" was moved by 12.05 mm",
+        ]
+        .map(str::to_owned);
+        let [first, log, second] = all.each_ref().map(String::as_str);
+        assert_eq!(alike(&all), [(first, vec![second]), (log, vec![])]);
+    }
 
     #[test]
     fn numbers_are_written_in_fixed_digits() {

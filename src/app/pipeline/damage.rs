@@ -87,6 +87,9 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
     }
 }
 
+/// What is less than this is 0.00 in words, of a mm or of a percent: no warning.
+pub(super) const NOTHING: f64 = 0.005;
+
 /// The losses of a session's logs as text: a line for each log that lost something or whose end is missing.
 pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
     let cut = |(role, log)| {
@@ -95,14 +98,15 @@ pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
             format!("{session}: {log} ends too early: what its recorder did not write is not known")
         })
     };
-    let damaged = bytes(counts).filter(|loss| loss.lost > 0);
+    let is_some = |loss: &Loss| percent(loss.lost, loss.all) >= NOTHING;
+    let damaged = bytes(counts).filter(is_some);
     let damaged = damaged.map(|Loss { of, lost, all, .. }| {
         format!(
             "{session}: {of} is damaged: {lost} of {all} bytes lost ({:.2} %); see table rejects",
             percent(lost, all)
         )
     });
-    let missing = messages(counts).filter(|loss| loss.lost > 0);
+    let missing = messages(counts).filter(is_some);
     let missing = missing.map(|loss| {
         let words = loss.words();
         format!("{session}: {words}; see table rejects")

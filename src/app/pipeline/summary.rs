@@ -63,7 +63,7 @@ pub(super) fn summary(
 /// What has to be known of a run before anything else: that its frame is not fixed, where its logs disagree with the stated set-up, and
 /// what they lost.
 fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<String> {
-    let least_mm = notices_mm(tolerance.mm, outcome.grids.guard_mm);
+    let least_mm = notices_mm(tolerance.mm, outcome.grids.guard_mm).max(damage::NOTHING);
     let sessions = || outcome.training.iter().chain(&outcome.test);
     let set_up = sessions().filter_map(|session| {
         let finding = session.set_up.as_ref()?;

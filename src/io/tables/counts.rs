@@ -158,8 +158,10 @@ fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
 /// Held-out stations offered to the chosen step; `None` where no step gives a table.
 fn grid(outcome: &Outcome<'_>) -> Option<StageCount> {
     let held_out = &outcome.grids.chosen()?.held_out;
-    let mut rejected =
-        nonzero([("outside", held_out.outside as u64), ("unlike", held_out.unlike as u64)]);
+    let mut rejected = nonzero([
+        ("outside", held_out.outside as u64),
+        ("other_orientation_or_configuration", held_out.unlike as u64),
+    ]);
     for (refusal, count) in &held_out.refused {
         rejected.insert(refusal.name().to_owned(), *count as u64);
     }

@@ -35,7 +35,7 @@ pub fn limit(
         if let Some([with, without]) = squares.filter(|[with, without]| *without < with / 2.0) {
             let [own, all, noise] = [with - without, with, noise_mm2].map(f64::sqrt);
             return format!(
-                "{part} limits ({own:.3} of {all:.3} mm, noise is {noise:.3} mm): {change}"
+                "{part} limits the accuracy: {own:.3} mm of {all:.3} mm come from it, {noise:.3} mm from the measurement; {change}"
             );
         }
     }
@@ -48,9 +48,11 @@ pub fn limit(
     });
     let (poses, measure) = PARTS[4];
     if by_poses.is_some_and(|own| own.falls) {
-        format!("{poses} limits{means}: {measure}")
+        format!("{poses} limits the accuracy{means}: {measure}")
     } else {
-        format!("more poses change nothing{means}: see on the page what the errors go with")
+        format!(
+            "no single part limits the accuracy, and more poses change nothing{means}: see on the page what the errors go with"
+        )
     }
 }
 
@@ -69,19 +71,25 @@ mod tests {
         let worn = limited([Some(0.15), None, Some(0.15), Some(0.01), Some(0.15)], None);
         assert_eq!(
             worn,
-            "repeatability limits (0.387 of 0.400 mm, noise is 0.055 mm): look for play, loose parts and short dwells"
+            "repeatability limits the accuracy: 0.387 mm of 0.400 mm come from it, 0.055 mm from the measurement; look for play, loose \
+             parts and short dwells"
         );
         // A table of 0.4 mm where the model itself leaves 0.2 mm: √(0.16 − 0.04).
         let coarse = limited([None, None, Some(0.04), Some(0.15), Some(0.03)], None);
-        assert!(coarse.starts_with("interpolation limits (0.346 of 0.400 mm"), "{coarse}");
+        assert!(
+            coarse.starts_with("interpolation limits the accuracy: 0.346 mm of 0.400 mm"),
+            "{coarse}"
+        );
         // 0.09 of 0.16 mm² are left with the base from all stations, which is more than half; then 0.04 mm².
         let based = |mm2| limited([Some(0.15), Some(mm2), None, Some(0.15), Some(0.15)], None);
-        assert!(based(0.09).starts_with("more poses change nothing:"), "{}", based(0.09));
+        assert!(based(0.09).contains("more poses change nothing:"), "{}", based(0.09));
         assert!(based(0.04).starts_with("the session's base limits"), "{}", based(0.04));
         // A bound of 0.4 mm where the largest of the session's own errors is 0.1 mm.
         let changes = limited([Some(0.01), None, None, Some(0.01), None], None);
         assert!(
-            changes.starts_with("what may change between sessions limits (0.387 of 0.400 mm"),
+            changes.starts_with(
+                "what may change between sessions limits the accuracy: 0.387 mm of 0.400 mm"
+            ),
             "{changes}"
         );
     }
@@ -91,10 +99,10 @@ mod tests {
         let parts = [None, None, None, Some(0.15), Some(0.12)];
         let by = |means_mm, falls| limited(parts, Some(ByPoses { means_mm, falls }));
         let fallen = by([0.6, 0.45, 0.36], true);
-        assert!(fallen.starts_with("the number of poses limits (by the geometry of a quarter, half and all 0.600, 0.450 and 0.360 mm)"), "{fallen}");
+        assert!(fallen.starts_with("the number of poses limits the accuracy (by the geometry of a quarter, half and all 0.600, 0.450 and 0.360 mm)"), "{fallen}");
         let flat = by([0.337, 0.36, 0.366], false);
         assert!(
-            flat.starts_with("more poses change nothing (") && !flat.contains("measure more"),
+            flat.contains("more poses change nothing (") && !flat.contains("measure more"),
             "{flat}"
         );
         // Learnt by heart: 0.1 mm where it was trained.

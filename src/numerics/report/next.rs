@@ -107,21 +107,28 @@ impl Next {
     /// What to do, in words that end before the command where there is one; it is only for whoever corrects all the same where there is
     /// something to do before.
     pub fn words(&self) -> String {
+        self.steps().join("; ")
+    }
+
+    /// The same as a sentence for each step: what has to be done before, and how targets are corrected.
+    pub fn steps(&self) -> Vec<String> {
         let first = self.first;
         let base =
             if self.sets_base { "set the program's base to the fitted one, then " } else { "" };
+        let instead = self.instead.as_ref().map(|own| own.words.clone());
         let targets = match self.by {
             Applied::Table => "correct targets".to_owned(),
             Applied::IdentifiedArm => format!("correct targets that state {}", self.stated.words()),
             Applied::Nothing => {
-                let instead = self.instead.as_ref();
-                let then = instead.map_or_else(String::new, |own| format!("; {}", own.words));
-                return format!("{first}{base}correct nothing, as no correction helps{then}");
+                let nothing = format!("{first}{base}correct nothing, as no correction helps");
+                return [nothing].into_iter().chain(instead).collect();
             }
         };
-        match &self.instead {
-            None => format!("{first}{base}{targets}"),
-            Some(instead) => format!("{first}{}; to {base}{targets} all the same", instead.words),
+        match instead {
+            None => vec![format!("{first}{base}{targets}")],
+            Some(instead) => {
+                vec![format!("{first}{instead}"), format!("to {base}{targets} all the same")]
+            }
         }
     }
 }

@@ -12,6 +12,7 @@ use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
 use crate::io::store::Place;
+use crate::page::alike;
 use crate::pipeline::configuration::{SessionFiles, SetAside, Why};
 use crate::pipeline::fleet::{Fleet, FleetPiece};
 use crate::pipeline::run::Done;
@@ -148,8 +149,7 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
         let line = words.map(|own| format!("{}: {}\n\n", Printable(label), Printable(own)));
         return line.unwrap_or_default();
     };
-    let mut lines: Vec<String> =
-        summary.warnings.iter().map(|own| format!("warning: {own}")).collect();
+    let mut lines: Vec<String> = alike(&summary.warnings).iter().map(warning).collect();
     lines.extend(summary.findings.iter().chain(&done.took_place).cloned());
     lines.extend(done.corrects.as_ref().map(|table| now(&summary.next, table)));
     lines.extend(done.page.as_ref().map(|page| format!("page: {}", near(page))));
@@ -169,6 +169,13 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     }
     text.push('\n');
     text
+}
+
+fn warning((first, others): &(&str, Vec<&str>)) -> String {
+    match others.len() {
+        0 => format!("warning: {first}"),
+        more => format!("warning: {first} ({more} more like it, on the page)"),
+    }
 }
 
 /// What to do with a result, with the command to type, where there is one, at the end of the line.

@@ -7,6 +7,7 @@ use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
 use crate::join::{ClockStep, Joined, REPEATED};
 use crate::judgement::{JoinedSession, Outcome};
+use crate::pipeline::damage::NOTHING;
 use crate::units::{NS_PER_S, SLIDE_MM_PER_RAD};
 
 /// One line for each set of references: how many there are, how far they moved, and how well that is known.
@@ -24,6 +25,7 @@ pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<S
             events.partition(|event| size_mm(event).is_some_and(|mm| mm < least_mm));
         let words = large.into_iter().filter_map(|event| warning(course, event));
         let largest = small.iter().filter_map(|event| size_mm(event)).max_by(f64::total_cmp);
+        let largest = largest.filter(|mm| *mm >= NOTHING);
         let small = largest.map(|mm| {
             format!(
                 "{} moves of references on the {} of at most {mm:.3} mm are less than the tolerance notices ({least_mm:.3} mm)",
@@ -122,7 +124,7 @@ fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
             };
             let (from, to) = (moment(course, after), moment(course, before));
             Some(format!(
-                "{} was bumped between {from} and {to}: {shift_mm:.2} mm{turned} at the references; {tied}",
+                "{} was bumped between {from} and {to}: {shift_mm:.3} mm{turned} at the references; {tied}",
                 course.on.moves(),
             ))
         }
