@@ -56,6 +56,12 @@ pub use vouch::{VouchedBy, read_given};
 /// The folder of the pages, next to those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";
 
+/// The folder of the pages over time: `pages/ROBOT.html`, and [`FLEET`] of all robots. Each history writes them anew, and nothing is
+/// verified by them.
+pub const OVER_TIME: &str = "pages";
+/// Name of the page of the fleet: what a browser opens of a folder.
+pub const FLEET: &str = "index.html";
+
 const RUNS: &str = "runs";
 
 /// A stage whose results later runs start from. A result exists by its row, and has one other table.
@@ -265,6 +271,16 @@ impl Lake {
 /// Checks that a lake can hold a name of a robot or session (`part`): it must not be too long for a folder's name.
 pub fn check_name(part: &'static str, name: &str) -> Result<(), LakeError> {
     encoded(part, name).map(drop)
+}
+
+/// File name of a robot's page over time, encoded as in the lake; of a robot named like the page of the fleet the first letter is too.
+pub fn page_over_time(robot: &str) -> Result<String, LakeError> {
+    let name = format!("{}.html", encoded("robot", robot)?);
+    Ok(if name.eq_ignore_ascii_case(FLEET) {
+        format!("%{:02X}{}", name.as_bytes()[0], &name[1..])
+    } else {
+        name
+    })
 }
 
 /// The key in the lake's store of a file of a run: the table of that name, or its page.

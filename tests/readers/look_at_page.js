@@ -20,7 +20,9 @@
   all("script").forEach((element) => tell("a script", element));
   for (const element of all("*")) {
     for (const { name, value } of element.attributes) {
-      const isOwn = value.startsWith("#") || value.startsWith("data:");
+      // A page of the same lake is led to by its place beside this one, and is not needed.
+      const isBeside = element.localName === "a" && /^(\.\.\/)*[\w.%-]+(\/[\w.%-]+)*\.html$/.test(value);
+      const isOwn = value.startsWith("#") || value.startsWith("data:") || isBeside;
       if (name.startsWith("on")) tell(`a script in ${name}`, element);
       if (["href", "xlink:href", "src", "srcset", "action", "poster"].includes(name) && !isOwn) {
         tell(`${name} leads out of the page, to ${short(value)}`, element);

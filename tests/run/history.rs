@@ -80,6 +80,30 @@ fn a_history_is_reported_kept_and_written() {
     );
     let page = fs::read_to_string(out.join("kr210-demo.html")).expect("a page");
     assert!(page.contains("Nothing moved") && !page.contains("<script"));
+    assert!(!page.contains("../report/"), "outside the lake it leads to no page of a run");
+    assert!(out.join("index.html").exists());
+}
+
+#[test]
+fn pages_in_the_lake_lead_to_those_of_its_runs_and_back() {
+    let cell = three();
+    let one = history(&cell, &["--pages", "--robot", "kr210-demo"]);
+    one.expect(0, &["lake/pages/kr210-demo.html"]);
+    assert!(!cell.path("lake/pages/index.html").exists(), "the fleet is not of one robot of it");
+    history(&cell, &["--pages"]).expect(0, &["lake/pages/index.html"]);
+    let page = fs::read_to_string(cell.path("lake/pages/kr210-demo.html")).expect("a page");
+    let linked = page.split("href=\"../report/").skip(1).map(|rest| rest.split('"').next());
+    let linked: Vec<&str> = linked.flatten().collect();
+    let sessions: Vec<&str> = linked.iter().filter_map(|own| own.split('/').nth(1)).collect();
+    assert_eq!(sessions, ["wed", "tue", "mon"], "the newest first");
+    for own in linked {
+        let run = fs::read_to_string(cell.path("lake/report").join(own)).expect("a page");
+        for name in ["kr210-demo.html", "index.html"] {
+            assert!(run.contains(&format!("href=\"../../../pages/{name}\"")), "{own}");
+        }
+    }
+    let verified = ended(posegrid().arg("verify").arg(cell.path("lake")));
+    assert!(!verified.results.contains("foreign"), "{}", verified.results);
 }
 
 #[test]

@@ -16,7 +16,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, LakeError};
 use crate::io::store::Place;
 use crate::io::table::TableError;
 use crate::io::tables::past::PastSession;
@@ -37,13 +37,15 @@ false alarm in 1000 sessions at most. Sessions are in the order of the first sta
 Judged sessions are kept in LAKE/.history, checked against the rows of runs each time; --fresh does not use them. LAKE may be on object
 storage: what is new there costs one small object for each session.
 
-Of several robots index.html is the page of the fleet: robots by verdict, the worst, what moved last night, and which were not measured
-for how long, as of the newest session or --as-of.
+--pages alone writes the pages into LAKE/pages, where the pages of runs link to them, and they to those. Of all robots, or of one alone,
+index.html is the page of the fleet: robots by verdict, the worst, what moved last night, and which were not measured for how long, as
+of the newest session or --as-of. It is not written with --robot.
 
 Examples:
   posegrid history lake
   posegrid history lake --robot ur10 --out trend     # trend/history.parquet, drift.parquet and ur10.html
-  posegrid history s3://bucket/lake --pages fleet       # fleet/index.html and a page for each robot, without the tables
+  posegrid history lake --pages                      # lake/pages/index.html and a page for each robot, without the tables
+  posegrid history s3://bucket/lake --pages fleet       # the same into the folder fleet
 
 Exit codes: 0 every robot's newest session is where it was and in control; 3 one is not, or a run could not be read; 1 a robot
 has no session, or the output cannot be written; 2 bad usage, or no such lake, robot or session.")]
@@ -62,9 +64,9 @@ pub struct HistoryArgs {
     /// Write the tables history and drift and the pages into this folder, replacing earlier ones
     #[arg(long, alias = "output", value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Write the pages alone: they need few of the tables that the table history is made of
-    #[arg(long, value_name = "DIR", conflicts_with = "out")]
-    pub pages: Option<PathBuf>,
+    /// Write the pages alone, into this folder or the lake's own: they need few of the tables that the table history is made of
+    #[arg(long, value_name = "DIR", num_args = 0..=1, conflicts_with = "out")]
+    pub pages: Option<Option<PathBuf>>,
     /// The time that the page of the fleet is of, UTC, instead of the start of the newest session: 2026-11-25 (its end) or
     /// "2026-11-25 06:30"
     #[arg(long, value_name = "TIME", value_parser = time)]
@@ -80,6 +82,8 @@ enum HistoryCommandError {
     History(#[from] HistoryError),
     #[error(transparent)]
     Tables(#[from] TableError),
+    #[error(transparent)]
+    Page(#[from] LakeError),
     #[error("cannot write {}: {}", path.display(), told(source))]
     Write { path: PathBuf, source: io::Error },
 }
@@ -90,10 +94,11 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         Err(error) => return failed(&error),
     };
     robots.iter().for_each(warn);
+    let of_all = args.robot.is_none().then_some(args.as_of);
     // The files are written before anything is printed, so they do not depend on whether stdout accepts the text.
     let written = match (&args.out, &args.pages) {
-        (Some(to), _) => output(&lake, &robots, to, args.as_of),
-        (None, Some(to)) => pages(&lake, &robots, to, args.as_of),
+        (Some(to), _) => output(&lake, &robots, to, of_all),
+        (None, Some(to)) => pages(&lake, &robots, to.as_deref(), of_all),
         (None, None) => Ok(Vec::new()),
     };
     let mut text: String = robots.iter().flat_map(words).map(|text| line(&text)).collect();
@@ -119,7 +124,9 @@ fn failed(error: &HistoryCommandError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
     match error {
         HistoryCommandError::History(_) => BAD_USAGE,
-        HistoryCommandError::Tables(_) | HistoryCommandError::Write { .. } => NO_RESULT,
+        HistoryCommandError::Tables(_)
+        | HistoryCommandError::Page(_)
+        | HistoryCommandError::Write { .. } => NO_RESULT,
     }
 }
 

@@ -27,6 +27,8 @@ pub struct Content {
     pub verdict: RunVerdict,
     pub frame: StatedFrame,
     pub next: Next,
+    /// File name of the robot's page over time; `None` of a name that no lake has.
+    pub over_time: Option<String>,
     /// The command that corrects targets by the result, as it is typed beside the folder `lake`; `None` where nothing is corrected.
     pub command: Option<String>,
     /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.

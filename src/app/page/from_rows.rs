@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::content::{Content, Session, Statements};
 use crate::grid::Tolerance;
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, page_over_time};
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
@@ -45,6 +45,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
     let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) =
         rows.accuracy.rows.into_iter().partition(|figure| figure.point == Point::Tip);
     Content {
+        over_time: page_over_time(&robot).ok(),
         robot,
         session,
         run,

@@ -5,6 +5,7 @@ mod charts;
 pub mod content;
 mod first_and_newest;
 mod header;
+mod nights;
 mod reading;
 #[cfg(test)]
 mod tests;
@@ -16,7 +17,8 @@ pub use content::Content;
 
 use super::shell::{self, Maker, Shell};
 
-const SECTIONS: [Maker<Content>; 8] = [
+const SECTIONS: [Maker<Content>; 9] = [
+    ("nights", "The last nights", nights::section),
     ("changes", "Changes", changes::section),
     ("accuracy", "Accuracy over the sessions", charts::accuracy),
     ("since", "Base, target and joints since the first session", charts::since_first),

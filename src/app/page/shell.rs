@@ -78,6 +78,11 @@ pub(super) fn is_hidden(c: char) -> bool {
     turns || (c.is_control() && c != '\n')
 }
 
+/// The address of a file: in one `%` is written `%25`.
+pub(super) fn address(path: &str) -> String {
+    path.replace('%', "%25")
+}
+
 /// A table that scrolls on its own where the screen is narrow, also with keys.
 pub(super) fn table(head: &Markup, body: &Markup) -> Markup {
     html! {

@@ -391,6 +391,7 @@ fn content(name: &str) -> Content {
             sets_base: true,
             instead: None,
         },
+        over_time: Some("a%20b.html".to_owned()),
         command: Some(format!("posegrid compensate lake/{name}")),
         bounds: Some([[-100.0, -80.0, 0.0], [100.0, 80.0, 400.0]]),
         choice: text(),

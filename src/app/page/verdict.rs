@@ -3,8 +3,10 @@
 use maud::{Markup, html};
 
 use super::content::Content;
+use super::shell::address;
 use super::words;
 use crate::grid::Verdict;
+use crate::io::lake::{FLEET, OVER_TIME};
 use crate::io::table::Word as _;
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::compared::Compared;
@@ -20,6 +22,13 @@ pub(super) fn header(content: &Content) -> Markup {
     html! {
         header {
             p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.said.measured { " · " (measured) } }
+            @if let Some(page) = &content.over_time {
+                p.note {
+                    "Other nights: " a href={ "../../../" (OVER_TIME) "/" (address(page)) } { (content.robot) " over time" } ", "
+                    a href={ "../../../" (OVER_TIME) "/" (FLEET) } { "all robots" }
+                    " (in the lake, once " code { "posegrid history LAKE --pages" } " has written them)"
+                }
+            }
             h1 {
                 (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied().words())
                 @if let Some(own) = few { ", which answers for " (own.stations) " of " (own.measured) " measured stations alone" }

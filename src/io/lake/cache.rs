@@ -13,16 +13,16 @@ use std::fs::File;
 use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
-use super::{ASKED, Lake, LakeError, RUNS, encoded, session_key};
+use super::{ASKED, Lake, LakeError, OVER_TIME, RUNS, encoded, session_key};
 use crate::input::Bound;
 use crate::manifest::{RunKey, VERSION};
-use crate::store::{Listed, StoreError};
+use crate::store::{Listed, Place, StoreError};
 
 /// Version of what is kept and of its meaning; raised by any change.
 const FORMAT: u32 = 6;
 /// The index of finished work.
 pub const INDEX: &str = ".index/runs.jsonl.zst";
-pub(super) const FOLDERS: [&str; 2] = [".index", ".history"];
+pub(super) const FOLDERS: [&str; 3] = [".index", ".history", OVER_TIME];
 /// The folder of tasks that were done alone, and that of the figures of runs.
 pub(super) const ALONE: &str = ".index/alone";
 pub(super) const FIGURES: &str = ".history/figures";
@@ -63,6 +63,13 @@ impl Lake {
         let sealed = format!("{}\n{text}", seal(text));
         let packed = zstd::encode_all(sealed.as_bytes(), LEVEL);
         self.put_whole(key, &packed.map_err(folder_error("write", &place))?)
+    }
+
+    /// Writes a page over time, in place of an earlier one; gives its place.
+    pub fn keep_page(&self, name: &str, bytes: &[u8]) -> Result<Place, LakeError> {
+        let key = format!("{OVER_TIME}/{name}");
+        self.put_whole(&key, bytes)?;
+        Ok(self.store.place(&key))
     }
 
     /// Writes a file beside the tables, completely or not at all.

@@ -1,12 +1,12 @@
 //! All files under a lake, and the role of each by its place: files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and
-//! `report/ROBOT/SESSION/RUN.html`; its own (lock, history, index, [`COMPACT`], corrections, requests); and
+//! `report/ROBOT/SESSION/RUN.html`; its own (lock, history, index, pages over time, [`COMPACT`], corrections, requests); and
 //! temporaries. Every other file there is foreign.
 
 use std::fs::File;
 
 use super::compact::{self, COMPACT};
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key, is_correction, name, request_of};
+use super::{Lake, LakeError, OVER_TIME, PAGES, file_key, is_correction, name, request_of};
 use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
@@ -26,7 +26,7 @@ pub enum Stands {
         session: String,
         run: String,
     },
-    /// The lake's own: its lock, the summary of a history, the compact form, a record of corrections, or a request.
+    /// The lake's own: its lock, the summary or a page of a history, the compact form, a record of corrections, or a request.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
@@ -70,7 +70,7 @@ impl Stands {
         let parts: Vec<&str> = key.split('/').collect();
         match parts[..] {
             [".lock"] => Self::Own,
-            [".history" | ".index", name]
+            [".history" | ".index" | OVER_TIME, name]
             | [".index", "alone", name]
             | [".history", "figures", _, _, name] => Self::kept(name),
             [COMPACT, ref folder @ .., name] => match compact::is_own(folder, name) {
@@ -86,10 +86,10 @@ impl Stands {
         }
     }
 
-    /// A file of the cache by its name. Versions up to 0.2.1 did not pack these files, and their temporaries did not name the process.
+    /// A file of the cache, or a page over time, by its name. Versions up to 0.2.1 did not pack these files, and their temporaries did not name the process.
     fn kept(name: &str) -> Self {
         let is_hidden = name.starts_with('.');
-        let endings = [".json", ".jsonl", ".zst"];
+        let endings = [".json", ".jsonl", ".zst", ".html"];
         if Owner::of_temporary(name).is_some() || (is_hidden && name.contains(".jsonl.tmp-")) {
             Self::Temporary
         } else if !is_hidden && endings.iter().any(|ending| name.ends_with(ending)) {
@@ -150,6 +150,9 @@ mod tests {
             (".index/more.csv", Stands::Foreign),
             (".index/alone/5e.json.zst", Stands::Own),
             (".index/alone/5e.txt", Stands::Foreign),
+            ("pages/r%20x.html", Stands::Own),
+            ("pages/.r.html.tmp-host-12-345-0", Stands::Temporary),
+            ("pages/r.csv", Stands::Foreign),
             ("compact/states/00000001.jsonl", Stands::Own),
             ("compact/runs/2026-11/0a.parquet", Stands::Own),
             ("compact/keys/undated/0a.txt.zst", Stands::Own),

@@ -1,4 +1,4 @@
-//! The files of a history: two tables of all robots, a page for each, and of several robots the page of the fleet.
+//! The files of a history: two tables of all robots, a page for each, and the page of the fleet.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,27 +7,24 @@ use rayon::prelude::*;
 
 use super::HistoryCommandError;
 use crate::cli::messages::Printable;
-use crate::io::lake::Lake;
+use crate::io::lake::{FLEET, Lake, LakeError, page_over_time};
 use crate::io::table::{Row as _, Table, write};
 use crate::io::tables::drift::{self, DriftRow};
 use crate::io::tables::history::{self, HistoryRow};
 use crate::io::tables::past::{Figure, PastSession};
 use crate::io::whole_file::replace_whole;
-use crate::manifest::RunKey;
-use crate::pipeline::history::{
-    HistoryError, RobotHistory, figures, figures_of_ends, fleet, trend,
-};
+use crate::pipeline::history::{RobotHistory, figures, figures_of_ends, fleet, trend};
 use crate::units::WallTime;
 
-/// Name of the page of the fleet: what a browser opens of a folder.
-const FLEET: &str = "index.html";
+/// The time that the page of the fleet is of, where that is stated; `None` without the page.
+type OfAll = Option<Option<WallTime>>;
 
 /// Writes the tables and the pages; gives their paths.
 pub(super) fn output(
     lake: &Lake,
     robots: &[RobotHistory],
     folder: &Path,
-    as_of: Option<WallTime>,
+    of_all: OfAll,
 ) -> Result<Vec<PathBuf>, HistoryCommandError> {
     make(folder)?;
     let all: Vec<Vec<Vec<Figure>>> = robots.iter().map(|robot| read(lake, robot)).collect();
@@ -41,46 +38,56 @@ pub(super) fn output(
         written.push(put(folder, &name, &bytes(&table, folder)?)?);
     }
     for (robot, figures) in robots.iter().zip(&all) {
-        let name = file_name(lake, &robot.robot)?;
-        written.push(put(folder, &name, trend(robot, figures).as_bytes())?);
+        let name = page_over_time(&robot.robot)?;
+        written.push(put(folder, &name, trend(robot, figures, None)?.as_bytes())?);
     }
-    written.extend(page_of_fleet(lake, robots, folder, as_of)?);
+    written.extend(page_of_fleet(lake, robots, Some(folder), of_all)?);
     Ok(written)
 }
 
-/// Writes the pages alone; gives their paths.
+/// Writes the pages alone, into the lake where no folder is given; gives their paths.
 pub(super) fn pages(
     lake: &Lake,
     robots: &[RobotHistory],
-    folder: &Path,
-    as_of: Option<WallTime>,
+    folder: Option<&Path>,
+    of_all: OfAll,
 ) -> Result<Vec<PathBuf>, HistoryCommandError> {
-    make(folder)?;
+    folder.map_or(Ok(()), make)?;
+    let linked = folder.is_none().then_some(lake);
     let page = |robot: &RobotHistory| {
         let (figures, wrong) = figures_of_ends(lake, &robot.sessions);
         tell(&wrong);
-        let name = file_name(lake, &robot.robot)?;
-        put(folder, &name, trend(robot, &figures).as_bytes())
+        let name = page_over_time(&robot.robot)?;
+        put_page(lake, folder, &name, &trend(robot, &figures, linked)?)
     };
     let written = lake.read_with(|| robots.par_iter().map(page).collect::<Result<Vec<_>, _>>());
     let mut written = written?;
-    written.extend(page_of_fleet(lake, robots, folder, as_of)?);
+    written.extend(page_of_fleet(lake, robots, folder, of_all)?);
     Ok(written)
 }
 
 fn page_of_fleet(
     lake: &Lake,
     robots: &[RobotHistory],
-    folder: &Path,
-    as_of: Option<WallTime>,
+    folder: Option<&Path>,
+    of_all: OfAll,
 ) -> Result<Option<PathBuf>, HistoryCommandError> {
-    if robots.len() < 2 {
-        return Ok(None);
+    let Some(as_of) = of_all else { return Ok(None) };
+    let names = robots.iter().map(|own| page_over_time(&own.robot));
+    let names = names.collect::<Result<Vec<_>, LakeError>>()?;
+    put_page(lake, folder, FLEET, &fleet(robots, &names, as_of)).map(Some)
+}
+
+fn put_page(
+    lake: &Lake,
+    folder: Option<&Path>,
+    name: &str,
+    page: &str,
+) -> Result<PathBuf, HistoryCommandError> {
+    match folder {
+        Some(folder) => put(folder, name, page.as_bytes()),
+        None => Ok(lake.keep_page(name, page.as_bytes())?.named()),
     }
-    let names = robots.iter().map(|own| file_name(lake, &own.robot));
-    let names = names.collect::<Result<Vec<_>, _>>()?;
-    let page = fleet(robots, &names, as_of);
-    put(folder, FLEET, page.as_bytes()).map(Some)
 }
 
 fn make(folder: &Path) -> Result<(), HistoryCommandError> {
@@ -108,19 +115,6 @@ fn rows<'h>(
     let sessions = robots.iter().flat_map(|robot| &robot.sessions);
     let figures = sessions.zip(all.iter().flatten());
     figures.flat_map(|(session, own)| own.iter().map(move |figure| (session, figure))).collect()
-}
-
-/// A robot's name may hold any character, so it is encoded as in the lake; of a robot named like the page of the fleet
-/// the first letter is too.
-fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
-    let key = RunKey::new("robot", "session", robot);
-    let path = lake.page(&key)?.named();
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    Ok(if name.eq_ignore_ascii_case(FLEET) {
-        format!("%{:02X}{}", name.as_bytes()[0], &name[1..])
-    } else {
-        name.into_owned()
-    })
 }
 
 fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {

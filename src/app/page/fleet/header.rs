@@ -56,9 +56,11 @@ fn status(content: &Content) -> (TableVerdict, String) {
         let headline = format!("{not_met} of {} {verb} not meet the tolerance", how_many(all));
         (TableVerdict::NotMet, headline)
     } else if met < all {
-        let headline = format!("{met} of {all} robots are shown to meet the tolerance");
+        let verb = if all == 1 { "is" } else { "are" };
+        let headline = format!("{met} of {} {verb} shown to meet the tolerance", how_many(all));
         (TableVerdict::NotShown, headline)
     } else {
-        (TableVerdict::Met, format!("All {all} robots meet the tolerance"))
+        let headline = if all == 1 { "The robot meets" } else { "All robots meet" };
+        (TableVerdict::Met, format!("{headline} the tolerance"))
     }
 }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::content::{Content, Newest, Robot, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::history::figure_name;
-use crate::page::shell::table;
+use crate::page::shell::{address, table};
 use crate::page::words::{mark, number, optional, verdict};
 
 const WORST: usize = 10;
@@ -153,9 +153,9 @@ fn sort_by_ratio(own: &mut [Measured<'_>]) {
     own.sort_by(|a, b| ratio(b).total_cmp(&ratio(a)));
 }
 
-/// The robot's name, which leads to its page. In the address of a file `%` is written `%25`.
+/// The robot's name, which leads to its page.
 fn link(robot: &Robot) -> Markup {
-    html! { a href=(robot.page.replace('%', "%25")) { (robot.name) } }
+    html! { a href=(address(&robot.page)) { (robot.name) } }
 }
 
 fn began(newest: &Newest) -> String {

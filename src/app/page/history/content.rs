@@ -1,3 +1,6 @@
+use crate::io::tables::words::TableVerdict;
+use crate::units::WallTime;
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
     pub robot: String,
@@ -14,10 +17,20 @@ pub struct Content {
     pub left_out: Vec<(String, String)>,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Session {
     pub name: String,
     pub run: String,
+    /// Address of the page of its run, relative to this one; `None` where this one stands outside the lake.
+    pub page: Option<String>,
+    /// Its start; `None` where no clock has an epoch.
+    pub started: Option<WallTime>,
+    pub verdict: TableVerdict,
+    /// The bound that the verdict rests on, mm.
+    pub bound_mm: Option<f64>,
+    pub tolerance_mm: Option<f64>,
+    /// Mean errors before and after correction, mm.
+    pub means_mm: [Option<f64>; 2],
     /// Segment of the session, from 1.
     pub segment: usize,
     /// Changes that began the segment; empty where the session began none.

@@ -2,11 +2,18 @@
 
 use super::content::{Content, Curve, Parameter, Point, Series, Session};
 use super::html;
+use crate::io::tables::words::TableVerdict;
 
 fn session(name: &str, moved: Option<&str>, lasting: Option<bool>) -> Session {
     Session {
         name: name.to_owned(),
         run: "00ff".to_owned(),
+        page: Some(format!("../report/ur10%20b/{name}/00ff.html")),
+        started: None,
+        verdict: TableVerdict::Met,
+        bound_mm: Some(0.25),
+        tolerance_mm: Some(0.5),
+        means_mm: [Some(1.5), None],
         segment: 1,
         began: Vec::new(),
         against: usize::from(name != "mon"),
@@ -63,6 +70,8 @@ fn the_verdict_stands_first_and_everything_is_escaped() {
     assert!(page.contains("Nothing moved"), "{page}");
     assert!(page.contains("ur10 &lt;b&gt;") && !page.contains("ur10 <b>"));
     assert!(page.contains("base by 0.200 mm") && page.contains("replaced by another run"));
+    assert!(page.contains("href=\"../report/ur10%2520b/wed/00ff.html\""), "{page}");
+    assert!(page.contains("tolerance 0.5 mm"), "{page}");
     assert!(!page.contains("<script") && !page.contains("http"), "no script and no network");
     let page = page.trim_start_matches("<!DOCTYPE html>");
     let tree = roxmltree::Document::parse(page).expect("well-formed");

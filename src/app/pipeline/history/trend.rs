@@ -4,40 +4,55 @@ use std::collections::BTreeMap;
 
 use super::{RobotHistory, RunResult};
 use crate::history::FALSE_ALARM;
+use crate::io::lake::{Lake, LakeError, PAGES};
 use crate::io::table::Word as _;
 use crate::io::tables::past::{Figure, Kind, PastSession};
-use crate::io::tables::words::Unit;
+use crate::io::tables::words::{TableVerdict, Unit};
 use crate::manifest::VERSION;
 use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
 use crate::page::history::html;
+use crate::units::WallTime;
 
-/// The page; `figures` are those of each session.
-pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
-    html(&Content {
+/// The page; `figures` are those of each session. In the folder of `linked`, the lake, it leads to the pages of runs.
+pub fn trend(
+    robot: &RobotHistory,
+    figures: &[Vec<Figure>],
+    linked: Option<&Lake>,
+) -> Result<String, LakeError> {
+    Ok(html(&Content {
         robot: robot.robot.clone(),
         version: VERSION.to_owned(),
         false_alarm: FALSE_ALARM,
         runs: robot.runs,
-        sessions: sessions(robot),
+        sessions: sessions(robot, linked)?,
         series: series(figures),
         curves: curves(figures),
         parameters: parameters(figures),
         left_out: left_out(robot),
-    })
+    }))
 }
 
-fn sessions(robot: &RobotHistory) -> Vec<Session> {
+fn sessions(robot: &RobotHistory, linked: Option<&Lake>) -> Result<Vec<Session>, LakeError> {
     let lasting = PastSession::lasting(&robot.sessions);
-    let session = |((past, result), lasting): ((&PastSession, &RunResult), Option<bool>)| Session {
-        means: result.before_and_after(),
-        name: past.key.session.clone(),
-        run: past.key.run.clone(),
-        segment: past.judged.segment,
-        began: past.judged.began.clone(),
-        against: past.judged.against,
-        moved: past.judged.in_words(),
-        lasting,
-        out_of_control: past.judged.out_of_control().map(str::to_owned).collect(),
+    let session = |((past, result), lasting): ((&PastSession, &RunResult), Option<bool>)| {
+        let page = linked.map(|lake| lake.file_key(PAGES, &past.key)).transpose()?;
+        Ok(Session {
+            means: result.before_and_after(),
+            name: past.key.session.clone(),
+            run: past.key.run.clone(),
+            page: page.map(|key| format!("../{key}")),
+            started: result.started_us.map(WallTime::of_us),
+            verdict: TableVerdict::of_word(&result.verdict).unwrap_or(TableVerdict::NotShown),
+            bound_mm: result.bound_mm,
+            tolerance_mm: result.tolerance_mm,
+            means_mm: [result.mean_before_mm, result.mean_after_mm],
+            segment: past.judged.segment,
+            began: past.judged.began.clone(),
+            against: past.judged.against,
+            moved: past.judged.in_words(),
+            lasting,
+            out_of_control: past.judged.out_of_control().map(str::to_owned).collect(),
+        })
     };
     let sessions = robot.sessions.iter().zip(&robot.results);
     sessions.zip(lasting).map(session).collect()
