@@ -4,7 +4,7 @@
 
 For each seed an arm of `independent_arm.py` is recorded and identified as there. A part lies in its box, with a base that was surveyed or
 that was touched with this wrong arm (KUKA's three points, ABB's user frame likewise), and a program in KRL and one in RAPID move over it:
-joint motions, straight ones, circles. For each dialect and each way of finding the base
+joint motions, straight ones, circles; a script of Universal Robots goes to its poses by joint angles. For each dialect and each way of finding the base
 1. `posegrid compensate` corrects the program;
 2. a small interpreter runs the original and the corrected text: the controller knows the nominal arm, moves its tool straight, on a circle
    or by joints between the poses of the text in the base of its numbers, and sends the joints to the wrong arm;
@@ -308,7 +308,29 @@ def write_rapid(poses, base, start):
     return {"part.mod": "\r\n".join([*lines, "  ENDPROC", "ENDMODULE", ""])}
 
 
-DIALECTS = {"KRL": (write_krl, read_krl, "BASE_DATA[1]", "TOOL_DATA[1]"), "RAPID": (write_rapid, read_rapid, "wPart.uframe", "tTip")}
+def write_urscript(poses, base, start):
+    """Joint angles alone: poses of a `.script` ask for the calibration that a controller of Universal Robots has of its own arm."""
+    joints = [start, *(reach(nominal(), base @ own, start) for own in poses)]
+    listed = lambda own: "[" + ", ".join(f"{angle:.7f}" for angle in own) + "]"
+    lines = ["def Part():", f"  set_tcp(p[{', '.join(f'{mm / 1e3:.6f}' for mm in cell.TOOL)}, 0.0, 0.0, 0.0])", f"  global Over_q={listed(joints[1])}"]
+    lines += [f"  movej({'Over_q' if number == 1 else listed(own)}, a=1.4, v=1.05) # motion {number}" for number, own in enumerate(joints)]
+    return {"part.script": "\n".join([*lines, "end", ""])}
+
+
+def read_urscript(files):
+    text = re.sub(r"#.*", "", files["part.script"])
+    tool = numbers(re.search(r"set_tcp\(p\[(.*?)\]", text)[1])
+    values = {name: numbers(own) for name, own in re.findall(r"global (\w+)=\[(.*?)\]", text)}
+    given = re.findall(r"movej\((?:\[(.*?)\]|(\w+))", text)
+    motions = [("joints", [np.array(numbers(own) if own else values[name])]) for own, name in given]
+    return np.eye(4), pose(np.eye(3), 1e3 * np.array(tool[:3])), motions
+
+
+DIALECTS = {
+    "KRL": (write_krl, read_krl, "BASE_DATA[1]", "TOOL_DATA[1]"),
+    "RAPID": (write_rapid, read_rapid, "wPart.uframe", "tTip"),
+    "URScript": (write_urscript, read_urscript, "base", "tcp"),
+}
 
 
 def touch(arm, part, is_rapid):
@@ -338,10 +360,10 @@ def stated_pose(joints):
 def cell_file(dialect, calibration, points):
     _, _, base, tool = DIALECTS[dialect]
     identity = "{ xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }"
-    lines = [] if dialect == "KRL" else [f'[frames.base_frame]\nfound = "surveyed"\nplace = {identity}']
+    lines = [] if dialect != "RAPID" else [f'[frames.base_frame]\nfound = "surveyed"\nplace = {identity}']
     lines.append(f'[frames."{tool}"]\nfound = "surveyed"')
     if points is None:
-        lines.append(f'[frames."{base}"]\nfound = "surveyed"')
+        lines.append(f'[frames."{base}"]\nfound = "surveyed"' + (f"\nplace = {identity}" if dialect == "URScript" else ""))
     else:
         touched = ", ".join(points)
         tip = f"{{ xyz_mm = {[float(x) for x in cell.TOOL]}, quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }}"
@@ -398,7 +420,9 @@ def corrected_part(binary, folder, arm, generator, calibration, bound, name, opt
     done = {}
     for dialect, (write, read, *_) in DIALECTS.items():
         touched, points_touched = touch(arm, part, dialect == "RAPID")
-        for how, base, taught in (("surveyed", part, None), ("taught", touched, points_touched)):
+        # Joint angles stand in no base.
+        ways = (("surveyed", part, None), ("taught", touched, points_touched))[: 1 if dialect == "URScript" else 2]
+        for how, base, taught in ways:
             files = write(poses, base, START)
             own_base, tool, motions = read(files)
             assert np.allclose(tool[:3, 3], cell.TOOL)
@@ -420,7 +444,7 @@ def corrected_part(binary, folder, arm, generator, calibration, bound, name, opt
             before, (left, between, _) = off(motions), after(taught, own)
             surveyed = np.array([]) if taught is None else after(None, f"{own}-as-surveyed")[0]
             done[dialect, how] = before, left, left <= bound + between, surveyed
-            if taught is None:
+            if taught is None and dialect != "URScript":
                 dense, between, added = after(None, f"{own}-dense", "--densify", DENSIFY_MM)
                 options.added |= added
                 done[dialect, "densified"] = before, dense, dense <= bound + between, surveyed

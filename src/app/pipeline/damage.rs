@@ -46,8 +46,7 @@ impl Loss {
     fn words(&self) -> String {
         let Self { of, unit, lost, all } = self;
         let cause = if *unit == "bytes" { "lost to damage" } else { "lost" };
-        let percent = percent(*lost, *all);
-        format!("{of}: {lost} of {all} {unit} were {cause} ({percent:.2} %)")
+        format!("{of}: {lost} of {all} {unit} were {cause}{}", share(*lost, *all))
     }
 
     fn is_beyond(&self, allowed: f64) -> bool {
@@ -87,8 +86,14 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
     }
 }
 
-/// What is less than this is 0.00 in words, of a mm or of a percent: no warning.
+/// What is less than this is 0.00 in words, of a mm or of a percent.
 pub(super) const NOTHING: f64 = 0.005;
+
+/// The share in brackets; empty where it would be 0.00.
+fn share(part: u64, whole: u64) -> String {
+    let percent = percent(part, whole);
+    if percent < NOTHING { String::new() } else { format!(" ({percent:.2} %)") }
+}
 
 /// The losses of a session's logs as text: a line for each log that lost something or whose end is missing.
 pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
@@ -98,15 +103,14 @@ pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
             format!("{session}: {log} ends too early: what its recorder did not write is not known")
         })
     };
-    let is_some = |loss: &Loss| percent(loss.lost, loss.all) >= NOTHING;
-    let damaged = bytes(counts).filter(is_some);
+    let damaged = bytes(counts).filter(|loss| loss.lost > 0);
     let damaged = damaged.map(|Loss { of, lost, all, .. }| {
         format!(
-            "{session}: {of} is damaged: {lost} of {all} bytes lost ({:.2} %); see table rejects",
-            percent(lost, all)
+            "{session}: {of} is damaged: {lost} of {all} bytes lost{}; see table rejects",
+            share(lost, all)
         )
     });
-    let missing = messages(counts).filter(is_some);
+    let missing = messages(counts).filter(|loss| loss.lost > 0);
     let missing = missing.map(|loss| {
         let words = loss.words();
         format!("{session}: {words}; see table rejects")

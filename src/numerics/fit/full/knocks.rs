@@ -10,7 +10,7 @@
 //! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock, or the slip of the joint with more
 //!    evidence, where the log evidence rises by 20 nats: a slow drift gains nothing by a step.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use nalgebra::{
     DMatrix, DMatrixView, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6,
@@ -37,7 +37,7 @@ const BESIDE: usize = 20;
 const GAIN: f64 = 20.0;
 /// Least statistic of a motion that is tried: of sound sessions it has six degrees of freedom.
 const TRIED: f64 = 30.0;
-/// Share of the statistic of a motion of the base that a slip has at least: it is one of those motions, or none of them does better.
+/// Share of the statistic of a motion of the base from which on a slip is one of those motions. One with less has to have 20 nats more.
 const SLIP_SHARE: f64 = 0.9;
 const MOST: usize = 4;
 const HARMONICS: usize = 6;
@@ -207,6 +207,9 @@ struct Sized {
     noise: f64,
 }
 
+/// A step before a station, and the model with it.
+type Tried = Option<((usize, Columns), Sized)>;
+
 impl<'a> Small<'a> {
     fn of(
         observations: &'a [Observation],
@@ -280,18 +283,34 @@ impl<'a> Small<'a> {
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        // No least statistic: sizes found without the slip grow with it, so its statistic stays below the number of rows.
-        let is_slip = |joint: &usize| statistics[1 + joint] >= SLIP_SHARE * statistics[0];
-        let joints = (0..self.units.len()).filter(is_slip);
-        let columns: Vec<Columns> =
-            [Columns::Base].into_iter().chain(joints.map(Columns::Joint)).collect();
-        let tried = near.flat_map(|station| columns.iter().map(move |own| (station, *own)));
-        let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
-        let ((station, columns), with) = sized
-            .max_by(|a, b| a.1.posterior.log_evidence.total_cmp(&b.1.posterior.log_evidence))?;
+        let knock = self.best(near.clone(), [Columns::Base].into_iter());
+        let slip = self.best(near, (0..self.units.len()).map(Columns::Joint));
+        let evidence = |own: &Tried| {
+            own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.posterior.log_evidence)
+        };
+        // No least statistic: sizes found without a step grow with it, so that all statistics of a large one are alike.
+        let is_that_motion = |own: &((usize, Columns), Sized)| match own.0.1 {
+            Columns::Joint(joint) => statistics[1 + joint] >= SLIP_SHARE * statistics[0],
+            Columns::Base => false,
+        };
+        let more = if slip.as_ref().is_some_and(is_that_motion) { 0.0 } else { GAIN };
+        let is_slip = evidence(&slip) > evidence(&knock) + more;
+        let ((station, columns), with) = if is_slip { slip } else { knock }?;
         let gain = with.posterior.log_evidence - without.posterior.log_evidence;
         let step = (gain > GAIN).then(|| self.step_at(columns, &with))??;
         Some((self.observations[self.stations[station].start].station, step))
+    }
+
+    /// The step with the most evidence of those before some stations.
+    fn best(
+        &self,
+        near: RangeInclusive<usize>,
+        columns: impl Iterator<Item = Columns> + Clone,
+    ) -> Tried {
+        let tried = near.flat_map(|station| columns.clone().map(move |own| (station, own)));
+        let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
+        let evidence = |own: &((usize, Columns), Sized)| own.1.posterior.log_evidence;
+        sized.max_by(|a, b| evidence(a).total_cmp(&evidence(b)))
     }
 
     /// The model with sizes of curves, drift and noise found by their likelihood; with a step before a station, where one is given.
