@@ -37,7 +37,7 @@ const NOT_BY_A_RUN: &[(&str, &[&str], &str)] = &[
     ),
     (
         "corrections.form",
-        &["krl", "rapid", "fanuc"],
+        &["krl", "rapid", "fanuc", "urscript"],
         "tests/run/compensate/programs.rs and src/app/cli/compensate/program/write.rs: files of programs",
     ),
     ("joint_errors.joint_unit", &["mm"], "tests/run/any_arm.rs: an arm on a track"),

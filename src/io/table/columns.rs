@@ -320,6 +320,7 @@ mod tests {
             "station",
             "line",
             "column",
+            "code",
         ];
         let wrong = wrong
             .key(&RunKey::new("r", "s", "0"))

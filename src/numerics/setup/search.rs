@@ -308,7 +308,7 @@ mod tests {
         // Readings that do not follow the axes are one.
         let mut other = sound;
         for (place, station) in other.stations.iter_mut().enumerate() {
-            station.measured += Vector3::x() * 40.0 * (place % 7) as f64;
+            station.measured += Vector3::x() * 120.0 * (place % 7) as f64;
         }
         assert!(check(&stated, &other, &Alternatives::default(), 30.0).is_some());
     }
