@@ -1,6 +1,6 @@
-//! `URScript` of Universal Robots (*The URScript Programming Language*): programs `.script`, as PolyScope saves them or off-line tools write them.
+//! Programs `.script` of Universal Robots (*The `URScript` Programming Language*), as `PolyScope` saves them or off-line tools write them.
 //!
-//! 1. Each file becomes statements (`statement`): a line each, which goes on inside brackets. A line with `$` is a label of PolyScope.
+//! 1. Each file becomes statements (`statement`): a line each, which goes on inside brackets. A line with `$` is a label of `PolyScope`.
 //! 2. Assignments are values, and functions steps (`steps`): `set_tcp`, blocks, calls, motions (`motion`).
 //! 3. The functions are walked ([`crate::flow`]).
 //!
@@ -115,7 +115,7 @@ fn entry(routine: &str) -> State {
 }
 
 impl Programs {
-    /// Refuses poses of URScript where an arm is no calibration that a controller has of its own arm: such an arm stands at angles that no
+    /// Refuses poses of `URScript` where an arm is no calibration that a controller has of its own arm: such an arm stands at angles that no
     /// drawing has.
     pub(crate) fn hold_poses(&mut self, arm: &Arm) {
         let flange = arm.flange(&vec![0.0; arm.joints().len()]);

@@ -18,15 +18,15 @@ use crate::value::{Cursor, Number, Value};
 const MM: f64 = 1000.0;
 const DEGREES: f64 = 180.0 / PI;
 
-/// Motions to positions; those without a way are refused.
-pub(super) fn way(word: &str) -> Option<Option<Way>> {
-    Some(match word {
+/// The way of a motion to a position; [`Way::Other`] of one that is refused.
+pub(super) fn way(word: &str) -> Option<Way> {
+    match word {
         "MOVEJ" => Some(Way::Joints),
         "MOVEL" | "MOVEP" => Some(Way::Straight),
         "MOVEC" => Some(Way::Circle),
-        "SERVOJ" | "SERVOC" | "SERVOL" | "MOVE_THROUGH" => None,
-        _ => return None,
-    })
+        "SERVOJ" | "SERVOC" | "SERVOL" | "MOVE_THROUGH" => Some(Way::Other),
+        _ => None,
+    }
 }
 
 /// `p[…]` as a list behind its name; any other value as it is.
@@ -126,9 +126,9 @@ impl Reading<'_> {
         inside: Cursor<'_>,
         steps: &mut Vec<Step>,
     ) {
-        let way = way(word).flatten();
+        let way = way(word).unwrap_or(Way::Other);
         let all = named(inside);
-        let count = if way == Some(Way::Circle) { 2 } else { 1 };
+        let count = if way == Way::Circle { 2 } else { 1 };
         let (mut targets, mut own, mut states) = (Vec::new(), Vec::new(), false);
         for (_, part) in all.iter().take(count) {
             let (target, feature, is_near) = self.target(here, word, *part);
@@ -144,7 +144,7 @@ impl Reading<'_> {
         };
         let radius = all.iter().find(|(name, _)| name == "R");
         let is_blended = radius.map_or(all.len() > 4, |(_, part)| !is_zero(part));
-        let obstacle = way.is_none().then(not_followed).map(Arc::new);
+        let obstacle = (way == Way::Other).then(not_followed).map(Arc::new);
         steps.push(self.common.moves(Motion {
             file: here.file,
             line: here.line,
@@ -153,7 +153,7 @@ impl Reading<'_> {
             own,
             is_held: false,
             reads: if states { Reads::Always } else { Reads::Never },
-            way: way.unwrap_or(Way::Other),
+            way,
             is_blended,
             split: Err(NOT_SPLIT),
             obstacle,

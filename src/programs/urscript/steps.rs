@@ -231,7 +231,9 @@ impl Reading<'_> {
             let read = assignment(statement).map_or(statement, |(_, part, _)| part);
             self.common.reads(&here, read);
         }
-        steps.into_iter().for_each(|step| walked.push(step));
+        for step in steps {
+            walked.push(step);
+        }
     }
 
     fn tool(&self, here: &Here<'_>, inside: Cursor<'_>) -> Known {

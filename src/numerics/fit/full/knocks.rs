@@ -283,8 +283,8 @@ impl<'a> Small<'a> {
         }
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
-        let knock = self.best(near.clone(), [Columns::Base].into_iter());
-        let slip = self.best(near, (0..self.units.len()).map(Columns::Joint));
+        let joints: Vec<Columns> = (0..self.units.len()).map(Columns::Joint).collect();
+        let [knock, slip] = [&[Columns::Base], &joints[..]].map(|own| self.best(&near, own));
         let evidence = |own: &Tried| {
             own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.posterior.log_evidence)
         };
@@ -302,12 +302,8 @@ impl<'a> Small<'a> {
     }
 
     /// The step with the most evidence of those before some stations.
-    fn best(
-        &self,
-        near: RangeInclusive<usize>,
-        columns: impl Iterator<Item = Columns> + Clone,
-    ) -> Tried {
-        let tried = near.flat_map(|station| columns.clone().map(move |own| (station, own)));
+    fn best(&self, near: &RangeInclusive<usize>, columns: &[Columns]) -> Tried {
+        let tried = near.clone().flat_map(|station| columns.iter().map(move |own| (station, *own)));
         let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
         let evidence = |own: &((usize, Columns), Sized)| own.1.posterior.log_evidence;
         sized.max_by(|a, b| evidence(a).total_cmp(&evidence(b)))
