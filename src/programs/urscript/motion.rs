@@ -129,34 +129,40 @@ impl Reading<'_> {
         let way = way(word).unwrap_or(Way::Other);
         let all = named(inside);
         let count = if way == Way::Circle { 2 } else { 1 };
-        let (mut targets, mut own, mut states) = (Vec::new(), Vec::new(), false);
+        let (mut targets, mut features, mut states) = (Vec::new(), Vec::new(), false);
         for (_, part) in all.iter().take(count) {
             let (target, feature, is_near) = self.target(here, word, *part);
             states = is_near || self.is_joints(&target);
-            own = feature;
+            features.push(feature);
             targets.push(target);
         }
-        let not_followed =
-            || Refusal::Instruction { word: word.to_ascii_lowercase(), at: self.common.at(here) };
         let is_zero = |part: &Cursor<'_>| {
             let mut rest = *part;
             rest.take_number().is_some_and(|own| own.value == 0.0)
         };
         let radius = all.iter().find(|(name, _)| name == "R");
         let is_blended = radius.map_or(all.len() > 4, |(_, part)| !is_zero(part));
-        let obstacle = (way == Way::Other).then(not_followed).map(Arc::new);
+        let differs = features.windows(2).any(|own| own[0] != own[1]);
+        let obstacle = if way == Way::Other {
+            let (word, at) = (word.to_ascii_lowercase(), self.common.at(here));
+            Some(Refusal::Instruction { word, at })
+        } else {
+            let words = "the positions of its motion stand in two features; give them one";
+            differs.then(|| Refusal::Other(words.to_owned()))
+        };
+        let own = features.pop().flatten().map(|frame| (Slot::Base, frame));
         steps.push(self.common.moves(Motion {
             file: here.file,
             line: here.line,
             word: word.to_ascii_lowercase(),
             targets,
-            own,
+            own: own.into_iter().collect(),
             is_held: false,
             reads: if states { Reads::Always } else { Reads::Never },
             way,
             is_blended,
             split: Err(NOT_SPLIT),
-            obstacle,
+            obstacle: obstacle.map(Arc::new),
         }));
     }
 
@@ -174,7 +180,7 @@ impl Reading<'_> {
         here: &Here<'_>,
         word: &str,
         part: Cursor<'_>,
-    ) -> (Target, Vec<(Slot, Known)>, bool) {
+    ) -> (Target, Option<Known>, bool) {
         let read = Read::of(part);
         let is_near = read.as_ref().is_some_and(|read| read.near.is_some());
         let feature = read.as_ref().and_then(|read| read.feature);
@@ -183,9 +189,11 @@ impl Reading<'_> {
             (None, _) | (_, Some(None)) => None,
             (Some(read), _) => self.literal(here, word, &read),
         };
-        let target = self.common.target(here, part, found);
-        let own = frame.flatten().map(|frame| (Slot::Base, frame)).into_iter().collect();
-        (target, own, is_near)
+        if let Some(feature) = feature {
+            // A position that another stands in moves that one too.
+            self.common.reads(here, feature);
+        }
+        (self.common.target(here, part, found), frame.flatten(), is_near)
     }
 
     fn literal(&mut self, here: &Here<'_>, word: &str, read: &Read<'_>) -> Option<Target> {

@@ -51,11 +51,7 @@ impl<'f> Statements<'f> {
 /// The name and the value of an assignment, and whether an element is assigned.
 pub(super) fn assignment(statement: Cursor<'_>) -> Option<(String, Cursor<'_>, bool)> {
     let mut rest = statement;
-    let is_word =
-        |rest: &Cursor<'_>| rest.peek_name().is_some_and(|own| own == "GLOBAL" || own == "LOCAL");
-    if is_word(&rest) {
-        rest.take();
-    }
+    let _is_declared = rest.take_word("GLOBAL") || rest.take_word("LOCAL");
     let name = rest.take_name()?;
     let is_element = rest.take_sign(b'[');
     if is_element {

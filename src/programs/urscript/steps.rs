@@ -10,28 +10,31 @@ use crate::reading::{Here, has};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
 
-/// Functions of the controller that neither move the arm nor set a tool, and beginnings of such.
-const HARMLESS: &str = "ABS ACOS ASIN ATAN ATAN2 CEIL COS D2R FLOOR HALT INTEGER_TO_BINARY_LIST BINARY_LIST_TO_INTEGER INTERPOLATE_POSE INV \
-    KILL LENGTH LOG NORM POINT_DIST POW R2D RANDOM RETURN ROTVEC2RPY RPY2ROTVEC SIN SIZE SLEEP SQRT STOPJ STOPL SYNC TAN TEXTMSG POPUP PAUSE TO_NUM \
-    TO_STR STR_AT STR_CAT STR_EMPTY STR_FIND STR_LEN STR_SUB TRANSPOSE WRENCH_TRANS XMLRPC AND OR NOT XOR IF WHILE ELIF ENCODER_GET_TICK_COUNT";
-const HARMLESS_BEGINS: [&str; 16] = [
-    "GET_",
-    "SET_",
-    "IS_",
-    "POSE_",
-    "READ_",
-    "WRITE_",
-    "SOCKET_",
-    "MODBUS_",
-    "RTDE_",
-    "RPC_",
-    "ASSERT",
-    "TOOL_CONTACT",
-    "ENTER_",
-    "EXIT_",
-    "BINARY_",
-    "STR_",
-];
+/// Functions of the controller that neither move the arm nor set a tool, and words before a bracket that are none. Any other name is a
+/// function of a file that is not given, whatever it begins with.
+const HARMLESS: &str = "ABS ACOS ASIN ATAN ATAN2 CEIL COS D2R FLOOR INV LENGTH LOG NORM POINT_DIST POSE_ADD POSE_DIST POSE_INV POSE_SUB POSE_TRANS POW R2D \
+    RANDOM ROTVEC2RPY RPY2ROTVEC SIN SIZE SQRT TAN TRANSPOSE WRENCH_TRANS INTERPOLATE_POSE INTEGER_TO_BINARY_LIST BINARY_LIST_TO_INTEGER TO_NUM TO_STR \
+    STR_AT STR_CAT STR_EMPTY STR_FIND STR_LEN STR_SUB AND OR NOT XOR IF WHILE ELIF RETURN HALT KILL PAUSE POPUP SLEEP SYNC TEXTMSG STOPJ STOPL XMLRPC \
+    GET_ACTUAL_JOINT_POSITIONS GET_ACTUAL_JOINT_SPEEDS GET_ACTUAL_TCP_POSE GET_ACTUAL_TCP_SPEED GET_ACTUAL_TOOL_FLANGE_POSE GET_CONTROLLER_TEMP \
+    GET_FORWARD_KIN GET_INVERSE_KIN GET_INVERSE_KIN_HAS_SOLUTION GET_JOINT_TEMP GET_JOINT_TORQUES GET_STEPTIME GET_TARGET_JOINT_POSITIONS \
+    GET_TARGET_JOINT_SPEEDS GET_TARGET_PAYLOAD GET_TARGET_PAYLOAD_COG GET_TARGET_TCP_POSE GET_TARGET_TCP_SPEED GET_TARGET_WAYPOINT GET_TCP_FORCE \
+    GET_TCP_OFFSET GET_TOOL_CURRENT GET_ANALOG_IN GET_ANALOG_OUT GET_DIGITAL_IN GET_DIGITAL_OUT GET_CONFIGURABLE_DIGITAL_IN GET_CONFIGURABLE_DIGITAL_OUT \
+    GET_STANDARD_ANALOG_IN GET_STANDARD_ANALOG_OUT GET_STANDARD_DIGITAL_IN GET_STANDARD_DIGITAL_OUT GET_TOOL_ANALOG_IN GET_TOOL_DIGITAL_IN \
+    GET_TOOL_DIGITAL_OUT GET_FLAG GET_EULER_ANGLES IS_STEADY IS_WITHIN_SAFETY_LIMITS TOOL_CONTACT \
+    SET_ANALOG_INPUTRANGE SET_ANALOG_OUT SET_ANALOG_OUTPUTDOMAIN SET_CONFIGURABLE_DIGITAL_OUT SET_DIGITAL_OUT SET_FLAG SET_GRAVITY \
+    SET_INPUT_ACTIONS_TO_DEFAULT SET_PAYLOAD SET_PAYLOAD_COG SET_PAYLOAD_MASS SET_RUNSTATE_CONFIGURABLE_DIGITAL_OUTPUT_TO_VALUE \
+    SET_RUNSTATE_STANDARD_ANALOG_OUTPUT_TO_VALUE SET_RUNSTATE_STANDARD_DIGITAL_OUTPUT_TO_VALUE SET_RUNSTATE_TOOL_DIGITAL_OUTPUT_TO_VALUE \
+    SET_SAFETY_MODE_TRANSITION_HARDNESS SET_STANDARD_ANALOG_INPUT_DOMAIN SET_STANDARD_ANALOG_OUT SET_STANDARD_ANALOG_OUTPUT_DOMAIN \
+    SET_STANDARD_DIGITAL_INPUT_ACTION SET_STANDARD_DIGITAL_OUT SET_TARGET_PAYLOAD SET_TOOL_ANALOG_INPUT_DOMAIN SET_TOOL_COMMUNICATION \
+    SET_TOOL_DIGITAL_INPUT_ACTION SET_TOOL_DIGITAL_OUT SET_TOOL_OUTPUT_MODE SET_TOOL_VOLTAGE SET_WATCHDOG \
+    READ_INPUT_BOOLEAN_REGISTER READ_INPUT_FLOAT_REGISTER READ_INPUT_INTEGER_REGISTER READ_OUTPUT_BOOLEAN_REGISTER READ_OUTPUT_FLOAT_REGISTER \
+    READ_OUTPUT_INTEGER_REGISTER READ_PORT_BIT READ_PORT_REGISTER WRITE_OUTPUT_BOOLEAN_REGISTER WRITE_OUTPUT_FLOAT_REGISTER \
+    WRITE_OUTPUT_INTEGER_REGISTER WRITE_PORT_BIT WRITE_PORT_REGISTER ENCODER_GET_TICK_COUNT ENCODER_ENABLE_SET_TICK_COUNT \
+    MODBUS_ADD_SIGNAL MODBUS_DELETE_SIGNAL MODBUS_GET_SIGNAL_STATUS MODBUS_SEND_CUSTOM_COMMAND MODBUS_SET_DIGITAL_INPUT_ACTION \
+    MODBUS_SET_OUTPUT_REGISTER MODBUS_SET_OUTPUT_SIGNAL MODBUS_SET_RUNSTATE_DEPENDENT_CHOICE MODBUS_SET_SIGNAL_UPDATE_FREQUENCY RPC_FACTORY \
+    RTDE_SET_WATCHDOG SOCKET_CLOSE SOCKET_GET_VAR SOCKET_OPEN SOCKET_READ_ASCII_FLOAT SOCKET_READ_BINARY_INTEGER SOCKET_READ_BYTE_LIST \
+    SOCKET_READ_LINE SOCKET_READ_STRING SOCKET_SEND_BYTE SOCKET_SEND_INT SOCKET_SEND_LINE SOCKET_SEND_STRING SOCKET_SET_VAR \
+    ENTER_CRITICAL EXIT_CRITICAL";
 /// What moves positions at run time, and what ends it.
 const DISPLACES: &str =
     "TRACK_CONVEYOR_LINEAR TRACK_CONVEYOR_CIRCULAR PATH_OFFSET_ENABLE FORCE_MODE SCREW_DRIVING";
@@ -39,11 +42,13 @@ const REPLACES: &str =
     "STOP_CONVEYOR_TRACKING PATH_OFFSET_DISABLE END_FORCE_MODE END_SCREW_DRIVING";
 
 pub(super) fn is_harmless(name: &str) -> bool {
-    has(HARMLESS, name) || HARMLESS_BEGINS.iter().any(|begin| name.starts_with(begin))
+    has(HARMLESS, name)
 }
 
 enum Block {
-    Function { is_thread: bool },
+    Function,
+    /// With its line.
+    Thread(u32),
     If,
     Loop,
 }
@@ -118,7 +123,7 @@ impl Reading<'_> {
         // A function that does not end is refused by its open block.
         while walked.bodies.len() > 1 {
             walked.push(Step::If);
-            self.close_function(&mut walked, false);
+            self.close_function(&mut walked, None);
         }
     }
 
@@ -141,7 +146,8 @@ impl Reading<'_> {
         let none = Cursor { tokens: &[], ..rest };
         match word.as_str() {
             "DEF" | "THREAD" | "SEC" => {
-                self.open_function(walked, rest, word == "THREAD");
+                let block = if word == "THREAD" { Block::Thread(line) } else { Block::Function };
+                self.open_function(walked, rest, block);
                 return none;
             }
             "IF" | "WHILE" | "ELIF" => {
@@ -160,7 +166,8 @@ impl Reading<'_> {
                 walked.push(Step::Else { is_last: true });
             }
             "END" => match walked.blocks.pop() {
-                Some(Block::Function { is_thread }) => self.close_function(walked, is_thread),
+                Some(Block::Function) => self.close_function(walked, None),
+                Some(Block::Thread(line)) => self.close_function(walked, Some(line)),
                 Some(Block::Loop) => walked.push(Step::EndLoop),
                 Some(Block::If) | None => walked.push(Step::EndIf),
             },
@@ -172,7 +179,7 @@ impl Reading<'_> {
         rest
     }
 
-    fn open_function(&mut self, walked: &mut Walked<'_, '_>, head: Cursor<'_>, is_thread: bool) {
+    fn open_function(&mut self, walked: &mut Walked<'_, '_>, head: Cursor<'_>, block: Block) {
         let mut rest = head;
         let name = rest.take_name().unwrap_or_default();
         let scope = self.scopes(walked.script.file, Some(&name))[0].clone();
@@ -182,15 +189,15 @@ impl Reading<'_> {
             self.common.names.declare(&scope, &name, "VAR").is_parameter = true;
         }
         walked.bodies.push((name, Vec::new()));
-        walked.blocks.push(Block::Function { is_thread });
+        walked.blocks.push(block);
     }
 
-    fn close_function(&mut self, walked: &mut Walked<'_, '_>, is_thread: bool) {
+    fn close_function(&mut self, walked: &mut Walked<'_, '_>, thread: Option<u32>) {
         let Some((name, steps)) = walked.bodies.pop() else {
             return;
         };
-        if is_thread {
-            let at = self.common.files[walked.script.file].at(1);
+        if let Some(line) = thread {
+            let at = self.common.files[walked.script.file].at(line);
             self.threads.push((name.clone(), at));
         }
         self.common.routines.insert(name, Routine { steps });
@@ -231,8 +238,8 @@ impl Reading<'_> {
             let read = assignment(statement).map_or(statement, |(_, part, _)| part);
             self.common.reads(&here, read);
         }
-        for step in steps {
-            walked.push(step);
+        if let Some((_, own)) = walked.bodies.last_mut() {
+            own.extend(steps);
         }
     }
 

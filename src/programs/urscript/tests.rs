@@ -124,6 +124,11 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
             "it is also read in part.script",
         ),
         ("x = later()\nmovel(x)", "X is worked out at run time"),
+        (&format!("{BEGIN}\nset_gripper_tool(2)\nmovel(Part_p)"), "the call of SET_GRIPPER_TOOL"),
+        (
+            &format!("{BEGIN}\nmovec(pose_trans(Plane_1, Part_p), p[0.1,0,0.1,0,0,0])"),
+            "its motion stand in two features",
+        ),
         (&format!("{BEGIN}\nservoj([0,0,0,0,0,0])"), "servoj is not followed"),
         (
             &format!("{BEGIN}\nif x > 1:\n  set_tcp(p[0,0,0.2,0,0,0])\nend\nmovel(Part_p)"),
@@ -143,6 +148,14 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
         let programs = programs(computed);
         assert_eq!(programs.computed.len(), 1, "{computed}: {:?}", programs.computed);
     }
+}
+
+#[test]
+fn a_position_that_another_stands_in_is_not_corrected() {
+    let programs = programs(&format!("{BEGIN}\nmovel(pose_trans(Over_p, p[0,0,-0.05,0,0,0]))"));
+    let found = verdicts(&programs);
+    assert!(found[0].contains("it is also read in part.script"), "{found:?}");
+    assert!(found[1].contains("nothing says how OVER_P was found"), "{found:?}");
 }
 
 #[test]
