@@ -30,7 +30,7 @@ use crate::manifest::VERSION;
 
 pub use content::{Content, Statements};
 pub use from_rows::{About, content};
-pub use words::{alike, instrument};
+pub use words::{alike, instrument, percent};
 
 use shell::{Maker, Shell, table};
 

@@ -86,7 +86,7 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
     }
 }
 
-/// What is less than this is 0.00 in words, of a mm or of a percent.
+/// The smallest length, mm, and the smallest share, %, that two decimals do not show as 0.00.
 pub(super) const NOTHING: f64 = 0.005;
 
 /// The share in brackets; empty where it would be 0.00.

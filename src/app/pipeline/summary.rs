@@ -15,6 +15,7 @@ use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
 use crate::judgement::{JoinedSession, Outcome, gravity};
+use crate::page::percent;
 use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
 use crate::report::next::Stated;
@@ -33,13 +34,10 @@ pub struct Summary {
 
 /// The tolerance, with its share where that is not the usual one.
 fn in_words(tolerance: &Tolerance) -> String {
-    let percent = 100.0 * tolerance.share;
-    let share = if (percent - 95.0).abs() < 1e-9 {
-        String::new()
-    } else {
-        format!(" of {percent} % of positions")
-    };
-    format!("{} mm{share}", tolerance.mm)
+    match percent(tolerance.share).as_str() {
+        "95" => format!("{} mm", tolerance.mm),
+        share => format!("{} mm for {share} % of positions", tolerance.mm),
+    }
 }
 
 /// The summary of a run; `table_state` is whether the table that drove it still holds.

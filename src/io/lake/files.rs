@@ -86,7 +86,8 @@ impl Stands {
         }
     }
 
-    /// A file of the cache, or a page over time, by its name. Versions up to 0.2.1 did not pack these files, and their temporaries did not name the process.
+    /// A file of the cache, or a page over time, by its name. Versions up to 0.2.1 did not pack the cache's files, and their temporaries did
+    /// not name the process.
     fn kept(name: &str) -> Self {
         let is_hidden = name.starts_with('.');
         let endings = [".json", ".jsonl", ".zst", ".html"];

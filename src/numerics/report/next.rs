@@ -110,7 +110,7 @@ impl Next {
         self.steps().join("; ")
     }
 
-    /// The same as a sentence for each step: what has to be done before, and how targets are corrected.
+    /// A sentence for each step: what to do before, where anything is, then how targets are corrected.
     pub fn steps(&self) -> Vec<String> {
         let first = self.first;
         let base =

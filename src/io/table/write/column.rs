@@ -44,7 +44,7 @@ pub(super) fn encode(
 
 /// The values that are present, one after another: without nulls and without the bounds of lists.
 fn present(array: &ArrayRef) -> Result<ArrayRef, ArrowError> {
-    let array = match array.nulls() {
+    let array = match array.nulls().filter(|nulls| nulls.null_count() > 0) {
         None => Arc::clone(array),
         Some(nulls) => filter(array, &BooleanArray::new(nulls.inner().clone(), None))?,
     };

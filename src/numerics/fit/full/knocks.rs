@@ -8,7 +8,8 @@
 //!    `s = Bᵀ N⁻¹ e` and `V = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B` with the model's rows Φ, their covariance C and residuals e.
 //!    A slip of a joint is one more column.
 //! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock, or the slip of the joint with more
-//!    evidence, where the log evidence rises by 20 nats: a slow drift gains nothing by a step.
+//!    evidence, where the log evidence rises by 20 nats: a slow drift gains nothing by a step. A slip whose statistic is less than nine
+//!    tenths of the knock's has 20 nats more than that.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -207,6 +208,12 @@ struct Sized {
     noise: f64,
 }
 
+impl Sized {
+    const fn evidence(&self) -> f64 {
+        self.posterior.log_evidence
+    }
+}
+
 /// A step before a station, and the model with it.
 type Tried = Option<((usize, Columns), Sized)>;
 
@@ -285,9 +292,7 @@ impl<'a> Small<'a> {
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
         let joints: Vec<Columns> = (0..self.units.len()).map(Columns::Joint).collect();
         let [knock, slip] = [&[Columns::Base], &joints[..]].map(|own| self.best(&near, own));
-        let evidence = |own: &Tried| {
-            own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.posterior.log_evidence)
-        };
+        let evidence = |own: &Tried| own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.evidence());
         // No least statistic: sizes found without a step grow with it, so that all statistics of a large one are alike.
         let is_that_motion = |own: &((usize, Columns), Sized)| match own.0.1 {
             Columns::Joint(joint) => statistics[1 + joint] >= SLIP_SHARE * statistics[0],
@@ -296,7 +301,7 @@ impl<'a> Small<'a> {
         let more = if slip.as_ref().is_some_and(is_that_motion) { 0.0 } else { GAIN };
         let is_slip = evidence(&slip) > evidence(&knock) + more;
         let ((station, columns), with) = if is_slip { slip } else { knock }?;
-        let gain = with.posterior.log_evidence - without.posterior.log_evidence;
+        let gain = with.evidence() - without.evidence();
         let step = (gain > GAIN).then(|| self.step_at(columns, &with))??;
         Some((self.observations[self.stations[station].start].station, step))
     }
@@ -305,8 +310,7 @@ impl<'a> Small<'a> {
     fn best(&self, near: &RangeInclusive<usize>, columns: &[Columns]) -> Tried {
         let tried = near.clone().flat_map(|station| columns.iter().map(move |own| (station, *own)));
         let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
-        let evidence = |own: &((usize, Columns), Sized)| own.1.posterior.log_evidence;
-        sized.max_by(|a, b| evidence(a).total_cmp(&evidence(b)))
+        sized.max_by(|a, b| a.1.evidence().total_cmp(&b.1.evidence()))
     }
 
     /// The model with sizes of curves, drift and noise found by their likelihood; with a step before a station, where one is given.
