@@ -1,5 +1,6 @@
 //! Matrices in columns, by the numbers of row and column in their names: `m00` … `m33`, `T_1_4`, or `r11` … `r33` beside
-//! a position of other names. A last row 0 0 0 1 tells rows from columns; without it the arm does.
+//! a position of other names; or by one number that counts the cells: `m0` … `m15`, `r1` … `r9`. A last row 0 0 0 1 tells rows
+//! from columns; without it the arm does.
 
 use std::collections::BTreeMap;
 
@@ -27,9 +28,13 @@ type Rows = Vec<Vec<usize>>;
 impl Matrices {
     pub fn of(table: &MeasuredTable, columns: &[ColumnSummary]) -> Self {
         let mut groups: BTreeMap<Vec<String>, BTreeMap<[usize; 2], usize>> = BTreeMap::new();
+        let mut counted: BTreeMap<Vec<String>, BTreeMap<usize, usize>> = BTreeMap::new();
         for (column, summary) in columns.iter().enumerate().filter(|(_, own)| own.is_numeric()) {
             for (words, place) in places(&summary.named.words) {
                 groups.entry(words).or_default().entry(place).or_insert(column);
+            }
+            for (words, count) in counts(&summary.named.words) {
+                counted.entry(words).or_default().entry(count).or_insert(column);
             }
         }
         let mut found = Self::default();
@@ -44,6 +49,11 @@ impl Matrices {
                 )),
             }
         }
+        // Many things are counted: what is no pose in every row is one of them.
+        let counted = counted.iter().filter_map(|(words, cells)| {
+            Some((words, row_by_row(table, &counted_rows(cells)?).ok()?))
+        });
+        counted.for_each(|(words, rows)| found.add(words, &rows));
         found
     }
 
@@ -78,6 +88,28 @@ fn places(words: &[String]) -> Vec<(Vec<String>, [usize; 2])> {
         }
     }
     found
+}
+
+/// Ways of reading a name's words as the number of a cell and the rest.
+fn counts(words: &[String]) -> Vec<(Vec<String>, usize)> {
+    let counts = words.iter().enumerate().filter_map(|(place, word)| {
+        let count = word.parse().ok().filter(|&count| count <= 16)?;
+        Some(([&words[..place], &words[place + 1..]].concat(), count))
+    });
+    counts.collect()
+}
+
+/// A whole matrix of 3 × 3, 3 × 4 or 4 × 4 cells, counted row by row from 0 or 1.
+fn counted_rows(cells: &BTreeMap<usize, usize>) -> Option<Rows> {
+    let (first, last) = (*cells.keys().next()?, *cells.keys().next_back()?);
+    let width = match cells.len() {
+        9 => 3,
+        12 | 16 => 4,
+        _ => return None,
+    };
+    let columns: Vec<usize> = cells.values().copied().collect();
+    let is_whole = first <= 1 && last + 1 - first == columns.len();
+    is_whole.then(|| columns.chunks(width).map(<[usize]>::to_vec).collect())
 }
 
 /// A whole matrix of three or four rows and columns, counted from 0 or 1.

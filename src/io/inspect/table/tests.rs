@@ -394,6 +394,9 @@ fn a_matrix_in_columns_is_an_orientation_with_its_position() {
         let place = |n: usize| format!("{name}{}{}", first + n / 4, first + n % 4);
         (0..16).map(place).collect::<Vec<_>>().join(",")
     };
+    let counted = |name: &str, first: usize| {
+        (0..16).map(|n| format!("{name}{}", first + n)).collect::<Vec<_>>().join(",")
+    };
     let named = "r11,r12,r13,tx,r21,r22,r23,ty,r31,r32,r33,tz".to_owned();
     let wide = [0, 1, 2, 4, 5, 6, 8, 9, 10];
     let long = [0, 4, 8, 1, 5, 9, 2, 6, 10];
@@ -402,6 +405,8 @@ fn a_matrix_in_columns_is_an_orientation_with_its_position() {
         (numbered("m", 0), false, wide, [3, 7, 11]),
         (numbered("T_", 1), false, wide, [3, 7, 11]),
         (numbered("pose_", 0), true, long, [12, 13, 14]),
+        (counted("m", 0), false, wide, [3, 7, 11]),
+        (counted("pose_", 1), true, long, [12, 13, 14]),
         (named, false, wide, [3, 7, 11]),
     ];
     for (header, by_columns, turn, position) in cases {
