@@ -40,6 +40,7 @@ pub mod rank;
 #[cfg(test)]
 mod reflectors;
 pub mod registry;
+pub mod report_steps;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;

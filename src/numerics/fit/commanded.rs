@@ -187,6 +187,19 @@ fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
     Some(Vector3::new(along(0)?, along(1)?, along(2)?))
 }
 
+/// Commanded less reported axis variables of a station whose command is taken as it was logged, rad; mm where a joint slides. `None` without a
+/// commanded orientation.
+pub(super) fn away(
+    station: &Station,
+    arm: &Arm,
+    frames: &CommandFrames,
+    flange_from_tool: &Isometry3<f64>,
+) -> Option<Vec<f64>> {
+    let pose = pose(station, frames)?;
+    let turn = turn(station, &pose, arm, flange_from_tool)?;
+    Some(settling_error(station, &pose, turn, ORIENTATION_RAD, arm, flange_from_tool))
+}
+
 /// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles; the turn Δr has the standard deviation `turn_rad`.
 fn settling_error(
     station: &Station,

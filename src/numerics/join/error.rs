@@ -78,4 +78,16 @@ pub enum JoinError {
         /// What the readings cannot distinguish from it, in words.
         or: &'static str,
     },
+    #[error(
+        "what joint {joint:?} reports stepped by {by} before station {station}{at}, while its commands did not: its encoder slipped, the arm no \
+         longer goes where it is told, or the controller's tool or base was changed by a turn about that axis. No calibration holds before \
+         and behind: master the joint, and measure again, or leave out the stations on one side"
+    )]
+    ReportStepped {
+        joint: String,
+        by: String,
+        station: usize,
+        /// The time, in words.
+        at: String,
+    },
 }

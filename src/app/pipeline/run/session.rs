@@ -8,6 +8,7 @@ use super::{RunError, mounting};
 use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::knocks;
+use crate::fit::report_steps;
 use crate::ingest::covariances::CovarianceCounts;
 use crate::ingest::{Mapping, StationsSettings};
 use crate::io::input::Bound;
@@ -285,6 +286,13 @@ fn set_up(
     joined: &Joined,
     anew: impl FnOnce() -> Option<Finding>,
 ) -> Result<Option<Finding>, RunError> {
+    if let Some(frames) = &configuration.command_frames {
+        let stepped = report_steps::check(&joined.stations, &configuration.arm, frames);
+        stepped.map_err(|source| RunError::Join {
+            session: files.name.clone(),
+            source: Box::new(source),
+        })?;
+    }
     let stated = &configuration.set_up;
     let gate_mm = configuration.file.join.geometry_gate_mm;
     let evidence = Evidence::of_stations(&joined.stations);
