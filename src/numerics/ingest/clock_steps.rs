@@ -6,11 +6,13 @@
 //!    are stamps behind which the run before them goes on, however often.
 //! 3. A later run that is ahead by another time than the run before it begins with a step of the clock. Where the recorder's times stepped
 //!    too, a step back shows in stamps that cover a time for the second time; messages that are only late cover it once.
+//! 4. A run whose messages were logged before, with equal stamps and content, is a recording that stands in the file for the second time.
 //!
 //! The logs are then read again with these [`Amendments`], and steps are taken out of the stamps that follow them: what is left of a step
 //! the join finds on the dwells ([`crate::join`]).
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
 use super::{LogReject, SpanClock};
@@ -30,6 +32,10 @@ const MOST_STRAYS: usize = 1 << 12;
 const LATEST: usize = 1 << 16;
 /// Share of a file's rows that steps which undo each other have between them at most: those are late messages.
 const UNDONE: f64 = 0.05;
+/// Share of a run's rows from which on it repeats earlier ones.
+const REPEATED: f64 = 0.5;
+/// The most rows of a file by which repeated ones are found.
+const MOST_SEEN: usize = 1 << 15;
 /// Rows at the start of a run that tell how far its stamps are ahead of the recorder's times.
 const OPENING: u64 = 100;
 /// What a message's place in the run makes its time on the way count less, ns: a clock drifts.
@@ -176,6 +182,8 @@ struct Run {
     ahead: (i64, i64),
     /// Stamps of the run before it from its first one on, and its own stamps up to the last of that run.
     covered: (u64, u64),
+    /// Rows that were logged before with equal stamp and content.
+    repeated: u64,
 }
 
 /// The runs of one topic in one file.
@@ -184,6 +192,8 @@ pub(super) struct Runs {
     all: Vec<Run>,
     last_logged: i64,
     latest: VecDeque<i64>,
+    /// Hashes of rows' stamps, and of both stamp and content: of those whose stamps' hashes end in so many zeros.
+    seen: (BTreeSet<(u64, u64)>, u32),
     rows: u64,
     /// Rows with stamps far from those before and behind them.
     strays: Vec<Range<u64>>,
@@ -201,6 +211,28 @@ impl Runs {
                 self.push_row(block, stamp, at);
             }
             self.rows += 1;
+        }
+    }
+
+    /// Takes a row with its content; its stamp was pushed before.
+    pub(super) fn see(&mut self, stamp: i64, content: &[f64]) {
+        let mut hasher = DefaultHasher::new();
+        stamp.hash(&mut hasher);
+        let of_stamp = hasher.finish();
+        let (seen, zeros) = &mut self.seen;
+        if of_stamp.trailing_zeros() < *zeros {
+            return;
+        }
+        content.iter().for_each(|own| own.to_bits().hash(&mut hasher));
+        if seen.insert((of_stamp, hasher.finish())) {
+            if seen.len() == MOST_SEEN {
+                *zeros += 1;
+                seen.retain(|own| own.0.trailing_zeros() >= *zeros);
+            }
+        } else if let Some(run) =
+            self.all.iter_mut().rev().find(|run| (run.first..=run.last).contains(&stamp))
+        {
+            run.repeated += 1 << *zeros;
         }
     }
 
@@ -242,7 +274,16 @@ impl Runs {
                 self.latest.clear();
                 let (first, last, ahead) = (stamp, stamp, (ahead, ahead));
                 let logged = (logged, logged);
-                self.all.push(Run { rows, block, logged, first, last, ahead, covered });
+                self.all.push(Run {
+                    rows,
+                    block,
+                    logged,
+                    first,
+                    last,
+                    ahead,
+                    covered,
+                    repeated: 0,
+                });
             }
         }
         self.last_logged = logged;
@@ -268,6 +309,7 @@ impl Runs {
         let rows = far.into_iter().map(|run| run.rows.0..run.rows.1);
         let rows = rows.chain(self.strays.iter().cloned());
         found.no_times = rows.map(|rows| (file.to_owned(), topic.to_owned(), rows)).collect();
+        let times: Vec<&Run> = times.into_iter().filter(|run| !run.is_repeated()).collect();
         for pair in times.windows(2) {
             if let Some(by_ns) = pair[1].step_after(pair[0], interval, is_timed) {
                 found.steps.push(ClockStep {
@@ -312,6 +354,10 @@ impl Run {
         let stamps = self.last.saturating_sub(self.first) as f64;
         let logged = self.logged.1.saturating_sub(self.logged.0) as f64;
         (stamps - logged).abs() <= RATE * stamps + SLACK_NS as f64
+    }
+
+    fn is_repeated(&self) -> bool {
+        self.repeated as f64 > REPEATED * self.count() as f64
     }
 
     fn interval(&self) -> i64 {
@@ -380,6 +426,24 @@ mod tests {
             let logged: Vec<i64> = (0..2000).map(at).collect();
             alone.amend(("f", "/t", SpanClock::Tracker), (0, 7), &mut stamps, &logged);
             assert_eq!(stamps, logged);
+        }
+    }
+
+    #[test]
+    fn a_recording_that_stands_in_a_file_twice_is_no_step() {
+        let found = |rows: i64, content: fn(i64, i64) -> f64| {
+            let mut runs = Runs::default();
+            for row in 0..2 * rows {
+                let (stamp, logged) = (row % rows * S / 50, row * S / 50);
+                runs.push(7, &[stamp], &[logged]);
+                runs.see(stamp, &[content(row, rows)]);
+            }
+            runs.found("f", "/t", SpanClock::Tracker)
+        };
+        // So many that few of them are kept to be compared, too.
+        for rows in [1000, 200_000] {
+            assert!(found(rows, |row, rows| (row % rows) as f64).is_empty());
+            assert_eq!(found(rows, |row, _| row as f64).steps.len(), 1);
         }
     }
 

@@ -167,6 +167,9 @@ impl<B: Buffer> InOrder<B> {
         let rows = self.buffer.judge(block, &place);
         let before = self.buffer.stamps().len();
         self.alike &= self.buffer.take(&rows, block);
+        for (row, &stamp) in self.buffer.stamps().iter().enumerate().skip(before) {
+            file.runs.see(stamp, self.buffer.content(row));
+        }
         let edge = self.buffer.stamps().get(before.saturating_sub(1)..=before);
         self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
         file.kept.end += self.buffer.stamps().len() - before;
