@@ -91,31 +91,73 @@ pub(super) fn guess(
         .map(|known| known.arm.joints().iter().map(|joint| joint.name.clone()).collect())
         .collect();
     let roles = Roles::of(table, columns, &joint_names);
-    let counts: Vec<usize> =
-        arms.known.iter().filter(|_| arms.is_named).map(|known| known.arm.joints().len()).collect();
-    let mut long = roles.joints.first().and_then(|set| long::long(table, columns, &set.columns));
-    let mut choices = choices::choices(columns, &roles, long.as_ref(), &counts);
-    for choice in &mut choices {
-        choice.targets.sort_by_key(|target| missing(table, target));
+    let mut judged = Judged::of(table, columns, roles, arms)?;
+    let mut doubt = None;
+    if let Some(roles) = judged.roles.in_other_order() {
+        let other = Judged::of(table, columns, roles, arms)?;
+        let [own_mm, other_mm] = [&judged, &other].map(Judged::median_mm);
+        // Nothing measured is nearer to the nominal arm than what was commanded.
+        if own_mm < by_arm::BETTER * other_mm {
+            judged = other;
+        } else if other_mm >= by_arm::BETTER * own_mm {
+            doubt = Some(
+                "the table has these points twice, and neither names nor the arm tell which were measured: the first are taken as commanded"
+                    .to_owned(),
+            );
+        }
     }
-    if choices.is_empty() {
-        return Err(lacking(&roles));
-    }
-    if let (Some(long), Some(target)) = (&mut long, choices[0].targets.first()) {
-        long.keep_placed(table, |row| position(&target.position, table, row).is_some());
-    }
-    let session = uses::session(table, columns, &roles.used());
-    let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
-    let verdict = by_arm::verdict(table, &rows, &choices, arms);
+    let Judged { roles, long, choices, session, rows, verdict } = judged;
     let choice = choices[verdict.as_ref().map_or(0, |own| own.best.choice)].clone();
     let work = Work::new(table, columns, choice, verdict, arms, &rows);
-    Ok(work.guess(
-        &roles,
-        long,
-        session.map(|(column, counts)| (column, counts.into_keys().collect())),
-        &choices,
-        arms,
-    ))
+    let mut guess = work.guess(&roles, long, session, &choices, arms);
+    guess.doubts.extend(doubt.map(|words| Doubt { key: Key::Position, words }));
+    Ok(guess)
+}
+
+/// What columns may be by their roles, and what the arms say of it.
+struct Judged {
+    roles: Roles,
+    long: Option<Long>,
+    choices: Vec<Choice>,
+    /// The column of sessions, and their names.
+    session: Option<(usize, Vec<String>)>,
+    /// Rows of the main session and target.
+    rows: Vec<usize>,
+    verdict: Option<Verdict>,
+}
+
+impl Judged {
+    fn of(
+        table: &MeasuredTable,
+        columns: &[ColumnSummary],
+        roles: Roles,
+        arms: &Arms,
+    ) -> Result<Self, String> {
+        let named = arms.known.iter().filter(|_| arms.is_named);
+        let counts: Vec<usize> = named.map(|known| known.arm.joints().len()).collect();
+        let mut long =
+            roles.joints.first().and_then(|set| long::long(table, columns, &set.columns));
+        let mut choices = choices::choices(columns, &roles, long.as_ref(), &counts);
+        for choice in &mut choices {
+            choice.targets.sort_by_key(|target| missing(table, target));
+        }
+        if choices.is_empty() {
+            return Err(lacking(&roles));
+        }
+        if let (Some(long), Some(target)) = (&mut long, choices[0].targets.first()) {
+            long.keep_placed(table, |row| position(&target.position, table, row).is_some());
+        }
+        let session = uses::session(table, columns, &roles.used());
+        let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
+        let verdict = by_arm::verdict(table, &rows, &choices, arms);
+        let session = session.map(|(column, counts)| (column, counts.into_keys().collect()));
+        Ok(Self { roles, long, choices, session, rows, verdict })
+    }
+
+    /// What the best reading leaves, mm; infinite where no arm tells.
+    fn median_mm(&self) -> f64 {
+        self.verdict.as_ref().map_or(f64::INFINITY, |own| own.best.median_mm)
+    }
 }
 
 fn missing(table: &MeasuredTable, target: &Target) -> usize {

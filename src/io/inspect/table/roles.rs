@@ -80,6 +80,8 @@ pub struct Roles {
     /// Differences from another position, with their words.
     pub differences: Vec<[usize; 3]>,
     pub joints: Vec<JointSet>,
+    /// The places of a nominal and a measured position that their order alone distinguishes.
+    pub by_order: Option<[usize; 2]>,
     /// Columns with another use: speeds, forces.
     pub other: Vec<usize>,
     /// Columns that are named for something and cannot be used, with the reason.
@@ -110,6 +112,7 @@ impl Roles {
                 .collect(),
             differences: of_kind(Kind::Difference).map(|group| group.columns).collect(),
             joints: joint_sets(columns, &numbered, names, &used),
+            by_order: None,
             other: of_kind(Kind::Other).flat_map(AxisGroup::all).chain(matrices.columns).collect(),
             notes: matrices.notes,
         };
@@ -148,7 +151,17 @@ impl Roles {
         let [nominal, measured] = if says_measured { [second, first] } else { [first, second] };
         self.positions[nominal].whose = Whose::Command;
         self.positions[measured].whose = Whose::Measured;
+        self.by_order = (!says_measured).then_some([nominal, measured]);
         Some(nominal)
+    }
+
+    /// The same with that nominal and that measured position in each other's place; `None` where names distinguish them.
+    pub fn in_other_order(&self) -> Option<Self> {
+        let [nominal, measured] = self.by_order?;
+        let mut other = self.clone();
+        other.positions[nominal].whose = Whose::Measured;
+        other.positions[measured].whose = Whose::Command;
+        Some(other)
     }
 
     /// Marks positions that do not move with the arm: reference reflectors. Commands may have another unit and are left

@@ -163,6 +163,8 @@ fn a_nominal_set_beside_the_measured_one_is_the_command() {
         ["x_t,y_t,z_t", "x_m,y_m,z_m", "x_t", "x_m"],
         ["x,y,z", "x.1,y.1,z.1", "x", "x.1"],
         ["x_m,y_m,z_m", "x_t,y_t,z_t", "x_t", "x_m"],
+        // The order alone would tell it wrongly: the arm does.
+        ["x,y,z", "x.1,y.1,z.1", "x.1", "x"],
     ];
     for [first, second, command, measured] in names {
         let mut text = format!("q1,q2,q3,q4,q5,q6,{first},{second}\n");
