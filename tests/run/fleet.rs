@@ -82,7 +82,7 @@ fn what_is_wrong_with_one_robot_stays_with_it() {
         &[
             "done         kr210-demo/mon: within tolerance",
             "failed       second: no result: robot \"second\" ([[robots]] 2): ",
-            "[tolerance] mm = -1, but it has to be above 0",
+            "[tolerance] mm = -1, but it has to be 1e-6 to 1000000",
             "1 failed",
         ],
     );

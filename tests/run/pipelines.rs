@@ -203,7 +203,7 @@ const BAD: [(&str, &str, &[&str]); 29] = [
     (
         "topic = \"/p\"\ntime = \"header\"\nunit = \"m\"",
         "topic = \"/p\"\ntime = \"header\"",
-        &["[tracker] (line 23) needs unit", "\"m\", \"mm\", \"cm\" or \"inch\""],
+        &["[tracker] (line 23) needs unit", "\"m\", \"mm\", \"cm\", \"inch\" or \"ft\""],
     ),
     (
         "unit = \"rad\"",
@@ -233,7 +233,7 @@ const BAD: [(&str, &str, &[&str]); 29] = [
         &["choose = \"largest\"", "\"within\" or \"fewest-nodes\""],
     ),
     ("steps_mm = [50, 100]", "steps_mm = []", &["[grid] steps_mm = []", "one value or more"]),
-    ("steps_mm = [50, 100]", "steps_mm = [50, -1]", &["[grid] steps_mm = -1", "above 0"]),
+    ("steps_mm = [50, 100]", "steps_mm = [50, -1]", &["[grid] steps_mm = -1", "1e-6 or more"]),
     ("steps_mm = [50, 100]", "steps_mm = [50, 50.0]", &["[grid] steps_mm = 50", "given once"]),
     ("steps_mm = [50, 100]", "steps_mm = [50, nan]", &["[grid] steps_mm = nan", "finite"]),
     ("share = 0.95", "share = 95", &["[tolerance] share = 95", "above 0 and below 1"]),

@@ -164,7 +164,7 @@ mod tests {
         for expected in [
             "\n[tracker]  required\n",
             "\n  repeatability_mm  number, mm, 0 or more and at most 10000, default 0.03\n    The arm's repeatability per axis",
-            "\n  steps_mm  list of numbers, mm, above 0, required\n",
+            "\n  steps_mm  list of numbers, mm, 1e-6 or more, required\n",
             "    one of: header, publish, log\n",
             "\n  up  3 numbers, without it: gravity is left out of the model\n",
             "\nplacement of commanded.base_from_command, ",

@@ -118,6 +118,8 @@ pub enum LengthUnit {
     Cm,
     /// Inch, 25.4 mm.
     Inch,
+    /// Foot, 304.8 mm.
+    Ft,
 }
 
 /// All settings needed to read the samples of a session from its logs.
@@ -173,6 +175,7 @@ impl LengthUnit {
             Self::Mm => 1.0,
             Self::Cm => 10.0,
             Self::Inch => 25.4,
+            Self::Ft => 304.8,
         }
     }
 }
@@ -203,6 +206,7 @@ impl fmt::Display for LengthUnit {
             Self::Mm => "mm",
             Self::Cm => "cm",
             Self::Inch => "inch",
+            Self::Ft => "ft",
         })
     }
 }

@@ -386,8 +386,8 @@ mod tests {
             told(KeyReference::pipeline(), &shorter),
             [
                 "the top of the file has toll (line 44), which nothing reads",
-                "[commanded] (line 25) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
-                "[tracker] (line 31) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\" or \"inch\")",
+                "[commanded] (line 25) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\" or \"ft\")",
+                "[tracker] (line 31) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\" or \"ft\")",
                 "[tolerance] is not there, and needs mm, share, confidence",
             ]
         );
@@ -399,6 +399,8 @@ mod tests {
         {
             assert!(found.iter().any(|own| own.contains(part)), "{part}: {found:?}");
         }
+        let tiny = told(KeyReference::pipeline(), &text.replace("mm = 0.5", "mm = 1e-300"));
+        assert!(tiny.concat().contains("it has to be 1e-6 to 1000000"), "{tiny:?}");
         assert!(check(KeyReference::pipeline(), "no = [toml", true).is_ok());
     }
 
