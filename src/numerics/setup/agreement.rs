@@ -178,7 +178,7 @@ impl Seen {
         let measured = evidence.measured(set_up.reading_row).into_iter();
         Self {
             flanges: set_up.flanges(evidence),
-            measured: measured.map(|measured| set_up.reading_map * measured).collect(),
+            measured: measured.map(|(measured, _)| set_up.reading_map * measured).collect(),
             placement: None,
         }
     }
@@ -233,9 +233,9 @@ impl Seen {
     /// `None` of reflected readings too, which state no orientation.
     fn orientations(&self, set_up: &SetUp, evidence: &Evidence) -> Option<f64> {
         let base = self.placement?.tracker_from_base.rotation;
-        let measured = evidence.stations.iter().zip(&self.flanges);
-        let targets = measured.filter_map(|(station, flange)| {
-            let measured = reread(&set_up.reading_parts, &station.orientation?);
+        let measured = evidence.measured(set_up.reading_row).into_iter().zip(&self.flanges);
+        let targets = measured.filter_map(|((_, orientation), flange)| {
+            let measured = reread(&set_up.reading_parts, &orientation?);
             Some(flange.rotation.inverse() * base.inverse() * measured)
         });
         let targets: Vec<UnitQuaternion<f64>> = targets.collect();

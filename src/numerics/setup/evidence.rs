@@ -21,12 +21,15 @@ pub struct Dwelt {
     pub command: Option<Command>,
 }
 
+/// A measured position, mm, and orientation in the instrument's frame; the latter absent for a reflector.
+type Measured = (Vector3<f64>, Option<UnitQuaternion<f64>>);
+
 /// The measured stations of one session, at most 250.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
     pub stations: Vec<Dwelt>,
-    /// Measured positions at the stations before and behind each of them; of the first and the last their own.
-    beside: Vec<[Vector3<f64>; 2]>,
+    /// Measured positions and orientations at the stations before and behind each of them; of the first and the last their own.
+    beside: Vec<[Measured; 2]>,
 }
 
 impl Evidence {
@@ -49,9 +52,10 @@ impl Evidence {
 
     /// At most 250 of `stations`, evenly spread.
     pub fn spread(stations: Vec<Dwelt>) -> Self {
-        let at = |place: usize| stations.get(place).map(|own| own.measured);
+        let of = |own: &Dwelt| (own.measured, own.orientation);
+        let at = |place: usize| stations.get(place).map(of);
         let beside = stations.iter().enumerate().map(|(place, own)| {
-            [place.checked_sub(1).and_then(at), at(place + 1)].map(|at| at.unwrap_or(own.measured))
+            [place.checked_sub(1).and_then(at), at(place + 1)].map(|at| at.unwrap_or(of(own)))
         });
         let beside = beside.collect();
         Self { stations, beside }.thinned(MOST)
@@ -64,10 +68,10 @@ impl Evidence {
         Self { stations, beside: self.beside.iter().step_by(stride).copied().collect() }
     }
 
-    /// The measured position of each station, or of the row before (−1) or behind it (1), mm.
-    pub(super) fn measured(&self, row: i8) -> Vec<Vector3<f64>> {
+    /// What was measured at each station, or in the row before (−1) or behind it (1).
+    pub(super) fn measured(&self, row: i8) -> Vec<Measured> {
         match row {
-            0 => self.stations.iter().map(|station| station.measured).collect(),
+            0 => self.stations.iter().map(|own| (own.measured, own.orientation)).collect(),
             _ => self.beside.iter().map(|beside| beside[usize::from(row > 0)]).collect(),
         }
     }

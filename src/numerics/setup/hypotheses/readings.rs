@@ -10,11 +10,13 @@ use crate::setup::set_up::SetUp;
 use crate::units::MM_PER_M;
 
 /// Factors on lengths that are read in metres or mm, and the unit that they are in.
-const LENGTHS: [(f64, &str); 6] = [
+const LENGTHS: [(f64, &str); 8] = [
     (MM_PER_M, "m"),
     (1.0 / MM_PER_M, "mm"),
     (25.4, "inch"),
     (25.4 / MM_PER_M, "inch"),
+    (304.8, "ft"),
+    (304.8 / MM_PER_M, "ft"),
     (10.0, "cm"),
     (10.0 / MM_PER_M, "cm"),
 ];
@@ -170,4 +172,58 @@ fn orientations(stated: &SetUp, (from, sign, words): ([usize; 4], f64, &str)) ->
             Hypothesis::new(format!("the {what} quaternions are {words}"), edit, set_up)
         },
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::geometry::isometry_from_rpy;
+    use crate::kinematics::RobotFile;
+    use crate::setup::{Alternatives, Dwelt, Evidence, UnitKeys, check};
+
+    /// The mistake that is found in a table of poses once its stations are changed.
+    fn found(change: impl Fn(&mut Vec<Dwelt>)) -> String {
+        let text = include_str!("../../../../pipelines/robots/ur10.toml");
+        let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
+        let stated = SetUp { unit_keys: UnitKeys::TABLES, ..SetUp::of_arm(arm) };
+        let tracker_from_base = isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, 0.0, 1.0]);
+        let dwelt = |k: i32| {
+            let turned = |joint: i32| (f64::from(k * (joint + 2)) * 0.7).sin() * 0.8;
+            let reported: Vec<f64> = (0..6).map(turned).collect();
+            let flange = tracker_from_base * stated.flange(&reported);
+            let measured = (flange * Point3::new(20.0, 30.0, 90.0)).coords;
+            Dwelt { measured, reported, orientation: Some(flange.rotation), command: None }
+        };
+        let mut stations = (0..60).map(dwelt).collect();
+        change(&mut stations);
+        let evidence = Evidence::spread(stations);
+        let found = check(&stated, &evidence, &Alternatives::default(), 30.0);
+        found.expect("a mistake").to_string()
+    }
+
+    #[test]
+    fn units_of_length_are_named() {
+        for (mm, read_as, unit) in
+            [(1000.0, 1.0, "m"), (25.4, 1.0, "inch"), (304.8, 1.0, "ft"), (304.8, 1000.0, "ft")]
+        {
+            let factor = read_as / mm;
+            let words = found(|all| all.iter_mut().for_each(|station| station.measured *= factor));
+            let named = format!("the tracker's positions are in {unit}; write");
+            assert!(words.contains(&named), "{unit}: {words}");
+        }
+    }
+
+    #[test]
+    fn readings_in_the_row_of_another_station_are_named_with_their_orientations() {
+        let words = found(|all| {
+            for place in 1..all.len() {
+                let next = all[place].clone();
+                (all[place - 1].measured, all[place - 1].orientation) =
+                    (next.measured, next.orientation);
+            }
+        });
+        assert!(words.contains("the readings stand one row too high"), "{words}");
+    }
 }
