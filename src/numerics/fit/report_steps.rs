@@ -89,14 +89,15 @@ fn step(values: &[f64]) -> Option<Step> {
     let (count, all) = (values.len(), values.iter().sum::<f64>());
     let mut before: f64 = values.iter().take(BESIDE).sum();
     let mut best: Option<(f64, usize)> = None;
-    for at in BESIDE..(count + 1).saturating_sub(BESIDE) {
+    let last = (count + 1).saturating_sub(BESIDE);
+    for (at, value) in values.iter().enumerate().take(last).skip(BESIDE) {
         let sides = [at as f64, (count - at) as f64];
         let explained =
             (before / sides[0] - (all - before) / sides[1]).powi(2) * sides[0] * sides[1];
         if best.is_none_or(|(most, _)| explained > most) {
             best = Some((explained, at));
         }
-        before += values[at];
+        before += value;
     }
     let (_, at) = best?;
     let sides = values.split_at(at);

@@ -223,7 +223,9 @@ impl Runs {
         if of_stamp.trailing_zeros() < *zeros {
             return;
         }
-        content.iter().for_each(|own| own.to_bits().hash(&mut hasher));
+        for own in content {
+            own.to_bits().hash(&mut hasher);
+        }
         if seen.insert((of_stamp, hasher.finish())) {
             if seen.len() == MOST_SEEN {
                 *zeros += 1;
