@@ -2,7 +2,7 @@
 //!
 //! Input: the stations of one session in order of time, the arm and the frames of commands. Output: the joint whose commanded less
 //! reported angle is another one behind a station than before it; no reading takes part.
-//! 1. The angles of each command follow from the reported ones by regularised steps of inverse kinematics ([`away`]).
+//! 1. The angles of each command follow from the reported ones by regularised steps of inverse kinematics (`away`).
 //! 2. For each joint the station is found before which a step of the mean explains most.
 //! 3. It is a step where the medians on both sides differ by more than servos and rounded models do, and by more than the angles
 //!    scatter, and no other joint's differ by half as much.
