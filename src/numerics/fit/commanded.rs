@@ -188,13 +188,9 @@ fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
 }
 
 /// Commanded less reported axis variables of a station whose command is taken as it was logged, rad; mm where a joint slides. `None` without a
-/// commanded orientation.
-pub(super) fn away(
-    station: &Station,
-    arm: &Arm,
-    frames: &CommandFrames,
-    flange_from_tool: &Isometry3<f64>,
-) -> Option<Vec<f64>> {
+/// commanded orientation or a tool.
+pub(super) fn away(station: &Station, arm: &Arm, frames: &CommandFrames) -> Option<Vec<f64>> {
+    let flange_from_tool = &frames.flange_from_tool?;
     let pose = pose(station, frames)?;
     let turn = turn(station, &pose, arm, flange_from_tool)?;
     Some(settling_error(station, &pose, turn, ORIENTATION_RAD, arm, flange_from_tool))

@@ -1,4 +1,4 @@
-//! Steps of what a joint reports against what is commanded, which stay: an encoder slipped, or the arm no longer goes where it is told.
+//! Steps of what a joint reports against what is commanded, which stay: an encoder slipped, or the arm no longer goes where it is commanded.
 //!
 //! Input: the stations of one session in order of time, the arm and the frames of commands. Output: the joint whose commanded less
 //! reported angle is another one behind a station than before it; no reading takes part.
@@ -7,7 +7,7 @@
 //! 3. It is a step where the medians on both sides differ by more than servos and rounded models do, and by more than the angles
 //!    scatter, and no other joint's differ by half as much.
 
-use nalgebra::{DVector, Isometry3};
+use nalgebra::{DMatrix, DVector};
 
 use super::commanded::{CommandFrames, away};
 use crate::figures::median;
@@ -28,8 +28,8 @@ const ROUNDS: usize = 3;
 ///
 /// What a joint reports stepped against its commands.
 pub fn check(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Result<(), JoinError> {
-    let Some(flange_from_tool) = &frames.flange_from_tool else { return Ok(()) };
-    let angles = |station| Some((station, angles_away(station, arm, frames, flange_from_tool)?));
+    let Some(joints_from_axes) = arm.axes_from_joints().try_inverse() else { return Ok(()) };
+    let angles = |station| Some((station, angles_away(station, arm, frames, &joints_from_axes)?));
     let known: Vec<(&Station, DVector<f64>)> = stations.iter().filter_map(angles).collect();
     let joints = arm.joints();
     let steps = joints.iter().enumerate().filter_map(|(joint, own)| {
@@ -60,13 +60,12 @@ fn angles_away(
     station: &Station,
     arm: &Arm,
     frames: &CommandFrames,
-    flange_from_tool: &Isometry3<f64>,
+    joints_from_axes: &DMatrix<f64>,
 ) -> Option<DVector<f64>> {
-    let joints_from_axes = arm.axes_from_joints().try_inverse()?;
     let mut commanded = station.clone();
     for _ in 0..ROUNDS {
-        let axes = away(&commanded, arm, frames, flange_from_tool)?;
-        let by = &joints_from_axes * DVector::from_vec(axes);
+        let axes = away(&commanded, arm, frames)?;
+        let by = joints_from_axes * DVector::from_vec(axes);
         commanded.joints.iter_mut().zip(&by).for_each(|(joint, by)| *joint += by);
     }
     let reported = DVector::from_column_slice(&station.joints);
@@ -109,6 +108,8 @@ fn step(values: &[f64]) -> Option<Step> {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Isometry3;
+
     use super::*;
     use crate::kinematics::RobotFile;
     use crate::simulate::{Poses, SimulateSettings, simulate};

@@ -186,14 +186,47 @@ struct Run {
     repeated: u64,
 }
 
+/// A sample of rows, by hashes: those whose stamp's begins with so many zeros.
+#[derive(Debug, Default)]
+struct Sample {
+    /// Hashes of the stamp, and of the content.
+    rows: BTreeSet<(u64, u64)>,
+    zeros: u32,
+}
+
+impl Sample {
+    /// 2⁶⁴ over the golden ratio, odd: products of stamps in equal steps spread evenly.
+    const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+
+    /// For how many rows this one stands if one of equal stamp and content came before; 0 if none did, and of a row outside the sample.
+    fn repeated(&mut self, stamp: i64, content: &[f64]) -> u64 {
+        // Each row of a log comes here, so a stamp costs a product.
+        let of_stamp = stamp.cast_unsigned().wrapping_mul(Self::SPREAD);
+        if of_stamp.leading_zeros() < self.zeros {
+            return 0;
+        }
+        let mut hasher = DefaultHasher::new();
+        for own in content {
+            own.to_bits().hash(&mut hasher);
+        }
+        if !self.rows.insert((of_stamp, hasher.finish())) {
+            return 1 << self.zeros;
+        }
+        if self.rows.len() == MOST_SEEN {
+            self.zeros += 1;
+            self.rows.retain(|own| own.0.leading_zeros() >= self.zeros);
+        }
+        0
+    }
+}
+
 /// The runs of one topic in one file.
 #[derive(Debug, Default)]
 pub(super) struct Runs {
     all: Vec<Run>,
     last_logged: i64,
     latest: VecDeque<i64>,
-    /// Hashes of rows' stamps, and of both stamp and content: of those whose stamps' hashes end in so many zeros.
-    seen: (BTreeSet<(u64, u64)>, u32),
+    sample: Sample,
     rows: u64,
     /// Rows with stamps far from those before and behind them.
     strays: Vec<Range<u64>>,
@@ -216,25 +249,12 @@ impl Runs {
 
     /// Takes a row with its content; its stamp was pushed before.
     pub(super) fn see(&mut self, stamp: i64, content: &[f64]) {
-        let mut hasher = DefaultHasher::new();
-        stamp.hash(&mut hasher);
-        let of_stamp = hasher.finish();
-        let (seen, zeros) = &mut self.seen;
-        if of_stamp.trailing_zeros() < *zeros {
-            return;
-        }
-        for own in content {
-            own.to_bits().hash(&mut hasher);
-        }
-        if seen.insert((of_stamp, hasher.finish())) {
-            if seen.len() == MOST_SEEN {
-                *zeros += 1;
-                seen.retain(|own| own.0.trailing_zeros() >= *zeros);
+        let repeated = self.sample.repeated(stamp, content);
+        if repeated > 0 {
+            let mut runs = self.all.iter_mut().rev();
+            if let Some(run) = runs.find(|run| (run.first..=run.last).contains(&stamp)) {
+                run.repeated += repeated;
             }
-        } else if let Some(run) =
-            self.all.iter_mut().rev().find(|run| (run.first..=run.last).contains(&stamp))
-        {
-            run.repeated += 1 << *zeros;
         }
     }
 

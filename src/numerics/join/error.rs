@@ -80,7 +80,7 @@ pub enum JoinError {
     },
     #[error(
         "what joint {joint:?} reports stepped by {by} before station {station}{at}, while its commands did not: its encoder slipped, the arm no \
-         longer goes where it is told, or the controller's tool or base was changed by a turn about that axis. No calibration holds before \
+         longer goes where it is commanded, or the controller's tool or base was changed by a turn about that axis. No calibration holds before \
          and behind: master the joint, and measure again, or leave out the stations on one side"
     )]
     ReportStepped {

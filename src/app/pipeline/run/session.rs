@@ -270,10 +270,7 @@ fn without_knocks(
     if joined.references.is_empty() {
         let up = configuration.stages.up;
         let knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
-        joined.knocks = knocks.map_err(|source| RunError::Join {
-            session: files.name.clone(),
-            source: Box::new(source),
-        })?;
+        joined.knocks = knocks.map_err(|source| join_error(files, source))?;
     }
     Ok(())
 }
@@ -288,10 +285,7 @@ fn set_up(
 ) -> Result<Option<Finding>, RunError> {
     if let Some(frames) = &configuration.command_frames {
         let stepped = report_steps::check(&joined.stations, &configuration.arm, frames);
-        stepped.map_err(|source| RunError::Join {
-            session: files.name.clone(),
-            source: Box::new(source),
-        })?;
+        stepped.map_err(|source| join_error(files, source))?;
     }
     let stated = &configuration.set_up;
     let gate_mm = configuration.file.join.geometry_gate_mm;
@@ -309,6 +303,10 @@ fn set_up(
     }
 }
 
+fn join_error(files: &SessionFiles, source: JoinError) -> RunError {
+    RunError::Join { session: files.name.clone(), source: Box::new(source) }
+}
+
 /// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
 fn unjoined(
     configuration: &Configuration,
@@ -316,13 +314,12 @@ fn unjoined(
     read: &SessionRead,
     source: JoinError,
 ) -> RunError {
-    let session = files.name.clone();
     let is_searched =
         matches!(source, JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. });
-    let source = Box::new(source);
     if !is_searched {
-        return RunError::Join { session, source };
+        return join_error(files, source);
     }
+    let (session, source) = (files.name.clone(), Box::new(source));
     match explained_anew(configuration, read) {
         Some(finding) => RunError::SetUp { session, finding: Box::new(finding) },
         None => RunError::Unexplained { session, source },

@@ -155,7 +155,7 @@ impl Roles {
         Some(nominal)
     }
 
-    /// The same with that nominal and that measured position in each other's place; `None` where names distinguish them.
+    /// These roles, but the measured position commanded and the commanded one measured; `None` where names distinguish them.
     pub fn in_other_order(&self) -> Option<Self> {
         let [nominal, measured] = self.by_order?;
         let mut other = self.clone();
