@@ -46,12 +46,34 @@ pub enum Wanted {
 pub enum Branch {
     /// S of KUKA, with T where the motion reads the position's own.
     Status { status: u8, turn: Option<u8> },
-    /// cf1, cf4 and cf6 of ABB with cfx: the quarter turns of joints 1, 4 and 6; whether they are those of the position itself.
-    Quadrants { quadrants: [i32; 4], is_own: bool },
+    /// cf1, cf4 and cf6 of ABB with cfx: the quarter turns of joints 1, 4 and 6.
+    Quadrants([i32; 4]),
+    /// That of another position, by its index: quarter turns hold at their own alone.
+    Of(usize),
     /// Letters of FANUC, with the turns of joints 4, 5 and 6 where the motion reads the position's own.
     Config { letters: Letters, turns: Option<[i32; 3]> },
     /// That of joint angles, degrees.
     Joints(Vec<f64>),
+}
+
+impl Branch {
+    /// The other position whose arm configuration it is.
+    pub const fn other(&self) -> Option<usize> {
+        match self {
+            Self::Of(other) => Some(*other),
+            _ => None,
+        }
+    }
+}
+
+impl Asked {
+    /// None of a position in joint angles.
+    pub fn branches(&self) -> &[Branch] {
+        match &self.wanted {
+            Wanted::Pose { branches, .. } => branches,
+            Wanted::Joints(_) => &[],
+        }
+    }
 }
 
 impl Programs {
@@ -161,10 +183,12 @@ impl Programs {
                 let turn = turn.as_ref().filter(|_| by == index).map(byte).transpose()?;
                 Ok(Branch::Status { status: byte(status)?, turn })
             }
+            Shape::Pose { stated: Some(Stated::Quadrants(_)), .. } if by != index => {
+                Ok(Branch::Of(by))
+            }
             Shape::Pose { stated: Some(Stated::Quadrants(quadrants)), .. } => {
                 let [one, four, six, x] = quadrants;
-                let quadrants = [small(one)?, small(four)?, small(six)?, small(x)?];
-                Ok(Branch::Quadrants { quadrants, is_own: by == index })
+                Ok(Branch::Quadrants([small(one)?, small(four)?, small(six)?, small(x)?]))
             }
             Shape::Pose { stated: Some(Stated::Config { letters, turns }), .. } => {
                 let [four, five, six] = turns;

@@ -44,11 +44,11 @@ fn has_name(statement: Cursor<'_>, words: &[&str]) -> bool {
     names.any(|token| words.contains(&capitals(statement.text(token)).as_str()))
 }
 
-/// What stands behind the first comma outside brackets: of `IF R[1]=1,JMP LBL[1]` the jump.
-fn behind_comma(statement: Cursor<'_>) -> Option<Cursor<'_>> {
+/// What stands before the first comma outside brackets, and behind it: of `IF R[1]=1,JMP LBL[1]` the jump.
+fn at_comma(statement: Cursor<'_>) -> Option<(Cursor<'_>, Cursor<'_>)> {
     let mut rest = statement;
     let before = rest.take_part(b',')?;
-    (before.tokens.len() < statement.tokens.len()).then_some(rest)
+    (before.tokens.len() < statement.tokens.len()).then_some((before, rest))
 }
 
 impl Reading<'_> {
@@ -81,6 +81,22 @@ impl Reading<'_> {
         if let Some((word, rest)) = motion(all) {
             return self.motion(&here, &word, rest, listing.tracks, steps);
         }
+        // `IF R[1]=1,JMP LBL[1]`, and `=2,CALL X` that goes on with a SELECT.
+        let is_case = matches!(all.peek_name().as_deref(), Some("IF" | "ELSE" | "SELECT") | None);
+        if let Some((condition, inner)) = at_comma(all).filter(|_| is_case) {
+            steps.push(Step::If);
+            match motion(inner) {
+                Some((word, rest)) => {
+                    self.uses(&here, condition);
+                    self.motion(&here, &word, rest, listing.tracks, steps);
+                }
+                None => {
+                    self.uses(&here, all);
+                    self.plain(&here, inner, steps);
+                }
+            }
+            return steps.push(Step::EndIf);
+        }
         self.uses(&here, all);
         let word = all.peek_name().unwrap_or_default();
         let is_alone = all.tokens.len() == 1;
@@ -97,15 +113,7 @@ impl Reading<'_> {
             "FOR" => steps.push(Step::Loop),
             "ENDFOR" => steps.push(Step::EndLoop),
             "LBL" => steps.push(Step::Label),
-            _ => match behind_comma(all) {
-                // `=2,CALL X` goes on with a SELECT.
-                Some(inner) if matches!(word.as_str(), "IF" | "ELSE" | "SELECT" | "") => {
-                    steps.push(Step::If);
-                    self.plain(&here, inner, steps);
-                    steps.push(Step::EndIf);
-                }
-                _ => self.plain(&here, all, steps),
-            },
+            _ => self.plain(&here, all, steps),
         }
     }
 

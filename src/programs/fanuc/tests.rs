@@ -224,6 +224,20 @@ fn numbers_turns_and_marks_alone_are_written() {
 }
 
 #[test]
+fn a_motion_behind_a_condition_uses_its_position_and_may_not_happen() {
+    let told = verdicts("J P[1] 5% FINE\nIF R[1]=1,L P[4] 9mm/sec FINE", "");
+    assert_eq!(told.len(), 2);
+    assert!(told[1].contains("nothing sets the"), "{told:?}");
+    let programs = programs("J P[3] 5% FINE\nIF R[1]=1,J P[2] 5% FINE\nL P[1] 9mm/sec FINE", "");
+    assert_eq!(programs.positions.len(), 3);
+    let told = programs.ask(2, &cell()).unwrap_err().to_string();
+    assert!(
+        told.contains("two arm configurations"),
+        "P[1] follows P[3], or P[2] where the condition holds: {told}"
+    );
+}
+
+#[test]
 fn positions_of_a_conveyor_are_refused() {
     let file = listing("J P[1] 5% FINE", "");
     let text = String::from_utf8(file.bytes).unwrap();

@@ -45,7 +45,7 @@ fn a_position_stands_in_its_work_object_and_that_in_the_world() {
     for (found, expected) in base_from_tool.translation.vector.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-6, "{base_from_tool}");
     }
-    assert_eq!(branches, [Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: true }]);
+    assert_eq!(branches, [Branch::Quadrants([0, -1, 2, 0])]);
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn linear_motions_go_on_in_the_configuration_where_confl_is_off() {
     );
     let Ok(asked) = programs.ask(1, &cell()) else { panic!("asked") };
     let Wanted::Pose { branches, .. } = asked.wanted else { panic!("a pose") };
-    assert_eq!(branches, [Branch::Quadrants { quadrants: [0, -1, 2, 0], is_own: false }]);
+    assert_eq!(branches, [Branch::Of(0)]);
 }
 
 #[test]

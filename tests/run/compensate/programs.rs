@@ -144,6 +144,42 @@ fn a_data_list_without_its_routines_is_refused() {
 const MODULE: &str = "MODULE t\r\n  PERS tooldata tip:=[TRUE,[[25,-40,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\r\n  PROC main()\r\n    \
     MoveAbsJ [[0,-75,95,25,60,-15],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tip;\r\n  ENDPROC\r\nENDMODULE\r\n";
 
+/// A circle and a straight motion across joint 1 = 0: their helper and their end state no quarter turns, or others, and are not asked for them.
+const ACROSS: &str = "MODULE t\r\n  PERS tooldata tip:=[TRUE,[[25,-40,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\r\n  \
+    CONST robtarget at:=[[1697.119,-182.514,962.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
+    CONST robtarget by:=[[1697.119,67.486,962.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[9,9,9,9],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
+    CONST robtarget to:=[[1697.119,267.486,1062.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[-1,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
+    PROC main()\r\n    MoveJ at,v100,fine,tip;\r\n    MoveC by,to,v100,fine,tip;\r\n    MoveJ at,v100,fine,tip;\r\n    \
+    ConfL\\Off;\r\n    MoveL by,v100,fine,tip;\r\n  ENDPROC\r\nENDMODULE\r\n";
+
+#[test]
+fn motions_that_read_no_quarter_turns_go_on_in_the_arm_configuration_before_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::create_dir(folder.join("backup")).expect("writable");
+    fs::write(
+        folder.join("cell.toml"),
+        "[frames]\ntip = { found = \"surveyed\" }\nbase_frame = { found = \"surveyed\", place = { \
+        xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] } }\n",
+    )
+    .expect("writable");
+    let done = |module: &str, out: &str| {
+        fs::write(folder.join("backup/t.mod"), module).expect("writable");
+        correct(folder, out, &[])
+    };
+    let told = done(ACROSS, "out").results;
+    assert!(told.contains("3 corrected, 0 refused, 0 computed"), "{told}");
+    // Without the quarter turns of the first nothing says how the arm goes on from there.
+    let told = done(&ACROSS.replacen("[0,0,-1,0]", "[1,1,1,1]", 1), "other").results;
+    assert!(told.contains("1 corrected, 2 refused, 0 computed"), "{told}");
+    assert!(
+        told.contains(
+            "in the arm configuration of the position before, which is not known: its cf1"
+        ),
+        "{told}"
+    );
+}
+
 #[test]
 fn a_corrected_program_without_its_marks_is_known_by_its_lake() {
     let folder = tempfile::tempdir().expect("a folder");

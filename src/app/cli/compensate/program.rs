@@ -268,7 +268,7 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     }
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
-    let asked = asked(args, taught_on.as_ref(), &programs, &cell);
+    let asked = asked(&solver, taught_on.as_ref(), &programs, &cell);
     let stated = stated(&programs, &asked, &solver);
     // A position in a touched base may stand where another program was corrected to: touching corrects at its points.
     recorded.check_targets(&args.targets, &stated, stated.len().div_ceil(4))?;
@@ -307,16 +307,18 @@ fn stated(
 
 /// What each position asks of the arm, of positions that were taught what they show of it; or why it is refused.
 fn asked(
-    args: &CompensateArgs,
+    solver: &Solver<'_>,
     taught_on: Option<&PublishedArm>,
     programs: &Programs,
     cell: &Cell,
 ) -> Vec<Result<Asked, String>> {
     let asked = (0..programs.positions.len()).map(|index| programs.ask(index, cell));
     let mut asked: Vec<_> = asked.map(|asked| asked.map_err(|why| why.to_string())).collect();
+    let taught_on = taught_on.map(|own| Solver::new(&own.arm, solver.allow, None));
+    taught_on.as_ref().unwrap_or(solver).follow(&mut asked);
     if let Some(own) = taught_on {
         let open: Vec<_> = asked.iter().flatten().collect();
-        let attained = Solver::new(&own.arm, &args.allow, None).attained(&open);
+        let attained = own.attained(&open);
         for (asked, attained) in asked.iter_mut().filter(|asked| asked.is_ok()).zip(attained) {
             *asked = attained;
         }

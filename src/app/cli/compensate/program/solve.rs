@@ -5,6 +5,7 @@
 //! quarter turns are held against all joint angles that reach the pose: those that agree have to be the only ones.
 
 use std::cell::RefCell;
+use std::collections::HashMap;
 
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
@@ -115,10 +116,60 @@ impl<'a> Solver<'a> {
         self.arm.model.shown.is_some()
     }
 
+    /// Gives positions whose motions go on in the arm configuration of another position the joint angles of that.
+    pub(super) fn follow(&self, asked: &mut [Result<Asked, String>]) {
+        let anywhere = self.anywhere();
+        let mut ways = Ways::default();
+        let mut known: HashMap<usize, Result<Branch, String>> = HashMap::new();
+        let followed = asked.iter().flatten().flat_map(Asked::branches).filter_map(Branch::other);
+        for by in followed.collect::<Vec<_>>() {
+            let of = || match &asked[by] {
+                Ok(own) => self.at_own_turns(own, &anywhere, &mut ways),
+                Err(why) => Err(why.clone()),
+            };
+            known.entry(by).or_insert_with(of);
+        }
+        for own in asked {
+            let Ok(Asked { wanted: Wanted::Pose { branches, .. }, .. }) = own else { continue };
+            let ended = branches.iter_mut().try_for_each(|branch| {
+                let other = branch.other().and_then(|by| known.get(&by)).cloned();
+                *branch = other.transpose()?.unwrap_or_else(|| branch.clone());
+                Ok(())
+            });
+            if let Err(why) = ended {
+                let why: String = why;
+                *own = Err(format!(
+                    "it is reached in the arm configuration of the position before, which is not known: {why}"
+                ));
+            }
+        }
+    }
+
+    /// The joint angles at which the controller has a position now, by the quarter turns that it states.
+    fn at_own_turns(
+        &self,
+        asked: &Asked,
+        anywhere: &Anywhere<'_>,
+        ways: &mut Ways,
+    ) -> Result<Branch, String> {
+        let Wanted::Pose { programmed, branches, .. } = &asked.wanted else {
+            return Err("it is stated in joint angles".to_owned());
+        };
+        let is_own = |branch: &&Branch| matches!(branch, Branch::Quadrants(_));
+        let own: Vec<Branch> = branches.iter().filter(is_own).cloned().collect();
+        let pose = programmed * self.own_tool_in(&asked.stated_tool);
+        let joints = self.only_joints(&pose, &own, anywhere, ways)?;
+        Ok(Branch::Joints(self.shown(&joints)))
+    }
+
+    fn anywhere(&self) -> Anywhere<'_> {
+        let (arm, tool) = (&self.arm.arm, *self.own_tool().isometry());
+        Anywhere::new(arm, &arm.no_offsets(), tool, InverseSettings::default())
+    }
+
     /// What becomes of each position.
     pub(super) fn solve(&self, asked: &[&Asked]) -> Vec<Solved> {
-        let (arm, tool) = (&self.arm.arm, *self.own_tool().isometry());
-        let anywhere = Anywhere::new(arm, &arm.no_offsets(), tool, InverseSettings::default());
+        let anywhere = self.anywhere();
         let targets = asked.par_chunks(CHUNK).flat_map_iter(|chunk| {
             let mut ways = Ways::default();
             let targets = chunk.iter().map(|asked| self.target(asked, &anywhere, &mut ways));
@@ -229,7 +280,7 @@ impl<'a> Solver<'a> {
             orientation: Some(pose.rotation),
             ..Target::default()
         };
-        if branches.iter().any(|branch| matches!(branch, Branch::Quadrants { .. })) {
+        if branches.iter().any(|branch| matches!(branch, Branch::Quadrants(_))) {
             // The quarter turns are those of the position as the controller has it.
             let programmed = programmed * self.own_tool_in(&asked.stated_tool);
             let angles = self.only_joints(&programmed, branches, anywhere, ways)?;
@@ -256,8 +307,14 @@ impl<'a> Solver<'a> {
         ways: &mut Ways,
     ) -> Result<Vec<f64>, String> {
         let agrees = |joints: &Vec<f64>| {
-            let mut branches = branches.iter();
-            branches.try_fold(joints.clone(), |joints, branch| self.agrees(branch, &joints))
+            let own = self.configuration(joints);
+            let is_in = |branch: &Branch| {
+                !matches!(branch, Branch::Joints(_)) || self.configuration_of(branch).ok() == own
+            };
+            let mut all = branches.iter();
+            all.try_fold(joints.clone(), |joints, branch| {
+                self.agrees(branch, &joints).filter(|_| is_in(branch))
+            })
         };
         let mut agreeing: Vec<Vec<f64>> = self.near(pose, ways).iter().filter_map(agrees).collect();
         if agreeing.is_empty() {
@@ -269,7 +326,9 @@ impl<'a> Solver<'a> {
         }
         match agreeing.as_slice() {
             [only] => Ok(only.clone()),
-            [] => Err("its cf1, cf4 and cf6 fit no joint angles that reach its pose; is it of another arm?".to_owned()),
+            [] => Err("its cf1, cf4 and cf6 fit no joint angles that reach its pose in the arm configuration of its motions; is it of \
+                       another arm?"
+                .to_owned()),
             _ => Err("its cf1, cf4 and cf6 agree with two arm configurations, which differ by cfx; what that means is not proven for this \
                       arm"
                 .to_owned()),
@@ -345,7 +404,7 @@ impl<'a> Solver<'a> {
                 let joints = self.joints(joints)?;
                 self.configuration(&joints.angles).ok_or_else(none)
             }
-            Branch::Quadrants { .. } => Err(none()),
+            Branch::Quadrants(_) | Branch::Of(_) => Err(none()),
         }
     }
 
@@ -356,7 +415,7 @@ impl<'a> Solver<'a> {
             Branch::Status { turn: Some(turn), .. } if joint < 6 => {
                 (turn >> joint & 1 == 1) == (degrees < 0.0) || degrees.abs() < 1e-3
             }
-            Branch::Quadrants { quadrants, is_own: _ } => {
+            Branch::Quadrants(quadrants) => {
                 let stated = match joint {
                     0 => quadrants[0],
                     3 => quadrants[1],

@@ -212,7 +212,7 @@ fn asked_at(point: &TaughtPoint, tool: &Isometry3<f64>, kind: Taught) -> Result<
             let programmed = world_from_base.inverse() * pose;
             let branch = match (point.status, point.cf) {
                 (Some(status), _) => Branch::Status { status, turn: None },
-                (None, cf) => Branch::Quadrants { quadrants: cf.unwrap_or_default(), is_own: true },
+                (None, cf) => Branch::Quadrants(cf.unwrap_or_default()),
             };
             Wanted::Pose {
                 base_from_frame: world_from_base.inverse(),
