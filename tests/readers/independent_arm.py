@@ -249,8 +249,8 @@ def stamp(nanoseconds):
     return {"stamp": {"sec": int(nanoseconds // 10**9), "nanosec": int(nanoseconds % 10**9)}, "frame_id": "base"}
 
 
-def record(arm, generator, folder, pitch):
-    """The two logs of a session."""
+def record(arm, generator, folder, pitch, counted=lambda angles: angles):
+    """The two logs of a session, with joint angles as a controller counts them."""
     commands = grid(pitch)
     angles = joints_for(commands)
     # What the controller reports is where the joints have come to.
@@ -270,7 +270,7 @@ def record(arm, generator, folder, pitch):
 
     folder.mkdir(parents=True)
     times = np.arange(0.0, ends[-1], 0.05)
-    joints = at(times)
+    joints = counted(at(times))
     with (folder / "controller.mcap").open("wb") as stream:
         writer = mcap_ros2.writer.Writer(stream)
         state = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
@@ -321,9 +321,11 @@ def euler(degrees):
     return turn([0, 0, 1], z) @ turn([0, 1, 0], y) @ turn([1, 0, 0], x)
 
 
-def pipeline(folder, session, keys, generator=None):
+def pipeline(folder, session, keys, generator=None, robot=None):
     """The quickstart's pipeline file with folders of its own; with a generator, the survey in it is off by what it states of itself."""
     text = (ROOT / "pipelines/quickstart.toml").read_text()
+    if robot is not None:
+        text = re.sub(r'"robots/[^"]*"', f'"{robot}"', text)
     text = re.sub(r'"robots/', f'"{ROOT}/pipelines/robots/', text)
     text = re.sub(r'"\.\./tests/recordings"', f'"{folder}/recordings"', text)
     text = re.sub(r'"\.\./lake"', f'"{folder}/lake"', text)

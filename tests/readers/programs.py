@@ -3,8 +3,9 @@
     python tests/readers/programs.py target/debug/posegrid --seed 1 --seed 2
 
 For each seed an arm of `independent_arm.py` is recorded and identified as there. A part lies in its box, with a base that was surveyed or
-that was touched with this wrong arm (KUKA's three points, ABB's user frame likewise), and a program in KRL and one in RAPID move over it:
-joint motions, straight ones, circles; a script of Universal Robots goes to its poses by joint angles. For each dialect and each way of finding the base
+that was touched with this wrong arm (three points of KUKA and FANUC, ABB's user frame likewise), and a program in KRL, one in RAPID and a listing of FANUC
+move over it: joint motions, straight ones, circles; a script of Universal Robots goes to its poses by joint angles. FANUC's session and program are
+of a controller that counts the joints of the same arm as FANUC does, joint 3 against the horizontal, in a world at the height of axis 2. For each dialect and each way of finding the base
 1. `posegrid compensate` corrects the program;
 2. a small interpreter runs the original and the corrected text: the controller knows the nominal arm, moves its tool straight, on a circle
    or by joints between the poses of the text in the base of its numbers, and sends the joints to the wrong arm;
@@ -326,16 +327,83 @@ def read_urscript(files):
     return np.eye(4), pose(np.eye(3), 1e3 * np.array(tool[:3])), motions
 
 
+# What a controller of FANUC counts of the same arm: KUKA's angles are SIGNS of its own turned by ZEROS, joint 3 against the horizontal.
+SIGNS = np.array([[-1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -1, -1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, -1, 0], [0, 0, 0, 0, 0, 1]])
+ZEROS = np.radians([0, -90, 90, 0, 0, 0])
+WORLD = pose(np.eye(3), [0, 0, 675])  # in the arm's base
+
+
+def as_fanuc(joints):
+    return (np.asarray(joints) - ZEROS) @ np.linalg.inv(SIGNS).T
+
+
+def fanuc_robot(folder):
+    """The robot file of that arm."""
+    text = (ROOT / "pipelines/robots/kr210-r2700-extra.toml").read_text()
+    head, *joints = text.split("[[joint]]")
+    head = re.sub(r"home_deg = .*", "home_deg = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0]", head)
+    coupled = np.eye(6, dtype=int)
+    coupled[2, 1] = 1
+    head = head.replace("\n\n", f"\njoint_map = {coupled.tolist()}\n\n")
+    signs, zeros, limits = [1, 1, -1, -1, -1, -1], [0, -90, 180, 0, 0, 0], [185, 90, 180, 350, 125, 350]
+    for place, (sign, zero, limit) in enumerate(zip(signs, zeros, limits)):
+        joints[place] = re.sub(r"sign = .*", f"sign = {sign}", joints[place])
+        joints[place] = re.sub(r"offset_deg = .*", f"offset_deg = {zero}", joints[place])
+        joints[place] = re.sub(r"limits_deg = .*", f"limits_deg = [-{limit}, {limit}]", joints[place])
+    (folder / "fanuc.toml").write_text("[[joint]]".join([head, *joints]))
+    return folder / "fanuc.toml"
+
+
+def write_fanuc(poses, base, start):
+    """The places of its frames stand on the controller, and in the file of the cell."""
+    lines = ["UFRAME_NUM=1", "UTOOL_NUM=1", "J P[8] 20% FINE"]
+    for way, which in WAYS:
+        word, speed = {"by joints": ("J", "20%"), "straight": ("L", "100mm/sec"), "circle": ("C", "100mm/sec")}[way]
+        lines.append(f"{word} " + "    \r\n    :  ".join(f"P[{own + 1}]" for own in which) + f" {speed} FINE")
+    listed = []
+    for number, own in enumerate(poses, 1):
+        r, p, w = as_abc(own[:3, :3])
+        x, y, z = own[:3, 3]
+        listed.append(
+            f"P[{number}]{{\r\n   GP1:\r\n\tUF : 1, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',\r\n\tX = {x:9.3f}  mm,\tY = {y:9.3f}  mm,"
+            f"\tZ = {z:9.3f}  mm,\r\n\tW = {w:9.3f} deg,\tP = {p:9.3f} deg,\tR = {r:9.3f} deg\r\n}};"
+        )
+    begin = [f"J{joint}= {degrees:9.3f} deg" for joint, degrees in enumerate(np.degrees(as_fanuc(start)), 1)]
+    listed.append("P[8]{\r\n   GP1:\r\n\tUF : 1, UT : 1,\t\r\n\t" + ",\t".join(begin[:3]) + ",\r\n\t" + ",\t".join(begin[3:]) + "\r\n};")
+    head = ["/PROG  PART", "/ATTR", f"LINE_COUNT\t= {len(lines)};", "/MN"]
+    numbered = [f"{number:4}:{own} ;" for number, own in enumerate(lines, 1)]
+    return {"part.ls": "\r\n".join([*head, *numbered, "/POS", *listed, "/END", ""])}
+
+
+def read_fanuc(files):
+    statements, positions = files["part.ls"].split("/POS")
+    known = {}
+    for number, text in re.findall(r"P\[(\d+)\]\{(.*?)\};", positions, re.S):
+        values = {name: float(value) for name, value in re.findall(r"\b(J\d|[XYZWPR])\s*=\s*(-?[\d.]+)", text)}
+        if "J1" in values:
+            known[number] = SIGNS @ np.radians([values[f"J{joint}"] for joint in range(1, 7)]) + ZEROS
+        else:
+            known[number] = pose(abc([values["R"], values["P"], values["W"]]), [values[axis] for axis in "XYZ"])
+    motions = []
+    for word, rest in re.findall(r"^\s*\d+:([JLC]) (.*?) FINE", statements, re.M | re.S):
+        given = [known[number] for number in re.findall(r"P\[(\d+)\]", rest)]
+        way = {"J": "by joints", "L": "straight", "C": "circle"}[word]
+        motions.append(("joints" if given[0].ndim == 1 else way, given))
+    return None, pose(np.eye(3), cell.TOOL), motions
+
+
 DIALECTS = {
     "KRL": (write_krl, read_krl, "BASE_DATA[1]", "TOOL_DATA[1]"),
     "RAPID": (write_rapid, read_rapid, "wPart.uframe", "tTip"),
     "URScript": (write_urscript, read_urscript, "base", "tcp"),
+    "FANUC": (write_fanuc, read_fanuc, "UFRAME[1]", "UTOOL[1]"),
 }
 
 
-def touch(arm, part, is_rapid):
+def touch(arm, part, dialect):
     """The base of three points that the arm really touches: its numbers at the controller, and each point in the file of the cell: of KRL
-    by the joints that the pendant shows, of RAPID by the pose."""
+    and FANUC by the joints that the pendant shows, of RAPID by the pose."""
+    is_rapid, shown = dialect == "RAPID", as_fanuc if dialect == "FANUC" else np.array
     ends = [[40, 0, 0], [260, 0, 0], [0, 240, 0]] if is_rapid else [[0, 0, 0], [260, 0, 0], [30, 240, 0]]
     turned = cell.quaternion_turn(cell.ORIENTATION)
     joints = [reach(arm, pose(turned, (part @ [*end, 1])[:3]), START) for end in ends]
@@ -345,7 +413,7 @@ def touch(arm, part, is_rapid):
     z /= np.linalg.norm(z)
     # ABB's y-axis goes through the third point.
     origin = one + x * (x @ (three - one)) if is_rapid else one
-    written = [stated_pose(own) if is_rapid else f"{{ joints_deg = {[float(q) for q in np.round(np.degrees(own), 3)]} }}" for own in joints]
+    written = [stated_pose(own) if is_rapid else f"{{ joints_deg = {[float(q) for q in np.round(np.degrees(shown(own)), 3)]} }}" for own in joints]
     return pose(np.stack([x, np.cross(z, x), z], axis=1), origin), written
 
 
@@ -357,27 +425,35 @@ def stated_pose(joints):
     return f"{{ pose = {{ xyz_mm = [{place}], quaternion_xyzw = [{x:.8f}, {y:.8f}, {z:.8f}, {w:.8f}] }}, cf = [{quarters}, 0] }}"
 
 
-def cell_file(dialect, calibration, points):
+def frame_place(own):
+    w, x, y, z = (float(part) for part in as_quaternion(own[:3, :3]))
+    return f"{{ xyz_mm = {[float(mm) for mm in own[:3, 3]]}, quaternion_xyzw = {[x, y, z, w]} }}"
+
+
+def cell_file(dialect, calibration, points, own_base):
+    """What no file of the program states of its frames has its place."""
     _, _, base, tool = DIALECTS[dialect]
-    identity = "{ xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }"
-    lines = [] if dialect != "RAPID" else [f'[frames.base_frame]\nfound = "surveyed"\nplace = {identity}']
-    lines.append(f'[frames."{tool}"]\nfound = "surveyed"')
-    if points is None:
-        lines.append(f'[frames."{base}"]\nfound = "surveyed"' + (f"\nplace = {identity}" if dialect == "URScript" else ""))
-    else:
-        touched = ", ".join(points)
-        tip = f"{{ xyz_mm = {[float(x) for x in cell.TOOL]}, quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }}"
-        lines.append(f'[frames."{base}"]\ntaught_with = "{calibration}"\ntool = {tip}\npoints = [{touched}]')
+    tip = frame_place(pose(np.eye(3), cell.TOOL))
+    places = {"URScript": {base: np.eye(4)}, "RAPID": {"base_frame": np.eye(4)}}
+    places["FANUC"] = {"base_frame": inverse(WORLD), base: inverse(WORLD) @ own_base, tool: pose(np.eye(3), cell.TOOL)}
+    places = places.get(dialect, {})
+    lines = []
+    for name in dict.fromkeys([*places, tool, base]):
+        lines += [f'[frames."{name}"]', *([f"place = {frame_place(places[name])}"] if name in places else [])]
+        if name == base and points is not None:
+            lines += [f'taught_with = "{calibration}"', f"tool = {tip}", f"points = [{', '.join(points)}]"]
+        else:
+            lines.append('found = "surveyed"')
     return "\n".join(lines) + "\n"
 
 
-def corrected(binary, folder, dialect, files, calibration, touched, name, more=()):
+def corrected(binary, folder, dialect, files, calibration, touched, base, name, more=()):
     """The files of the program as posegrid corrects them, and what it says."""
     given = folder / f"{name}-given"
     given.mkdir(parents=True)
     for own, text in files.items():
         (given / own).write_bytes(text.encode())
-    (folder / f"{name}.toml").write_text(cell_file(dialect, calibration, touched))
+    (folder / f"{name}.toml").write_text(cell_file(dialect, calibration, touched, base))
     arguments = [binary, "compensate", calibration, given, "--cell", folder / f"{name}.toml", "--points", "off-line", "--no-record"]
     arguments += ["--out", folder / name, *(word for own in ALLOW for word in ("--allow", own)), *more]
     said = cell.command(arguments, {0})
@@ -391,27 +467,36 @@ def loop(binary, folder, seed, options):
     generator = np.random.default_rng(seed)
     arm, session = cell.Arm(generator), f"arm-{seed}"
     cell.record(arm, generator, folder / "recordings" / session, options.pitch)
-    cell.command([binary, "run", cell.pipeline(folder, session, [])], {0, 3})
+    calibration, bound = identified(binary, folder, session, None)
+    fanuc, counted = f"{session}-fanuc", np.random.default_rng([seed, 2])
+    cell.record(arm, counted, folder / "recordings" / fanuc, options.pitch, as_fanuc)
+    own = {"FANUC": identified(binary, folder, fanuc, fanuc_robot(folder))}
+    done = {}
+    for number in range(PARTS):
+        name = f"{session}-{number}"
+        for key, part in corrected_part(binary, folder, arm, generator, own, (calibration, bound), name, options).items():
+            done.setdefault(key, []).append(part)
+    found = {}
+    for key, parts in done.items():
+        before, after, is_within, surveyed = found[key] = [np.concatenate(part) for part in zip(*parts)]
+        extra = "" if not len(surveyed) else f", taken as surveyed {surveyed.mean():.3f}"
+        within = f"{100 * is_within.mean():.1f} % within {own.get(key[0], (calibration, bound))[1]:.3f}"
+        print(f"| {seed} | {key[0]} | {key[1]} | {before.mean():.3f} | {after.mean():.3f}{extra} | {within} |", flush=True)
+    return found
+
+
+def identified(binary, folder, session, robot):
+    """The calibration of a session, and the bound that its run promises of poses, mm."""
+    cell.command([binary, "run", cell.pipeline(folder, session, [], robot=robot)], {0, 3})
     (calibration,) = (folder / "lake/calibrations").glob(f"*/{session}/*.parquet")
     (bound,) = duckdb.sql(
         f"SELECT value FROM read_parquet('{folder}/lake/accuracy/*/{session}/*.parquet') WHERE split = 'blocks' AND model = 'full' "
         "AND angles = 'commanded' AND base_refit = 'none' AND moment = 'after' AND name = 'bound'"
     ).fetchall()[0]
-    done = {}
-    for number in range(PARTS):
-        name = f"{session}-{number}"
-        for key, own in corrected_part(binary, folder, arm, generator, calibration, bound, name, options).items():
-            done.setdefault(key, []).append(own)
-    found = {}
-    for key, parts in done.items():
-        before, after, is_within, surveyed = found[key] = [np.concatenate(own) for own in zip(*parts)]
-        extra = "" if not len(surveyed) else f", taken as surveyed {surveyed.mean():.3f}"
-        within = f"{100 * is_within.mean():.1f} % within {bound:.3f}"
-        print(f"| {seed} | {key[0]} | {key[1]} | {before.mean():.3f} | {after.mean():.3f}{extra} | {within} |", flush=True)
-    return found
+    return calibration, bound
 
 
-def corrected_part(binary, folder, arm, generator, calibration, bound, name, options):
+def corrected_part(binary, folder, arm, generator, own_arms, of_others, name, options):
     """Programs over a part: of each dialect and base the distances from the path before and after, which of the latter are within the bound and
     what the report states between positions, and the distances with a touched base taken as surveyed."""
     turned = cell.euler([generator.uniform(-3, 3), generator.uniform(-3, 3), generator.uniform(-40, 40)])
@@ -419,25 +504,27 @@ def corrected_part(binary, folder, arm, generator, calibration, bound, name, opt
     poses = points(generator, part)
     done = {}
     for dialect, (write, read, *_) in DIALECTS.items():
-        touched, points_touched = touch(arm, part, dialect == "RAPID")
+        calibration, bound = own_arms.get(dialect, of_others)
+        touched, points_touched = touch(arm, part, dialect)
         # Joint angles stand in no base.
         ways = (("surveyed", part, None), ("taught", touched, points_touched))[: 1 if dialect == "URScript" else 2]
         for how, base, taught in ways:
             files = write(poses, base, START)
             own_base, tool, motions = read(files)
+            own_base = base if own_base is None else own_base
             assert np.allclose(tool[:3, 3], cell.TOOL)
             # What the program means: the nominal arm with the base on the part.
             meant = nominal().tool_pose(run(motions, part))[1]
-            # The parts of the other dialects stand where they stood without it.
-            noise = np.random.default_rng(7) if dialect == "URScript" else generator
+            # The parts of the first dialects stand where they stood without the others.
+            noise = np.random.default_rng(7) if dialect in ("URScript", "FANUC") else generator
             off = lambda motions: np.linalg.norm(driven(arm, noise, motions, own_base) - meant, axis=1)[PLACES:]
 
             def after(taught, name, *more):
-                text, said = corrected(binary, folder, dialect, files, calibration, taught, name, more)
+                text, said = corrected(binary, folder, dialect, files, calibration, taught, base, name, more)
                 if options.verbose:
                     print(said)
                 base_after, _, motions_after = read(text)
-                assert np.array_equal(base_after, own_base), "the numbers of a frame changed"
+                assert base_after is None or np.array_equal(base_after, own_base), "the numbers of a frame changed"
                 between = float(re.search(r"leaves the wanted path by ([\d.]+) mm at most", said)[1])
                 further = re.findall(rf"(\w+) .*{ADDED}", "\n".join(text.values()))
                 return off(motions_after), between, {own.upper() for own in further}
@@ -446,7 +533,7 @@ def corrected_part(binary, folder, arm, generator, calibration, bound, name, opt
             before, (left, between, _) = off(motions), after(taught, own)
             surveyed = np.array([]) if taught is None else after(None, f"{own}-as-surveyed")[0]
             done[dialect, how] = before, left, left <= bound + between, surveyed
-            if taught is None and dialect != "URScript":
+            if taught is None and dialect in ("KRL", "RAPID"):
                 dense, between, added = after(None, f"{own}-dense", "--densify", DENSIFY_MM)
                 options.added |= added
                 done[dialect, "densified"] = before, dense, dense <= bound + between, surveyed

@@ -1,6 +1,6 @@
 //! Lines of a listing → statements and positions.
 //!
-//! A statement of `/MN` begins with its number and a colon, and ends at the `;` at the end of a line; lines with a colon alone carry it on.
+//! A statement of `/MN` begins with its number and a colon, and ends at the `;` at the end of a line; lines without a number carry it on.
 //! Comments and statements that are remarked out are none.
 
 use std::ops::Range;
@@ -102,7 +102,7 @@ impl<'f> Listing<'f> {
         self.tokens.extend(own);
         let end = self.tokens.len();
         match self.statements.last_mut() {
-            Some((range, _)) if is_open && head == 1 => range.end = end,
+            Some((range, _)) if is_open && head < 2 => range.end = end,
             _ => self.statements.push((start..end, line[0].line)),
         }
         !is_ended

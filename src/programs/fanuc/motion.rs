@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{DECIMALS, Reading};
 use crate::flow::{Known, Slot, Step};
-use crate::lex::{Kind, capitals};
+use crate::lex::{Kind, Token, capitals};
 use crate::program::{Motion, Position, Reads, Target, Way};
 use crate::reading::{Here, NOT_SPLIT, has, one, shown};
 use crate::refusal::Refusal;
@@ -119,20 +119,29 @@ impl Reading<'_> {
         let mut rest = rest;
         let (mut targets, mut frames) = (Vec::new(), Vec::new());
         let count = if word == "C" { 2 } else { 1 };
-        let is_target = |rest: &Cursor<'_>| {
-            let own = rest.tokens;
-            own.len() > 1 && own[0].kind == Kind::Name && own[1].is(b'[')
-        };
-        while targets.len() < count && is_target(&rest) {
+        let is_target = |own: &[Token]| own[0].kind == Kind::Name && own[1].is(b'[');
+        // What stands between two positions is an option of the first, and `PR[1]` behind a comma a part of it.
+        let mut between = Vec::new();
+        while targets.len() < count {
+            let mut places = rest.tokens.windows(2).enumerate();
+            let is_free = |place: usize| place == 0 || !rest.tokens[place - 1].is(b',');
+            let is_next = |(place, own): (usize, &[Token])| is_target(own) && is_free(place);
+            let Some(next) = places.position(is_next).filter(|next| *next == 0 || count == 2)
+            else {
+                break;
+            };
+            let (options, tokens) = rest.tokens.split_at(next);
+            between.extend(options_of(Cursor { tokens: options, ..rest }));
+            rest.tokens = tokens;
             let (target, own) = self.target(here, &mut rest);
             targets.push(target);
             frames.extend(own);
         }
         let end = names(rest).find(|(_, name)| is_end(name));
         let behind = end.as_ref().map(|(place, _)| &rest.tokens[place + 1..]);
-        let options = behind.map(|tokens| options_of(Cursor { tokens, ..rest }));
+        between.extend(behind.into_iter().flat_map(|tokens| options_of(Cursor { tokens, ..rest })));
         let end = end.map(|(_, name)| name);
-        Parts { targets, frames, end, options: options.unwrap_or_default() }
+        Parts { targets, frames, end, options: between }
     }
 
     fn obstacle(

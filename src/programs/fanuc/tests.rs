@@ -224,6 +224,23 @@ fn numbers_turns_and_marks_alone_are_written() {
 }
 
 #[test]
+fn a_circle_has_two_positions_however_its_lines_are_written() {
+    let head = "J P[3] 5% FINE\nC P[1]";
+    for between in
+        [" ;X", " Tool_Offset,PR[2]", " Tool_Offset,PR[2:a] ;X   :", " 9mm/sec CNT5 ;X:", " ;X   :"]
+    {
+        let file = listing(&format!("{head}{between} P[2] 9mm/sec FINE"), "");
+        let text = String::from_utf8(file.bytes).unwrap().replace(" ;X", "\r\n");
+        let programs = read(vec![File { bytes: text.into_bytes(), ..file }], &cell());
+        assert_eq!(programs.positions.len(), 3, "{between}");
+        assert!(programs.computed.is_empty(), "{between}");
+        let told = programs.ask(1, &cell());
+        let is_plain = between.ends_with(" ;X") || between.ends_with(" ;X   :");
+        assert_eq!(told.is_ok(), is_plain && !between.contains("PR"), "{between}: {told:?}");
+    }
+}
+
+#[test]
 fn a_motion_behind_a_condition_uses_its_position_and_may_not_happen() {
     let told = verdicts("J P[1] 5% FINE\nIF R[1]=1,L P[4] 9mm/sec FINE", "");
     assert_eq!(told.len(), 2);
