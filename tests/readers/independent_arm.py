@@ -249,8 +249,8 @@ def stamp(nanoseconds):
     return {"stamp": {"sec": int(nanoseconds // 10**9), "nanosec": int(nanoseconds % 10**9)}, "frame_id": "base"}
 
 
-def record(arm, generator, folder, pitch, counted=lambda angles: angles):
-    """The two logs of a session, with joint angles as a controller counts them."""
+def record(arm, generator, folder, pitch, counted=lambda angles: angles, names=JOINTS):
+    """The two logs of a session, with joint angles as a controller counts and names them."""
     commands = grid(pitch)
     angles = joints_for(commands)
     # What the controller reports is where the joints have come to.
@@ -280,7 +280,7 @@ def record(arm, generator, folder, pitch, counted=lambda angles: angles):
         for time, topic, schema, value in sorted(messages, key=lambda message: message[0]):
             now = START_NS + round(time * 1e9)
             if schema is state:
-                body = {"name": JOINTS, "position": [float(q) for q in value], "velocity": [], "effort": []}
+                body = {"name": names, "position": [float(q) for q in value], "velocity": [], "effort": []}
             else:
                 place = dict(zip("xyz", (float(mm) / 1000 for mm in value)))
                 body = {"pose": {"position": place, "orientation": dict(zip("xyzw", map(float, ORIENTATION)))}}

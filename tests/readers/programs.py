@@ -5,7 +5,8 @@
 For each seed an arm of `independent_arm.py` is recorded and identified as there. A part lies in its box, with a base that was surveyed or
 that was touched with this wrong arm (three points of KUKA and FANUC, ABB's user frame likewise), and a program in KRL, one in RAPID and a listing of FANUC
 move over it: joint motions, straight ones, circles; a script of Universal Robots goes to its poses by joint angles. FANUC's session and program are
-of a controller that counts the joints of the same arm as FANUC does, joint 3 against the horizontal, in a world at the height of axis 2. For each dialect and each way of finding the base
+of a controller that counts the joints of the same arm as FANUC does, joint 3 against the horizontal, in a world at the height of axis 2, and a
+script with poses is of one that has the same arm in a calibration file of Universal Robots. For each dialect and each way of finding the base
 1. `posegrid compensate` corrects the program;
 2. a small interpreter runs the original and the corrected text: the controller knows the nominal arm, moves its tool straight, on a circle
    or by joints between the poses of the text in the base of its numbers, and sends the joints to the wrong arm;
@@ -392,18 +393,80 @@ def read_fanuc(files):
     return None, pose(np.eye(3), cell.TOOL), motions
 
 
+UR_SIGNS = np.array([1, 1, 1, 1, 1, -1])  # its last joint turns about the flange's z
+UR_LINKS = {"shoulder": "shoulder_pan", "upper_arm": "shoulder_lift", "forearm": "elbow", "wrist_1": "wrist_1", "wrist_2": "wrist_2", "wrist_3": "wrist_3"}
+
+
+def ur_robot(folder):
+    """The same arm as a calibration file of a controller of Universal Robots: each joint's frame in the one before, z along its axis."""
+    lines, before = ["kinematics:"], np.eye(4)
+    for place, link in enumerate(UR_LINKS):
+        z = cell.AXES[place]
+        x = np.array([1, 0, 0] if place < 3 else [0, 0, 1])
+        own = pose(np.stack([x, np.cross(z, x), z], axis=1), cell.POINTS[place])
+        if link == "wrist_3":
+            # No calibration has the round angles of a drawing: a microradian about the line to the tool leaves the tool's place as it is.
+            own = pose(cell.FLANGE_TURN @ cell.turn(cell.TOOL / np.linalg.norm(cell.TOOL), 1e-6), cell.FLANGE)
+        step = inverse(before) @ own
+        yaw, pitch, roll = np.radians(as_abc(step[:3, :3]))
+        numbers = dict(zip(["x", "y", "z", "roll", "pitch", "yaw"], [*(step[:3, 3] / 1e3), roll, pitch, yaw]))
+        lines += [f"  {link}:", *(f"    {name}: {float(value)!r}" for name, value in numbers.items())]
+        before = own
+    (folder / "ur_calibration.yaml").write_text("\n".join([*lines, "  hash: calib_1", ""]))
+    return folder / "ur_calibration.yaml"
+
+
+def ur_pose(own):
+    vector = cell.rotation_vector(own[None, :3, :3])[0]
+    return f"p[{', '.join(f'{value:.7f}' for value in (*(own[:3, 3] / 1e3), *vector))}]"
+
+
+def write_ur_poses(poses, base, start):
+    begin = ", ".join(f"{angle:.7f}" for angle in UR_SIGNS * start)
+    lines = ["def Part():", f"  global Plane_1={ur_pose(base)}", f"  set_tcp({ur_pose(pose(np.eye(3), cell.TOOL))})", f"  movej([{begin}])"]
+    for way, which in WAYS:
+        word = {"by joints": "movej", "straight": "movel", "circle": "movec"}[way]
+        lines.append(f"  {word}({', '.join(f'pose_trans(Plane_1, {ur_pose(poses[own])})' for own in which)}, a=1.2, v=0.25)")
+    return {"part.script": "\n".join([*lines, "end", ""])}
+
+
+def read_ur_poses(files):
+    text = re.sub(r"#.*", "", files["part.script"])
+
+    def of(values):
+        angle = np.linalg.norm(values[3:])
+        turned = cell.turn(np.array(values[3:]) / angle, angle) if angle > 1e-12 else np.eye(3)
+        return pose(turned, 1e3 * np.array(values[:3]))
+
+    (base,), (tool,) = (re.findall(pattern, text) for pattern in (r"Plane_1=p\[(.*?)\]", r"set_tcp\(p\[(.*?)\]"))
+    motions = []
+    for word, rest in re.findall(r"(move[jlc])\((.*)\)", text):
+        given = [of(numbers(own)) for own in re.findall(r"p\[(.*?)\]", rest)]
+        way = {"movej": "by joints", "movel": "straight", "movec": "circle"}[word]
+        motions.append((way, given) if given else ("joints", [UR_SIGNS * numbers(re.search(r"\[(.*?)\]", rest)[1])]))
+    return of(numbers(base)), of(numbers(tool)), motions
+
+
 DIALECTS = {
     "KRL": (write_krl, read_krl, "BASE_DATA[1]", "TOOL_DATA[1]"),
     "RAPID": (write_rapid, read_rapid, "wPart.uframe", "tTip"),
     "URScript": (write_urscript, read_urscript, "base", "tcp"),
     "FANUC": (write_fanuc, read_fanuc, "UFRAME[1]", "UTOOL[1]"),
+    "URScript poses": (write_ur_poses, read_ur_poses, "Plane_1", "tcp"),
+}
+
+
+# Controllers that count and name the joints of the arm in their own way: with the robot file of that.
+COUNTED = {
+    "FANUC": (as_fanuc, cell.JOINTS, fanuc_robot),
+    "URScript poses": (lambda joints: UR_SIGNS * joints, [f"{name}_joint" for name in UR_LINKS.values()], ur_robot),
 }
 
 
 def touch(arm, part, dialect):
     """The base of three points that the arm really touches: its numbers at the controller, and each point in the file of the cell: of KRL
     and FANUC by the joints that the pendant shows, of RAPID by the pose."""
-    is_rapid, shown = dialect == "RAPID", as_fanuc if dialect == "FANUC" else np.array
+    is_rapid, shown = dialect == "RAPID", COUNTED.get(dialect, (np.array,))[0]
     ends = [[40, 0, 0], [260, 0, 0], [0, 240, 0]] if is_rapid else [[0, 0, 0], [260, 0, 0], [30, 240, 0]]
     turned = cell.quaternion_turn(cell.ORIENTATION)
     joints = [reach(arm, pose(turned, (part @ [*end, 1])[:3]), START) for end in ends]
@@ -434,7 +497,7 @@ def cell_file(dialect, calibration, points, own_base):
     """What no file of the program states of its frames has its place."""
     _, _, base, tool = DIALECTS[dialect]
     tip = frame_place(pose(np.eye(3), cell.TOOL))
-    places = {"URScript": {base: np.eye(4)}, "RAPID": {"base_frame": np.eye(4)}}
+    places = {"URScript": {base: np.eye(4)}, "RAPID": {"base_frame": np.eye(4)}, "URScript poses": {"base": np.eye(4)}}
     places["FANUC"] = {"base_frame": inverse(WORLD), base: inverse(WORLD) @ own_base, tool: pose(np.eye(3), cell.TOOL)}
     places = places.get(dialect, {})
     lines = []
@@ -468,10 +531,11 @@ def loop(binary, folder, seed, options):
     arm, session = cell.Arm(generator), f"arm-{seed}"
     cell.record(arm, generator, folder / "recordings" / session, options.pitch)
     calibration, bound = identified(binary, folder, session, None)
-    fanuc, counted = f"{session}-fanuc", np.random.default_rng([seed, 2])
-    cell.record(arm, counted, folder / "recordings" / fanuc, options.pitch, as_fanuc)
-    own = {"FANUC": identified(binary, folder, fanuc, fanuc_robot(folder))}
-    done = {}
+    own, done = {}, {}
+    for dialect, (counted, names, robot) in COUNTED.items():
+        other = f"{session}-{dialect.split()[0].lower()}"
+        cell.record(arm, np.random.default_rng([seed, 2]), folder / "recordings" / other, options.pitch, counted, names)
+        own[dialect] = identified(binary, folder, other, robot(folder))
     for number in range(PARTS):
         name = f"{session}-{number}"
         for key, part in corrected_part(binary, folder, arm, generator, own, (calibration, bound), name, options).items():
@@ -516,7 +580,7 @@ def corrected_part(binary, folder, arm, generator, own_arms, of_others, name, op
             # What the program means: the nominal arm with the base on the part.
             meant = nominal().tool_pose(run(motions, part))[1]
             # The parts of the first dialects stand where they stood without the others.
-            noise = np.random.default_rng(7) if dialect in ("URScript", "FANUC") else generator
+            noise = generator if dialect in ("KRL", "RAPID") else np.random.default_rng(7)
             off = lambda motions: np.linalg.norm(driven(arm, noise, motions, own_base) - meant, axis=1)[PLACES:]
 
             def after(taught, name, *more):
