@@ -57,7 +57,10 @@ pub fn read(
     let own = own_rows(&table, settings, whose).map_err(at)?;
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let read = rows::rows(&table, &columns, settings, &own, slides, file);
-    if read.rows.rows.is_empty() || read.rows.rejects.len() > rows::MOST_REJECTS {
+    let (rows, rejects) = (&read.rows.rows, &read.rows.rejects);
+    // Of readings that are all left out there is a reason; a table of lengths alone has none.
+    let is_unmeasured = !rejects.is_empty() && rows.iter().all(|row| row.readings.is_empty());
+    if rows.is_empty() || is_unmeasured || rejects.len() > rows::MOST_REJECTS {
         return Err(at(StationTableErrorKind::nothing(own.len(), &read.rows)));
     }
     Ok(StationTable { remarks: table.remarks().to_vec(), ..read })

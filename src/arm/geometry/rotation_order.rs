@@ -37,6 +37,28 @@ impl RotationOrder {
             if self.moving { so_far * turn } else { turn * so_far }
         })
     }
+
+    /// Angles, rad, that make a rotation: the middle one within −90° to 90°, where the first axis is the last too within 0° to 180°.
+    pub fn angles(self, rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+        let turn = rotation.to_rotation_matrix();
+        let [mut i, j, mut last] = self.axes;
+        // About fixed axes the same turns follow each other the other way round.
+        if !self.moving {
+            std::mem::swap(&mut i, &mut last);
+        }
+        let k = 3 - i - j;
+        let sign = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
+        let [a, b, c] = if i == last {
+            let middle = turn[(j, i)].hypot(turn[(k, i)]).atan2(turn[(i, i)]);
+            let first = turn[(j, i)].atan2(-sign * turn[(k, i)]);
+            [first, middle, turn[(i, j)].atan2(sign * turn[(i, k)])]
+        } else {
+            let middle = (sign * turn[(i, k)]).atan2(turn[(i, i)].hypot(turn[(i, j)]));
+            let first = (-sign * turn[(j, k)]).atan2(turn[(k, k)]);
+            [first, middle, (-sign * turn[(i, j)]).atan2(turn[(i, i)])]
+        };
+        if self.moving { [a, b, c] } else { [c, b, a] }
+    }
 }
 
 impl TryFrom<String> for RotationOrder {
@@ -58,6 +80,18 @@ impl From<RotationOrder> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_angles_of_a_rotation_make_it_again() {
+        for order in RotationOrder::all() {
+            let middle = if order.axes[0] == order.axes[2] { 1.9 } else { -1.2 };
+            let angles = [2.5, middle, -0.4];
+            let found = order.angles(&order.rotation(angles));
+            for (found, angle) in found.iter().zip(angles) {
+                assert!((found - angle).abs() < 1e-12, "{order:?}: {found} {angle}");
+            }
+        }
+    }
 
     fn order(word: &str) -> RotationOrder {
         RotationOrder::try_from(word.to_owned()).expect("an order")

@@ -29,7 +29,7 @@ impl StationTableErrorKind {
     pub(super) fn nothing(rows: usize, read: &Rows) -> Self {
         read.rejects.first().map_or(Self::NoRows, |first| Self::NothingKept {
             rows,
-            kept: read.rows.len(),
+            kept: read.rows.iter().filter(|row| !row.readings.is_empty()).count(),
             line: first.line,
             column: first.column.clone(),
             reason: first.reason.clone(),

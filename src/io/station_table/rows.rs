@@ -2,7 +2,7 @@ mod references;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Quaternion, Rotation3, UnitQuaternion};
 
 use super::columns::{Columns, Length, Measured, Sum, Value as Cellular};
 use super::{StationTable, name};
@@ -19,6 +19,9 @@ use crate::units::round_ns;
 
 /// A quaternion or matrix further from a rotation than this is none.
 const ROTATION: f64 = 0.01;
+
+/// An angle of an orientation beyond this, rad, is in degrees.
+const MOST_RAD: f64 = 4.0 * std::f64::consts::PI;
 
 /// Numbers of this size, of any quantity in any unit, would only overflow the fits; logs have the same limit.
 const WILDEST: f64 = 1e9;
@@ -626,11 +629,15 @@ fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64
                 Fault::of(format!("a quaternion of norm {norm:.3}, and a rotation has norm 1"))
             })
         }
-        (OrientationForm::Angles(_, order, unit), &[a, b, c]) => {
-            Ok(order.rotation([a, b, c].map(|angle| unit.to_rad() * angle)))
-        }
-        (OrientationForm::Vector(_, unit), values) if values.len() == 3 => {
-            Ok(UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from_row_slice(values)))
+        (OrientationForm::Angles(_, _, unit) | OrientationForm::Vector(_, unit), &[a, b, c]) => {
+            let largest = [a, b, c].into_iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
+            let is_angle = *unit != AngleUnit::Rad || largest <= MOST_RAD;
+            let words = || {
+                format!(
+                    "an angle of {largest:.1} rad, more than two turns; is the orientation's unit \"deg\"?"
+                )
+            };
+            is_angle.then(|| form.rotation([a, b, c])).flatten().ok_or_else(|| Fault::of(words()))
         }
         (OrientationForm::Matrix(_), values) if values.len() == 9 => {
             let turn = rotation_of_matrix(values);

@@ -195,6 +195,16 @@ fn a_column_that_is_not_there_is_told_with_its_key() {
     let table = Table::new("a,s,x,y,z,sd,u,v,w,r\nnone,2,3,4,5,6,7,8,9,10\n");
     let told = table.read(WIDE, None).unwrap_err();
     assert!(told.contains("0 of its 1 rows") && told.contains("line 2, column \"a\""), "{told}");
+    // Angles in degrees that are stated as rad leave no reading.
+    let table = Table::new("a,s,x,y,z,u,v,w\n1,2,3,4,5,90,8,-170\n");
+    let turned = "joints = [\"a\", \"s\"]\njoint_unit = \"deg\"\nlength_unit = \"m\"\n[measured]\nposition = [\"x\", \"y\", \"z\"]\n\
+                  unit = \"m\"\norientation = { angles = [\"u\", \"v\", \"w\"], order = \"fixed-xyz\", unit = \"rad\" }\n";
+    let told = table.read(turned, None);
+    let told = told.unwrap_err();
+    assert!(
+        told.contains("0 of its 1 rows") && told.contains("170.0 rad, more than two turns"),
+        "{told}"
+    );
 }
 
 #[test]

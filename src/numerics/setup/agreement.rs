@@ -6,7 +6,7 @@
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::evidence::{Evidence, point};
-use super::set_up::{SetUp, reread};
+use super::set_up::SetUp;
 use crate::figures::median;
 use crate::geometry::align;
 use crate::join::placement::{Placement, ReadingAtFlange};
@@ -235,7 +235,7 @@ impl Seen {
         let base = self.placement?.tracker_from_base.rotation;
         let measured = evidence.measured(set_up.reading_row).into_iter().zip(&self.flanges);
         let targets = measured.filter_map(|((_, orientation), flange)| {
-            let measured = reread(&set_up.reading_parts, &orientation?);
+            let measured = set_up.reading_turns.of(&orientation?);
             Some(flange.rotation.inverse() * base.inverse() * measured)
         });
         let targets: Vec<UnitQuaternion<f64>> = targets.collect();

@@ -5,6 +5,7 @@ use nalgebra::{
 };
 
 use super::evidence::Evidence;
+use crate::ingest::OrientationForm;
 use crate::join::Command;
 use crate::kinematics::Arm;
 
@@ -16,14 +17,16 @@ pub struct SetUp {
     pub joints_from_reported: DMatrix<f64>,
     /// Map on measured positions, a factor or a reflection; the identity as stated.
     pub reading_map: Matrix3<f64>,
-    /// Map on the parts x, y, z, w of measured orientations; the identity as stated.
-    pub reading_parts: Matrix4<f64>,
+    /// How measured orientations are read otherwise than stated.
+    pub reading_turns: Reread,
+    /// The form of measured orientations; `None` of quaternions in a log.
+    pub reading_form: Option<OrientationForm>,
     /// The row whose reading belongs to a row's joints, counted from that row; 0 as stated.
     pub reading_row: i8,
     /// Factor on commanded positions; 1 as stated.
     pub command_scale: f64,
-    /// Map on the parts x, y, z, w of commanded orientations; the identity as stated.
-    pub command_parts: Matrix4<f64>,
+    pub command_turns: Reread,
+    pub command_form: Option<OrientationForm>,
     pub base_from_command: Isometry3<f64>,
     /// The controller's tool at the flange, mm; `None` where it is not stated.
     pub flange_from_tool: Option<Isometry3<f64>>,
@@ -69,10 +72,12 @@ impl SetUp {
             arm,
             joints_from_reported: DMatrix::identity(joints, joints),
             reading_map: Matrix3::identity(),
-            reading_parts: Matrix4::identity(),
+            reading_turns: Reread::AsStated,
+            reading_form: None,
             reading_row: 0,
             command_scale: 1.0,
-            command_parts: Matrix4::identity(),
+            command_turns: Reread::AsStated,
+            command_form: None,
             base_from_command: Isometry3::identity(),
             flange_from_tool: None,
             target: None,
@@ -110,7 +115,7 @@ impl SetUp {
 
     /// A command's orientation in the base frame; `None` where it has none.
     pub(super) fn commanded_turn(&self, command: &Command) -> Option<UnitQuaternion<f64>> {
-        Some(self.base_from_command.rotation * reread(&self.command_parts, &command.orientation?))
+        Some(self.base_from_command.rotation * self.command_turns.of(&command.orientation?))
     }
 
     /// Whether sessions are tables of stations.
@@ -131,10 +136,28 @@ impl SetUp {
     }
 }
 
-/// An orientation whose parts x, y, z, w were read otherwise.
-pub(super) fn reread(
-    parts: &Matrix4<f64>,
-    orientation: &UnitQuaternion<f64>,
-) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_quaternion(Quaternion::from_vector(parts * orientation.coords))
+/// How orientations are read otherwise than stated.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Reread {
+    #[default]
+    AsStated,
+    /// By a map on the parts x, y, z, w of quaternions.
+    Parts(Matrix4<f64>),
+    /// The numbers of the first form as those of the second.
+    Form(OrientationForm, OrientationForm),
+}
+
+impl Reread {
+    pub(super) fn of(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        match self {
+            Self::AsStated => *orientation,
+            Self::Parts(parts) => {
+                UnitQuaternion::from_quaternion(Quaternion::from_vector(parts * orientation.coords))
+            }
+            Self::Form(stated, other) => {
+                let numbers = stated.numbers(orientation);
+                numbers.and_then(|numbers| other.rotation(numbers)).unwrap_or(*orientation)
+            }
+        }
+    }
 }

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::Placed;
 use crate::fit::ErrorBase;
 use crate::geometry::Placement;
+use crate::ingest::OrientationColumns;
 use crate::io::robot::{self, ready};
 use crate::kinematics::{Arm, Convention, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
@@ -28,6 +29,12 @@ impl StatedSetUp {
             Some(ErrorBase::Surveyed(base)) => Some(base.tracker_from_base),
             Some(ErrorBase::Fitted) | None => None,
         };
+        let form = |columns: &OrientationColumns| columns.form.clone();
+        let tables = file.stations.as_ref();
+        let mut measured = tables.into_iter().flat_map(|tables| &tables.measured);
+        let reading_form = measured.find_map(|own| own.orientation.as_ref()).map(form);
+        let commanded = tables.and_then(|tables| tables.commanded.as_ref());
+        let command_form = commanded.and_then(|own| own.orientation.as_ref()).map(form);
         Self {
             set_up: SetUp {
                 base_from_command: frames
@@ -37,6 +44,8 @@ impl StatedSetUp {
                 target_is_tool: placed.target_is_tool == Some(true),
                 tracker_from_base: surveyed,
                 unit_keys: if file.stations.is_some() { UnitKeys::TABLES } else { UnitKeys::LOGS },
+                reading_form,
+                command_form,
                 ..SetUp::of_arm(arm.clone())
             },
             alternatives: Alternatives {

@@ -12,6 +12,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use super::{AngleUnit, LengthColumns, LengthUnit};
+use nalgebra::{UnitQuaternion, Vector3};
+
 use crate::geometry::RotationOrder;
 
 /// `[stations]`.
@@ -209,6 +211,47 @@ pub enum OrientationForm {
 }
 
 impl OrientationForm {
+    /// The rotation of three numbers; `None` of a form with more.
+    pub fn rotation(&self, numbers: [f64; 3]) -> Option<UnitQuaternion<f64>> {
+        match self {
+            Self::Angles(_, order, unit) => {
+                Some(order.rotation(numbers.map(|number| unit.to_rad() * number)))
+            }
+            Self::Vector(_, unit) => {
+                Some(UnitQuaternion::from_scaled_axis(unit.to_rad() * Vector3::from(numbers)))
+            }
+            Self::Quaternion(_) | Self::Matrix(_) => None,
+        }
+    }
+
+    /// Three numbers that make a rotation; `None` of a form with more.
+    pub fn numbers(&self, rotation: &UnitQuaternion<f64>) -> Option<[f64; 3]> {
+        let (numbers, unit) = match self {
+            Self::Angles(_, order, unit) => (order.angles(rotation), unit),
+            Self::Vector(_, unit) => (rotation.scaled_axis().into(), unit),
+            Self::Quaternion(_) | Self::Matrix(_) => return None,
+        };
+        Some(numbers.map(|number| number / unit.to_rad()))
+    }
+
+    /// The other forms that the same three columns may have, each with its words.
+    pub fn others(&self) -> Vec<(Self, String)> {
+        let (Self::Angles(columns, ..) | Self::Vector(columns, _)) = self else {
+            return Vec::new();
+        };
+        let of_unit = |unit: AngleUnit| {
+            let word = if unit == AngleUnit::Rad { "rad" } else { "deg" };
+            let angles = RotationOrder::all().map(move |order| {
+                let words = format!("order = \"{}\", unit = \"{word}\"", String::from(order));
+                (Self::Angles(columns.clone(), order, unit), words)
+            });
+            let vector = format!("rotation_vector in place of angles, unit = \"{word}\"");
+            angles.chain([(Self::Vector(columns.clone(), unit), vector)])
+        };
+        let all = [AngleUnit::Deg, AngleUnit::Rad].into_iter().flat_map(of_unit);
+        all.filter(|(other, _)| other != self).collect()
+    }
+
     pub fn columns(&self) -> &[String] {
         match self {
             Self::Quaternion(own) => own,

@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Matrix4};
 
 use super::Hypothesis;
 use super::joints::name;
-use crate::setup::set_up::SetUp;
+use crate::ingest::OrientationForm;
+use crate::setup::set_up::{Reread, SetUp};
 use crate::units::MM_PER_M;
 
 /// Factors on lengths that are read in metres or mm, and the unit that they are in.
@@ -49,7 +50,7 @@ pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
     let mut all: Vec<Hypothesis> = ANGLES.map(|(factor, unit)| angles(stated, factor, unit)).into();
     all.extend(LENGTHS.into_iter().flat_map(|(factor, unit)| lengths(stated, factor, unit)));
     all.extend(mirrored(stated));
-    all.extend(PARTS.into_iter().flat_map(|parts| orientations(stated, parts)));
+    all.extend(orientations(stated));
     if stated.is_of_tables() {
         all.extend([(-1, "high", "down"), (1, "low", "up")].map(|(reading_row, place, way)| {
             let mistake = format!("the readings stand one row too {place}");
@@ -150,28 +151,56 @@ fn mirrored(stated: &SetUp) -> Vec<Hypothesis> {
     all.into_iter().take(1).collect()
 }
 
-/// Quaternions of commands and of readings whose parts are something else.
-fn orientations(stated: &SetUp, (from, sign, words): ([usize; 4], f64, &str)) -> [Hypothesis; 2] {
-    let parts = Matrix4::from_fn(|part, place| match (from[part] == place, part) {
-        (false, _) => 0.0,
-        (true, 3) => 1.0,
-        (true, _) => sign,
-    });
-    let (keys, own) = (&stated.unit_keys, stated.clone());
-    let commands = SetUp { command_parts: parts * own.command_parts, ..own.clone() };
-    let read = SetUp { reading_parts: parts * own.reading_parts, ..own };
-    [("commanded", keys.commands, commands), ("measured", keys.readings, read)].map(
-        |(what, key, set_up)| {
-            let edit = if sign < 0.0 {
-                "x, y and z of the quaternions with the opposite sign where they are logged"
-                    .to_owned()
-            } else {
-                let (places, order) = (places(stated), named(&from));
-                format!("{}: for x, y, z, w the {places} now of {order}", section(key))
+/// Orientations of commands and of readings that are something else than stated: their quaternions' parts, their angles' order or unit.
+fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
+    let keys = &stated.unit_keys;
+    let streams = [
+        ("commanded", keys.commands, &stated.command_form),
+        ("measured", keys.readings, &stated.reading_form),
+    ];
+    let read = |what: &str, reread: Reread| match what {
+        "commanded" => SetUp { command_turns: reread, ..stated.clone() },
+        _ => SetUp { reading_turns: reread, ..stated.clone() },
+    };
+    let of_stream = |(what, key, form): (&str, &str, &Option<OrientationForm>)| {
+        let others = form.iter().flat_map(|form| {
+            form.others().into_iter().map(|(other, words)| {
+                let edit = format!("{} orientation: {words}", section(key));
+                let mistake = format!("the {what} orientations are written with {words}");
+                Hypothesis::new(mistake, edit, read(what, Reread::Form(form.clone(), other)))
+            })
+        });
+        let has_parts = matches!(form, None | Some(OrientationForm::Quaternion(_)));
+        let of_parts = PARTS.into_iter().filter(move |(_, sign, _)| has_parts || *sign < 0.0);
+        let parts = of_parts.map(|(from, sign, words)| {
+            let map = Matrix4::from_fn(|part, place| match (from[part] == place, part) {
+                (false, _) => 0.0,
+                (true, 3) => 1.0,
+                (true, _) => sign,
+            });
+            let edit = match (sign < 0.0, has_parts) {
+                (true, true) => {
+                    "x, y and z of the quaternions with the opposite sign where they are logged"
+                        .to_owned()
+                }
+                (true, false) => {
+                    format!("the {what} orientations inverted where the table is made")
+                }
+                (false, _) => {
+                    let (places, order) = (places(stated), named(&from));
+                    format!("{}: for x, y, z, w the {places} now of {order}", section(key))
+                }
             };
-            Hypothesis::new(format!("the {what} quaternions are {words}"), edit, set_up)
-        },
-    )
+            let noun = if has_parts { "quaternions" } else { "orientations" };
+            Hypothesis::new(
+                format!("the {what} {noun} are {words}"),
+                edit,
+                read(what, Reread::Parts(map)),
+            )
+        });
+        parts.chain(others).collect::<Vec<_>>()
+    };
+    streams.into_iter().flat_map(of_stream).collect()
 }
 
 #[cfg(test)]
@@ -179,15 +208,21 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
-    use crate::geometry::isometry_from_rpy;
+    use crate::geometry::{RotationOrder, isometry_from_rpy};
+    use crate::ingest::AngleUnit;
     use crate::kinematics::RobotFile;
     use crate::setup::{Alternatives, Dwelt, Evidence, UnitKeys, check};
 
     /// The mistake that is found in a table of poses once its stations are changed.
     fn found(change: impl Fn(&mut Vec<Dwelt>)) -> String {
+        found_of(None, change)
+    }
+
+    fn found_of(form: Option<&OrientationForm>, change: impl Fn(&mut Vec<Dwelt>)) -> String {
         let text = include_str!("../../../../pipelines/robots/ur10.toml");
         let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
-        let stated = SetUp { unit_keys: UnitKeys::TABLES, ..SetUp::of_arm(arm) };
+        let reading_form = form.cloned();
+        let stated = SetUp { unit_keys: UnitKeys::TABLES, reading_form, ..SetUp::of_arm(arm) };
         let tracker_from_base = isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, 0.0, 1.0]);
         let dwelt = |k: i32| {
             let turned = |joint: i32| (f64::from(k * (joint + 2)) * 0.7).sin() * 0.8;
@@ -212,6 +247,37 @@ mod tests {
             let words = found(|all| all.iter_mut().for_each(|station| station.measured *= factor));
             let named = format!("the tracker's positions are in {unit}; write");
             assert!(words.contains(&named), "{unit}: {words}");
+        }
+    }
+
+    #[test]
+    fn orders_and_units_of_angles_are_named() {
+        let of = |order: &str, unit| {
+            let order = RotationOrder::try_from(order.to_owned()).expect("an order");
+            OrientationForm::Angles(["a", "b", "c"].map(str::to_owned), order, unit)
+        };
+        for (stated, order, unit) in [
+            (of("moving-xyz", AngleUnit::Deg), "fixed-xyz", AngleUnit::Deg),
+            (of("fixed-xyz", AngleUnit::Deg), "moving-zyx", AngleUnit::Deg),
+            (of("moving-zyz", AngleUnit::Deg), "fixed-xyz", AngleUnit::Rad),
+            (
+                OrientationForm::Vector(["a", "b", "c"].map(str::to_owned), AngleUnit::Deg),
+                "moving-zyx",
+                AngleUnit::Deg,
+            ),
+        ] {
+            let written = of(order, unit);
+            let words = found_of(Some(&stated), |all| {
+                for own in all {
+                    let numbers = own.orientation.and_then(|own| written.numbers(&own));
+                    own.orientation = numbers.and_then(|numbers| stated.rotation(numbers));
+                }
+            });
+            let unit = if unit == AngleUnit::Rad { "rad" } else { "deg" };
+            let named = format!(
+                "write [stations.measured] orientation: order = \"{order}\", unit = \"{unit}\""
+            );
+            assert!(words.contains(&named), "{stated:?}: {words}");
         }
     }
 
