@@ -32,82 +32,82 @@
     reason = "the chapters are prose: names of products are not names of items"
 )]
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/first_night.md")]
 pub mod first_night {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/spreadsheet_abb.md")]
 pub mod spreadsheet_abb {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/install.md")]
 pub mod install {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/robot_file.md")]
 pub mod robot_file {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/pipeline_file.md")]
 pub mod pipeline_file {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/fleet.md")]
 pub mod fleet {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/logs.md")]
 pub mod logs {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/station_tables.md")]
 pub mod station_tables {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/cameras.md")]
 pub mod cameras {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/tables.md")]
 pub mod tables {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/questions.md")]
 pub mod questions {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/figures.md")]
 pub mod figures {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/compensate.md")]
 pub mod compensate {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/driven_session.md")]
 pub mod driven_session {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/planning.md")]
 pub mod planning {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/simulate.md")]
 pub mod simulate {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/operating.md")]
 pub mod operating {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/history.md")]
 pub mod history {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/verify.md")]
 pub mod verify {}
 
-#[doc = include_str!("guide/links.md")]
+#[doc = include_str!("links.md")]
 #[doc = include_str!("guide/storage.md")]
 pub mod storage {}

@@ -190,8 +190,11 @@ pub const VIEWS_SQL: &str =
     concat!(include_str!("schema/views.sql"), include_str!("schema/sessions.sql"));
 
 /// SQL statements for the same views over the compact form of such a lake, and its rows of `accuracy`.
-pub const COMPACT_VIEWS_SQL: &str =
-    concat!(include_str!("schema/compact_views.sql"), include_str!("schema/sessions.sql"));
+pub const COMPACT_VIEWS_SQL: &str = concat!(
+    include_str!("schema/compact_views.sql"),
+    include_str!("schema/sessions.sql"),
+    include_str!("schema/newer_than_compact.sql")
+);
 
 /// The groups of columns that schema files include, by name.
 static GROUPS: LazyLock<toml::Table> = LazyLock::new(|| {

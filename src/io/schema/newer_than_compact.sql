@@ -1,0 +1,12 @@
+-- Lines with --+ add runs, requests and figures that are newer than the state, which takes a listing of their folders:
+--+ SET VARIABLE run_files = (SELECT list(file) FROM (SELECT unnest(getvariable('run_files')) AS file UNION ALL
+--+     SELECT file FROM glob('lake/runs/*/*/*.parquet')
+--+     WHERE list_transform(string_split(file, '/')[-3:], lambda part: url_decode(part)) NOT IN (SELECT [robot, session, run || '.parquet'] FROM runs)));
+--+ SET VARIABLE asked_files = (SELECT list(file) FROM (SELECT unnest(getvariable('asked_files')) AS file UNION ALL
+--+     SELECT file FROM glob('lake/asked/*/*/*.parquet')
+--+     WHERE list_transform(string_split(file, '/')[-3:], lambda part: url_decode(part))
+--+         NOT IN (SELECT [robot, session, format('{:08d}.parquet', number)] FROM asked)));
+--+ SET VARIABLE accuracy_files = (SELECT list(file) FROM (SELECT unnest(getvariable('accuracy_files')) AS file UNION ALL
+--+     SELECT file FROM glob('lake/accuracy/*/*/*.parquet')
+--+     WHERE string_split(file, '/')[-1] IN (SELECT run || '.parquet' FROM runs)
+--+       AND string_split(file, '/')[-1] NOT IN (SELECT run || '.parquet' FROM accuracy)));
