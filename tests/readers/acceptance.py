@@ -3,7 +3,7 @@
     python tests/readers/acceptance.py POSEGRID LAKE [--folder FOLDER]
 
 Checked of every run: the same bytes from `runs` and from `accuracy`, and again; two pages at most; fonts that are embedded with their map to
-Unicode; no date of the day; verdict, means, bound and U, every figure of ISO 9283 over all poses, run, digests of inputs and of the row; what
+Unicode; no date of the day; what the standard asks stands in the first table; verdict, means, bound and U, every figure of ISO 9283 over all poses, run, digests of inputs and of the row; what
 no table states stands as not stated; it calls itself no certificate but to say so. A table that no report is made of is refused with those
 that one is made of.
 """
@@ -78,6 +78,8 @@ def check(posegrid, lake, run, folder):
     ).fetchall()
     iso = [(name, value, unit) for name, value, unit, _ in figures if name in SHOWN]
     expect(len(reader.pages) <= 2, f"{run}: {len(reader.pages)} pages")
+    first = [text.find(re.sub(r"\s", "", own)) for own in ("What ISO 9283 asks", "Warm-up", "What was measured", HEADLINES[row["verdict"]])]
+    expect(0 <= first[0] and first == sorted(first), f"{run}: what was not done does not stand first")
     has("Acceptance report", HEADLINES[row["verdict"]], row["run"], row["row_digest"], row["settings_digest"], row["statement"][1:])
     has("Warm-up", "Speed", "serial number: not stated", f"began {row['session_started']:%Y-%m-%d %H:%M:%S} UTC", *row["warnings"])
     has(*row["input_digests"], f"Mean error {fixed(row['mean_before_mm'])} mm before, {fixed(row['mean_after_mm'])} mm after")

@@ -1,6 +1,6 @@
 //! An acceptance report: rows of a run's tables → a PDF of one or two pages in the order of what ISO 9283 asks of a test report.
 //!
-//! What the standard asks and the session does not have stands in the first table with headings. Words and figures are those of tables and
+//! What the standard asks and the session does not have stands in the first table. Words and figures are those of tables and
 //! page; nothing is judged here.
 
 mod asked;
@@ -60,10 +60,11 @@ pub fn pdf(rows: &AcceptanceRows) -> Result<Vec<u8>, KrillaError> {
     let report = Report { key, run, arm, figures, settings };
     let mut sheet = Sheet::new();
     report.head(&mut sheet);
-    report.verdict(&mut sheet);
     sheet.heading("What ISO 9283 asks, and what this session has");
     let columns = [("", 0.15), ("The standard asks", 0.32), ("Here", 0.53)];
     sheet.table(&columns, &asked::rows(&report), BODY);
+    report.measured(&mut sheet);
+    report.verdict(&mut sheet);
     report.accuracy(&mut sheet);
     report.iso_figures(&mut sheet);
     report.provenance(&mut sheet);
@@ -115,6 +116,13 @@ impl Report<'_> {
         let what = "Position accuracy of a robot arm, in the order of ISO 9283:1998. A report of what was measured and computed; it is no \
                     certificate.";
         sheet.text(what, (BODY, false));
+        let RunKey { robot, session, run } = self.key;
+        sheet.text(&format!("{robot} · {session} · run {run}"), (BODY, true));
+    }
+
+    /// What was measured, with what, in which frame and against which tolerance.
+    fn measured(&self, sheet: &mut Sheet) {
+        sheet.heading("What was measured");
         let valid = &self.arm.valid_for;
         let [x, y, z] = self.arm.error_frame_target.map(|mm| words::fixed(mm, 2));
         let tool = valid.conditions.tool.as_deref().unwrap_or("not stated");

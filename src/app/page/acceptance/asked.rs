@@ -26,7 +26,7 @@ pub(super) fn rows(of: &Report<'_>) -> Vec<Vec<String>> {
         (
             "Instrument",
             "type, calibration, uncertainty",
-            "uncertainty as above; type, serial number and calibration: not stated".to_owned(),
+            "uncertainty as below; type, serial number and calibration: not stated".to_owned(),
         ),
         ("Load", "100 % of the rated load", load),
         ("Speed", "100 % of the largest; 50 % and 10 % besides", NOT_STATED.to_owned()),
