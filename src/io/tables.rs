@@ -279,6 +279,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         held_out: figure.map(|figure| figure.counted.poses),
         visits: figure.map(|figure| figure.counted.visits),
         stations_covered_share: covered.map(Covered::of_stations),
+        means_by_poses_mm: verdict.means_by_poses_mm.map(Into::into),
         made_of: Some(made_of.collect()),
         estimate: Some(context.estimate.clone()),
         grids: Some(context.grids.clone()),

@@ -13,3 +13,9 @@ SELECT t.* FROM (SELECT * FROM read_parquet('lake/' || name || '/*/*/*.parquet',
 CREATE MACRO figures() AS TABLE                             -- errors of positions at stations that took no part: a row a figure
 SELECT robot, session, of_session AS judged_by, model, angles, point, evidence, name AS figure, value AS mm, expanded_uncertainty AS u_mm, n
 FROM current('accuracy') WHERE quantity = 'position_error' AND role <> 'training' AND base_refit = 'none' AND pose IS NULL;
+CREATE VIEW changes AS                                      -- one row a run that took the place of another: what changed, and by what
+SELECT new.robot, new.session, new.session_started, old.version AS version_was, new.version,
+       old.settings_digest <> new.settings_digest AS other_settings, old.input_digests <> new.input_digests AS other_inputs,
+       old.verdict AS verdict_was, new.verdict, old.bound_mm AS bound_was_mm, new.bound_mm,
+       old.mean_after_mm AS after_was_mm, new.mean_after_mm AS after_mm, old.run AS run_was, new.run
+FROM runs AS new JOIN runs AS old ON (old.robot, old.session, old.run) = (new.robot, new.session, new.replaces);

@@ -40,6 +40,7 @@ columns! {
         held_out: Option<usize>,
         visits: Option<usize>,
         stations_covered_share: Option<f64>,
+        means_by_poses_mm: Option<Vec<f64>>,
         made_of: Option<Vec<String>>,
         estimate: Option<String>,
         grids: Option<String>,

@@ -23,6 +23,7 @@ impl Judges<'_> {
         grids: &Grids,
         accuracy: &[Accuracy],
         semivariograms: &[(Model, Vec<Semivariogram>)],
+        by_poses: Option<ByPoses>,
     ) -> Option<String> {
         let judge = verdict.headline().decides();
         let judge = judge.filter(|judge| judge.verdict == Verdict::DoesNotMeet)?;
@@ -49,11 +50,11 @@ impl Judges<'_> {
             beside(trained.and_then(|own| own.figures)),
         ];
         let noise_mm2 = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-        Some(limit(noise_mm2, parts, || self.by_poses()))
+        Some(limit(noise_mm2, parts, by_poses))
     }
 
     /// Errors of the geometry at held-out blocks by the share of the other poses that train it; `None` where these are too few.
-    fn by_poses(&self) -> Option<ByPoses> {
+    pub(super) fn by_poses(&self) -> Option<ByPoses> {
         let (quarter, half, all) = (self.left_by(0.25)?, self.left_by(0.5)?, self.left_by(1.0)?);
         let gains: Vec<f64> = half.iter().zip(&all).map(|(half, all)| half - all).collect();
         let own = self.observed.of_session(self.last());

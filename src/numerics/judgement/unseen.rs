@@ -111,7 +111,9 @@ impl Judges<'_> {
         let models = identified.map(|model| (model, self.of_model(model, accuracy, &remarks)));
         let of_table = self.of_table(grids, accuracy, &remarks);
         let mut verdict = RunVerdict::of(of_table, models.collect(), self.models.best().0);
-        verdict.limit = self.limit(&verdict, grids, accuracy, semivariograms);
+        let by_poses = self.by_poses();
+        verdict.limit = self.limit(&verdict, grids, accuracy, semivariograms, by_poses);
+        verdict.means_by_poses_mm = by_poses.map(|own| own.means_mm);
         Ok(verdict)
     }
 

@@ -25,12 +25,8 @@ pub struct ByPoses {
 }
 
 /// What most of the errors come from, and what would change it, in words: the first part without which less than half of their square is
-/// left. Where none is, it is the number of poses while errors fall with it, which is asked last. `noise_mm2` is of the measurement.
-pub fn limit(
-    noise_mm2: f64,
-    parts: [WithAndWithout; 5],
-    by_poses: impl FnOnce() -> Option<ByPoses>,
-) -> String {
+/// left. Where none is, it is the number of poses while errors fall with it. `noise_mm2` is of the measurement.
+pub fn limit(noise_mm2: f64, parts: [WithAndWithout; 5], by_poses: Option<ByPoses>) -> String {
     for ((part, change), squares) in PARTS.iter().zip(parts) {
         if let Some([with, without]) = squares.filter(|[with, without]| *without < with / 2.0) {
             let [own, all, noise] = [with - without, with, noise_mm2].map(f64::sqrt);
@@ -39,7 +35,6 @@ pub fn limit(
             );
         }
     }
-    let by_poses = by_poses();
     let means = by_poses.map_or_else(String::new, |own| {
         let [quarter, half, all] = own.means_mm;
         format!(
@@ -62,7 +57,7 @@ mod tests {
 
     /// Errors of 0.4 mm, 0.16 mm², and a noise of 0.003 mm²: what is left without each part, mm².
     fn limited(without_mm2: [Option<f64>; 5], by_poses: Option<ByPoses>) -> String {
-        limit(0.003, without_mm2.map(|own| Some([0.16, own?])), || by_poses)
+        limit(0.003, without_mm2.map(|own| Some([0.16, own?])), by_poses)
     }
 
     #[test]

@@ -123,6 +123,8 @@ pub struct RunVerdict {
     models: Vec<(Model, ProductVerdict)>,
     /// What limits a result that does not meet the tolerance, and what would change it, in words; `None` of another.
     pub limit: Option<String>,
+    /// Mean errors of the geometry at held-out blocks by a quarter, half and all of the other poses, mm; `None` where these are too few.
+    pub means_by_poses_mm: Option<[f64; 3]>,
 }
 
 impl RunVerdict {
@@ -135,7 +137,15 @@ impl RunVerdict {
             own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone())
         };
         let (arm, nominal) = (of(best), of(Model::BaseTarget));
-        Self { applied: applied(&table, &arm), table, arm, nominal, models, limit: None }
+        Self {
+            applied: applied(&table, &arm),
+            table,
+            arm,
+            nominal,
+            models,
+            limit: None,
+            means_by_poses_mm: None,
+        }
     }
 
     pub const fn applied(&self) -> Applied {
