@@ -20,7 +20,7 @@ const MAY_USE: &[(&str, &str)] = &[
     // The stages, in the order of the data.
     ("ingest", "geometry units"),
     ("join", "figures geometry ingest kinematics units"),
-    ("setup", "figures geometry join kinematics units"),
+    ("setup", "figures geometry ingest join kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),
     ("similarity", "units"),
     ("grid", "figures fit join kinematics progress"),

@@ -144,7 +144,7 @@ pub enum Reread {
     /// By a map on the parts x, y, z, w of quaternions.
     Parts(Matrix4<f64>),
     /// The numbers of the first form as those of the second.
-    Form(OrientationForm, OrientationForm),
+    Form(Box<[OrientationForm; 2]>),
 }
 
 impl Reread {
@@ -154,7 +154,8 @@ impl Reread {
             Self::Parts(parts) => {
                 UnitQuaternion::from_quaternion(Quaternion::from_vector(parts * orientation.coords))
             }
-            Self::Form(stated, other) => {
+            Self::Form(forms) => {
+                let [stated, other] = &**forms;
                 let numbers = stated.numbers(orientation);
                 numbers.and_then(|numbers| other.rotation(numbers)).unwrap_or(*orientation)
             }

@@ -85,15 +85,12 @@ impl Reading<'_> {
         let is_case = matches!(all.peek_name().as_deref(), Some("IF" | "ELSE" | "SELECT") | None);
         if let Some((condition, inner)) = at_comma(all).filter(|_| is_case) {
             steps.push(Step::If);
-            match motion(inner) {
-                Some((word, rest)) => {
-                    self.uses(&here, condition);
-                    self.motion(&here, &word, rest, listing.tracks, steps);
-                }
-                None => {
-                    self.uses(&here, all);
-                    self.plain(&here, inner, steps);
-                }
+            if let Some((word, rest)) = motion(inner) {
+                self.uses(&here, condition);
+                self.motion(&here, &word, rest, listing.tracks, steps);
+            } else {
+                self.uses(&here, all);
+                self.plain(&here, inner, steps);
             }
             return steps.push(Step::EndIf);
         }

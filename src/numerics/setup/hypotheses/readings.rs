@@ -167,7 +167,11 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
             form.others().into_iter().map(|(other, words)| {
                 let edit = format!("{} orientation: {words}", section(key));
                 let mistake = format!("the {what} orientations are written with {words}");
-                Hypothesis::new(mistake, edit, read(what, Reread::Form(form.clone(), other)))
+                Hypothesis::new(
+                    mistake,
+                    edit,
+                    read(what, Reread::Form(Box::new([form.clone(), other]))),
+                )
             })
         });
         let has_parts = matches!(form, None | Some(OrientationForm::Quaternion(_)));
