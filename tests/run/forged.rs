@@ -156,6 +156,7 @@ pub fn of_first_version(path: &Path) {
             "mean_before_mm",
             "mean_after_mm",
             "means_of",
+            "means_by_poses_mm",
         ])
         .without_entry(DIGEST)
         .entry("posegrid.schema_version", "1")
