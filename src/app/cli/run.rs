@@ -18,7 +18,6 @@ use std::thread;
 use clap::{Args, ValueEnum};
 use rayon::ThreadPoolBuilder;
 
-use super::history;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
@@ -211,7 +210,6 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    let at = lake.clone();
     let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
@@ -227,9 +225,6 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
             "the index of finished work cannot be kept, the next batch digests every session: {}",
             Printable(&error.to_string())
         );
-    }
-    if endings.iter().any(work::Ending::changes_the_current_run) && stop.exit_code().is_none() {
-        history::refresh_pages(&at, bars);
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
