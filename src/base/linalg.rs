@@ -378,8 +378,15 @@ fn add_products(
 
 /// The transpose, tile by tile, so that a line of the cache is read and written once.
 pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
+    let mut transposed = DMatrix::zeros(matrix.ncols(), matrix.nrows());
+    transpose(matrix, &mut transposed);
+    transposed
+}
+
+/// Writes the [`transposed`] matrix into one of its shape.
+pub fn transpose(matrix: &DMatrixView<'_, f64>, transposed: &mut DMatrix<f64>) {
     let (height, width) = matrix.shape();
-    let mut transposed = DMatrix::zeros(width, height);
+    assert_eq!(transposed.shape(), (width, height), "the transpose has the other shape");
     let into = transposed.as_mut_slice();
     for first in (0..width).step_by(TILE) {
         let count = TILE.min(width - first);
@@ -399,7 +406,6 @@ pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
             }
         }
     }
-    transposed
 }
 
 /// Copies the lower triangle into the upper one, block by block, so that what is read and written stays in the cache.

@@ -16,10 +16,7 @@ use crate::fit::gauge::Gauge;
 use crate::join::ReadingKind;
 use crate::kinematics::batch::{BLOCK, Block, Column, Variables};
 use crate::kinematics::{BatchChain, BatchColumns};
-
-/// Columns of a product of rows with themselves that are found at once, and up to twice as many at its end: what is above the diagonal
-/// there is found in vain. Never so few that nalgebra would take a transposed view column by column, which it cannot (0.34.2).
-const GRAM_COLUMNS: usize = 16;
+use crate::linalg::{gram_of_columns, transpose};
 
 /// The readings of one channel as columns.
 #[derive(Debug)]
@@ -42,6 +39,8 @@ pub struct BlockRows {
     values: Vec<f64>,
     /// The chain's columns before whitening; the memory is reused.
     columns: Vec<Column>,
+    /// The rows one after the other, as products take them; the memory is reused.
+    across: DMatrix<f64>,
 }
 
 impl Stations {
@@ -322,26 +321,15 @@ impl BlockRows {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }
 
-    /// `Aᵀ A` of all columns A, the residual's last; on and below its diagonal.
-    pub fn gram(&self) -> DMatrix<f64> {
-        let size = self.unknowns.len() + 1;
-        let columns = DMatrixView::from_slice(&self.values, self.rows, size);
-        let transposed =
-            DMatrixView::from_slice_with_strides(&self.values, size, self.rows, self.rows, 1);
-        let mut gram = DMatrix::zeros(size, size);
-        let mut first = 0;
-        while first < size {
-            let below = size - first;
-            let width = if below < 2 * GRAM_COLUMNS { below } else { GRAM_COLUMNS };
-            gram.view_mut((first, first), (below, width)).gemm(
-                1.0,
-                &transposed.rows(first, below),
-                &columns.columns(first, width),
-                0.0,
-            );
-            first += width;
+    /// `Aᵀ A` of all columns A, the residual's last.
+    pub fn gram(&mut self) -> DMatrix<f64> {
+        let columns = DMatrixView::from_slice(&self.values, self.rows, self.unknowns.len() + 1);
+        let shape = (columns.ncols(), columns.nrows());
+        if self.across.shape() != shape {
+            self.across = DMatrix::zeros(shape.0, shape.1);
         }
-        gram
+        transpose(&columns, &mut self.across);
+        gram_of_columns(&self.across)
     }
 }
 
