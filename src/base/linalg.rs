@@ -376,7 +376,7 @@ fn add_products(
     );
 }
 
-/// The transpose, tile by tile, so that a line of the cache is read and written once.
+/// The transpose, some columns at a time, so that a line of the cache is written at once.
 pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
     let mut transposed = DMatrix::zeros(matrix.ncols(), matrix.nrows());
     transpose(matrix, &mut transposed);
@@ -393,17 +393,10 @@ pub fn transpose(matrix: &DMatrixView<'_, f64>, transposed: &mut DMatrix<f64>) {
         // Of a last tile that is narrower the last column is read again.
         let columns: [_; TILE] =
             std::array::from_fn(|own| matrix.column(first + own.min(count - 1)));
-        let columns = columns.each_ref().map(nalgebra::Matrix::as_slice);
-        for row in (0..height).step_by(TILE) {
-            let rows = TILE.min(height - row);
-            for own in row..row + rows {
-                let entries: [f64; TILE] = columns.map(|column| column[own]);
-                let into = &mut into[own * width + first..][..count];
-                match into.first_chunk_mut() {
-                    Some(whole) => *whole = entries,
-                    None => into.copy_from_slice(&entries[..count]),
-                }
-            }
+        let columns = columns.each_ref().map(|own| &own.as_slice()[..height]);
+        for row in 0..height {
+            let into = &mut into[row * width + first..][..count];
+            into.iter_mut().zip(columns).for_each(|(into, column)| *into = column[row]);
         }
     }
 }
