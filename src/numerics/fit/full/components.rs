@@ -103,6 +103,23 @@ impl Components {
         }
     }
 
+    /// Those of the first columns of each block: as many as `narrow` has of `wide`, their layout.
+    pub(super) fn narrowed(&self, wide: &Layout, narrow: &Layout) -> Self {
+        let blocks = wide.blocks().zip(narrow.blocks());
+        let stays =
+            blocks.flat_map(|((_, own), (_, kept))| (0..own.len()).map(move |k| k < kept.len()));
+        let stays: Vec<bool> = stays.collect();
+        let place = |column: usize| stays[..column].iter().filter(|&&stays| stays).count();
+        let mut narrowed = self.clone();
+        let mut each = stays.iter();
+        narrowed.fixed.retain(|_| each.next() == Some(&true));
+        for (columns, profile) in narrowed.all.iter_mut().flat_map(|own| &mut own.profiles) {
+            *columns = place(columns.start)..place(columns.end);
+            profile.truncate(columns.len());
+        }
+        narrowed
+    }
+
     /// Takes the sizes of the same components of another layout.
     pub(super) fn take_sizes(&mut self, other: &Self) {
         for (own, other) in self.all.iter_mut().zip(&other.all) {

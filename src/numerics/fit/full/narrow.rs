@@ -4,11 +4,8 @@
 //! harmonics that together add less than half a percent of a station's noise variance are determined by no station: they move neither
 //! sizes nor residuals. They leave all rounds but the last, whose posterior has them all.
 
-use super::columns::unknown_variances;
-use super::components::Components;
 use super::layout::Block;
 use super::rows::{Around, State, covariances};
-use super::settings::FullSettings;
 use super::whitening::noise_factor;
 
 /// The share of a station's noise variance that may leave.
@@ -18,7 +15,7 @@ const SHOWN: usize = 64;
 
 impl State {
     /// This state without the harmonics that add next to nothing at its sizes and its noise.
-    pub(super) fn narrowed(&self, around: &Around<'_>, settings: &FullSettings) -> Self {
+    pub(super) fn narrowed(&self, around: &Around<'_>) -> Self {
         let seen = seen_variances(around);
         let variances = self.components.variances();
         let layout = self.layout.resized(|block, columns| {
@@ -34,9 +31,7 @@ impl State {
             let of_pairs = variances.as_slice()[columns.clone()].chunks_exact(2);
             columns.len() - 2 * of_pairs.rev().take_while(leaves).count()
         });
-        let unknowns = unknown_variances(around.problem);
-        let mut components = Components::new(&layout, &unknowns, settings, self.span);
-        components.take_sizes(&self.components);
+        let components = self.components.narrowed(&self.layout, &layout);
         Self { layout, components, ..self.clone() }
     }
 }
@@ -81,6 +76,7 @@ mod tests {
         });
         let mut found = Components::new(&narrow, &[1.0, 2.0], &settings, 100.0);
         found.take_sizes(&wide);
+        assert_eq!(wide.narrowed(&layout, &narrow), found);
         let all = wide.variances();
         let kept = [&all.as_slice()[..6], &all.as_slice()[10..]].concat();
         assert_eq!(found.variances().as_slice(), kept);

@@ -85,7 +85,7 @@ fn settled(
     let misfit_mm = problem.misfit_mm(&state.offsets);
     state.repeatability.start_from(misfit_mm);
     for round in 0..rounds {
-        let narrow = state.narrowed(&Around::new(problem, &state, up), settings);
+        let narrow = state.narrowed(&Around::new(problem, &state, up));
         let prior_mean = prior_mean(problem, &narrow);
         let around = Around::new(problem, &narrow, up);
         let mut components = narrow.components.clone();
