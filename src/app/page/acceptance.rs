@@ -133,7 +133,6 @@ impl Report<'_> {
             tracker.or_else(camera).map(|of| words::instrument(&of, takes_orientations));
         let base = valid.error_frame.stated().words();
         let facts = [
-            ("Robot", format!("{} · {}", self.key.robot, self.arm.arm_model)),
             ("Session", self.session()),
             ("Measured point", format!("({x}, {y}, {z}) mm from the flange; tool: {tool}")),
             ("Instrument", instrument.unwrap_or_else(|| "not stated".to_owned())),
@@ -194,15 +193,15 @@ impl Report<'_> {
         subjects.retain(|own| accuracy::is_listed(own) && !self.has_better_base(own));
         let rows = subjects.iter().map(|subject| self.accuracy_row(subject)).collect();
         let columns = [
-            ("Corrected by", 0.24),
-            ("", 0.13),
-            ("Judged on", 0.24),
-            ("Poses", 0.06),
-            ("Mean", 0.06),
-            ("p95", 0.06),
-            ("Max", 0.06),
+            ("Corrected by", 0.21),
+            ("", 0.11),
+            ("Judged on", 0.335),
+            ("Poses", 0.05),
+            ("Mean", 0.05),
+            ("p95", 0.05),
+            ("Max", 0.05),
             ("Bound", 0.06),
-            ("Verdict", 0.09),
+            ("Verdict", 0.085),
         ];
         listed(sheet, &columns, rows, "accuracy");
     }
