@@ -92,12 +92,16 @@ const RETIRED: &[(&str, &str)] = &[
         "json",
         "export --format json was retired: table joint_errors has the error curve of each joint, and any reader of Parquet reads it",
     ),
+    ("mcap", ARROWS),
+    ("--stations", ARROWS),
     (
         "xacro",
         "export --format xacro was retired: write your URDF by xacro's own program (xacro my.urdf.xacro > my.urdf), and give it by \
          --format urdf --urdf my.urdf",
     ),
 ];
+const ARROWS: &str = "export --format mcap, with its --stations, was retired: the page of the run draws the errors as arrows, and table residuals \
+                      has them for any reader of Parquet";
 const LISTS: &str = "lists of verify were retired: keep the result of `SELECT run, row_digest, robot, session FROM runs` elsewhere, and compare";
 
 #[derive(Debug, Subcommand)]
@@ -211,6 +215,8 @@ mod tests {
             (vec!["verify", "lake", "--list"], "SELECT run, row_digest, robot, session FROM runs"),
             (vec!["verify", "lake", "--expect", "rows.txt"], "SELECT run, row_digest"),
             (vec!["export", "a.parquet", "--format", "json"], "table joint_errors"),
+            (vec!["export", "a.parquet", "--format", "mcap"], "table residuals"),
+            (vec!["export", "a.parquet", "--stations", "b.parquet"], "table residuals"),
             (vec!["export", "a.parquet", "--format", "xacro"], "xacro my.urdf.xacro > my.urdf"),
         ] {
             let answer = Arguments::try_parse_from(["posegrid"].iter().chain(&arguments));

@@ -9,7 +9,6 @@ mod limits;
 pub mod nodes_csv;
 pub mod origins;
 pub mod parameters_csv;
-pub mod residuals_mcap;
 pub mod ur_calibration;
 pub mod urdf;
 pub mod urdf_chain;
@@ -45,23 +44,6 @@ pub enum ExportError {
     Arm(#[from] CalibrationsTableError),
     #[error(transparent)]
     Common(#[from] CommonError),
-    #[error(
-        "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
-         {source}; give its file by --stations"
-    )]
-    NoTimes { session: String, source: Box<LakeError> },
-    #[error(
-        "no table \"stations\" that was read has station {station} of session {session:?}; give the files of all sessions of \
-         the run by --stations"
-    )]
-    NoTime { session: String, station: usize },
-    #[error(
-        "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP times start at 0: \
-         the controller's stamps are wrong"
-    )]
-    EarlyTime { session: String, station: usize, ns: i64 },
-    #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
-    NoUseForTimes(&'static str),
     #[error("--convention is for --format parameters; {0} has none: leave it out")]
     NoUseForConvention(&'static str),
     #[error(
@@ -72,8 +54,6 @@ pub enum ExportError {
     Lake(#[from] LakeError),
     #[error("the PDF cannot be made: {0}; this is a defect of posegrid, please report it")]
     Pdf(String),
-    #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
-    Mcap(#[from] mcap::McapError),
     #[error("standard output: {0}")]
     Write(#[from] io::Error),
     #[error(transparent)]
@@ -106,18 +86,9 @@ pub enum ExportErrorKind {
     #[error(transparent)]
     NotRead(io::Error),
     #[error(
-        "it is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside it: give the \
-         run's file of table \"stations\" by --stations"
-    )]
-    NoLake,
-    #[error(
         "it is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, whose other tables the report needs: name the file in its lake"
     )]
     NotInLake,
-    #[error(
-        "run {found} wrote it, and the residuals are of run {expected}; take the file of the same run"
-    )]
-    OtherRun { found: String, expected: String },
     #[error("it exists already; choose another --out, or remove it first")]
     Exists,
     #[error("{}", told(.0))]

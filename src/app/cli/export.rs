@@ -16,7 +16,7 @@ use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
     ExportError, ExportErrorKind, acceptance, corrected_urdf, nodes_csv, parameters_csv,
-    residuals_mcap, ur_calibration, urdf,
+    ur_calibration, urdf,
 };
 use crate::io::table;
 use crate::io::whole_file::write_whole;
@@ -32,8 +32,6 @@ Each format is made from a table of a run:
   urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool; or, with --urdf,
         --base and --tip, your own URDF with other origins of the arm's joints and nothing else changed: joint offsets
         are in the origins
-  mcap  from residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
-        for Foxglove; at the times that table stations of the same run has
   parameters
         from calibrations: the identified parameters as CSV with standard errors, in the robot file's convention or in
         another one (--convention modified-dh)
@@ -53,7 +51,6 @@ Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --urdf kr210.urdf --base base_link --tip tool0 --out corrected.urdf
-  posegrid export lake/residuals/kr210/monday/0a1b….parquet --format mcap --out residuals.mcap
   posegrid export lake/runs/kr210/monday/0a1b….parquet --format acceptance --out acceptance.pdf
 
 Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made from it.")]
@@ -79,9 +76,6 @@ pub struct ExportArgs {
     /// The link of --urdf that is the controller's flange.
     #[arg(long, value_name = "LINK", requires = "urdf")]
     pub tip: Option<String>,
-    /// For mcap: the run's files of table stations, where TABLE is not in its lake.
-    #[arg(long, value_name = "FILE")]
-    pub stations: Vec<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -90,8 +84,6 @@ pub enum ExportFormat {
     Csv,
     /// The identified geometry
     Urdf,
-    /// Error vectors for Foxglove
-    Mcap,
     /// The identified parameters in any convention, with standard errors
     Parameters,
     /// The calibration file of a UR's ROS description
@@ -105,13 +97,12 @@ fn convention(word: &str) -> Result<Convention, String> {
     Convention::of_word(word).ok_or_else(|| format!("no convention of links; one of {words}"))
 }
 
-/// A folder in the place of the table, of a table of stations, or of the new file.
+/// A folder in the place of the table, or of the new file.
 fn folder(args: &ExportArgs) -> Option<FolderGiven> {
     if let Some(out) = args.out.as_ref().filter(|out| out.is_dir()) {
         return Some(FolderGiven::for_new_file(out, "a new file in it as --out"));
     }
-    let mut given = std::iter::once(&args.table).chain(&args.stations);
-    let path = given.find(|path| path.is_dir())?;
+    let path = Some(&args.table).filter(|path| path.is_dir())?;
     let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
     let files = files_in(path, DEPTH, &is_table);
     Some(FolderGiven::new(path, "a file of a table of a run", files))
@@ -159,9 +150,6 @@ impl ExportArgs {
 
     fn make(&self, sink: &mut Vec<u8>) -> Result<(), ExportError> {
         let path: &Path = &self.table;
-        if !self.stations.is_empty() && self.format != ExportFormat::Mcap {
-            return Err(ExportError::NoUseForTimes(self.format.name()));
-        }
         if self.convention.is_some() && self.format != ExportFormat::Parameters {
             return Err(ExportError::NoUseForConvention(self.format.name()));
         }
@@ -180,9 +168,6 @@ impl ExportArgs {
             }
             (ExportFormat::UrCalibration, Some("calibrations")) => {
                 ur_calibration::write(path, sink).map(told)
-            }
-            (ExportFormat::Mcap, Some("residuals")) => {
-                residuals_mcap::write(path, &self.stations, sink)
             }
             (ExportFormat::Acceptance, Some(table)) if acceptance::TABLES.contains(&table) => {
                 let pdf = page::acceptance::pdf(&acceptance::rows(path, table)?);
@@ -213,7 +198,6 @@ impl ExportFormat {
         match self {
             Self::Csv => "csv",
             Self::Urdf => "urdf",
-            Self::Mcap => "mcap",
             Self::Parameters => "parameters",
             Self::UrCalibration => "ur-calibration",
             Self::Acceptance => "acceptance",
@@ -224,7 +208,6 @@ impl ExportFormat {
         match self {
             Self::Csv => "\"compensation\"",
             Self::Urdf | Self::Parameters | Self::UrCalibration => "\"calibrations\"",
-            Self::Mcap => "\"residuals\"",
             Self::Acceptance => "\"runs\", \"accuracy\", \"calibrations\" or \"compensation\"",
         }
     }
