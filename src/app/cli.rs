@@ -92,6 +92,10 @@ const RETIRED: &[(&str, &str)] = &[
         "json",
         "export --format json was retired: table joint_errors has the error curve of each joint, and any reader of Parquet reads it",
     ),
+    (
+        "--plans",
+        "tasks --plans was retired: hand out `posegrid plan PIPELINE --robot NAME` itself, which does nothing where the lake has the plan",
+    ),
     ("mcap", ARROWS),
     ("--stations", ARROWS),
     (
@@ -215,6 +219,7 @@ mod tests {
             (vec!["verify", "lake", "--list"], "SELECT run, row_digest, robot, session FROM runs"),
             (vec!["verify", "lake", "--expect", "rows.txt"], "SELECT run, row_digest"),
             (vec!["export", "a.parquet", "--format", "json"], "table joint_errors"),
+            (vec!["tasks", "fleet.toml", "--plans"], "posegrid plan PIPELINE --robot NAME"),
             (vec!["export", "a.parquet", "--format", "mcap"], "table residuals"),
             (vec!["export", "a.parquet", "--stations", "b.parquet"], "table residuals"),
             (vec!["export", "a.parquet", "--format", "xacro"], "xacro my.urdf.xacro > my.urdf"),

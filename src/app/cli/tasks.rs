@@ -14,15 +14,11 @@ use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::{Lake, LakeError};
 use crate::pipeline::configuration::{ConfigurationError, Overrides, Why};
 use crate::pipeline::fleet::Fleet;
-use crate::pipeline::planning::PlanningError;
 use crate::pipeline::run::Known;
 use crate::pipeline::tasks::{self, Ended, How, Task};
 
 /// The machine or the storage failed, and the same may work later: the code that mailers give such a failure.
 pub const FAULT: u8 = 75;
-
-/// Length of the name of a run, by which plans are named; other tasks have longer ones.
-const RUN_LENGTH: usize = 32;
 
 /// List the work that is to be done, as independent tasks.
 #[derive(Debug, Clone, Args)]
@@ -30,12 +26,11 @@ const RUN_LENGTH: usize = 32;
 Examples:
   posegrid tasks fleet.toml
   posegrid tasks fleet.toml --robot kr210-07 | head -1 | posegrid task fleet.toml
-  posegrid tasks fleet.toml --plans
 
 A line of JSON for each task: its id, robot and session, the sessions that it learns from and is judged on, the size of their files,
 and the time and memory that it may take, by what runs of the lake took. The id follows from names, sizes and tags or times of the files, from the settings and from
 this version: no log is opened. Work that is known as done is not listed; sessions that wait or cannot be used are told on stderr.
---plans lists the plans before measuring instead ([plan]), one for each robot whose plan the lake does not have.
+A plan before measuring is no task: `posegrid plan fleet.toml --robot NAME` is one piece of work, and done twice it is done once.
 
 Exit codes: 0 listed; 2 bad usage or bad pipeline file; 75 the sessions or the lake cannot be read now: list again.")]
 pub struct TasksArgs {
@@ -47,9 +42,6 @@ pub struct TasksArgs {
     /// The place of the published tables, instead of the pipeline file's
     #[arg(long, value_name = "DIR")]
     pub lake: Option<PathBuf>,
-    /// List the plans before measuring, instead of the work with sessions
-    #[arg(long)]
-    pub plans: bool,
 }
 
 /// Do one task.
@@ -80,9 +72,6 @@ pub struct TaskArgs {
 }
 
 pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
-    if args.plans {
-        return plans(args, bars);
-    }
     let overrides = Overrides { lake: args.lake.clone(), ..Overrides::default() };
     let fleet = match Fleet::load(&args.pipeline, &args.robot, &overrides) {
         Ok(fleet) => fleet,
@@ -113,25 +102,6 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     written(&open, bars)
 }
 
-fn plans(args: &TasksArgs, bars: &Bars) -> u8 {
-    let all = match tasks::plans::all(&args.pipeline, &args.robot, args.lake.as_deref()) {
-        Ok(all) => all,
-        Err(error) => return no_plan(&error),
-    };
-    let mut open = Vec::new();
-    for (robot, planning) in all {
-        match (planning.and_then(|own| tasks::plans::open(&own)), robot) {
-            (Ok(task), _) => open.extend(task),
-            (Err(error), None) => return no_plan(&error),
-            (Err(error), Some(robot)) => {
-                let reason = error.to_string();
-                tracing::warn!("failed {}: {}", Printable(&robot), Printable(&reason));
-            }
-        }
-    }
-    written(&open, bars)
-}
-
 fn written(open: &[Task], bars: &Bars) -> u8 {
     let line = |task: &Task| serde_json::to_string(task).map(|line| line + "\n");
     match open.iter().map(line).collect::<Result<String, _>>() {
@@ -154,9 +124,6 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
             return BAD_USAGE;
         }
     };
-    if id.len() == RUN_LENGTH {
-        return plan(args, &id, robot, bars);
-    }
     let overrides = Overrides { lake: args.lake.clone(), ..Overrides::default() };
     let robots: Vec<String> = robot.into_iter().collect();
     let fleet = match Fleet::load(&args.pipeline, &robots, &overrides) {
@@ -165,14 +132,6 @@ pub fn work(args: &TaskArgs, bars: &Bars) -> u8 {
     };
     let Some(known) = known(&fleet, |lake| Ok(Known::one_by_one(lake))) else { return FAULT };
     told(&tasks::work(&fleet, &known, &id, &bars.of("task")), bars)
-}
-
-fn plan(args: &TaskArgs, id: &str, robot: Option<String>, bars: &Bars) -> u8 {
-    let robots: Vec<String> = robot.into_iter().collect();
-    match tasks::plans::all(&args.pipeline, &robots, args.lake.as_deref()) {
-        Ok(all) => told(&tasks::plans::work(all, id, &bars.of("plan")), bars),
-        Err(error) => no_plan(&error),
-    }
 }
 
 fn told(ended: &Ended, bars: &Bars) -> u8 {
@@ -218,11 +177,6 @@ fn named(args: &TaskArgs) -> Result<(String, Option<String>), String> {
 fn known(fleet: &Fleet, read: impl Fn(Lake) -> Result<Known, LakeError>) -> Option<Known> {
     let known = Lake::at(&fleet.lake).and_then(read);
     known.map_err(|error| tracing::error!("{}", Printable(&error.to_string()))).ok()
-}
-
-fn no_plan(error: &PlanningError) -> u8 {
-    tracing::error!("{}", Printable(&error.to_string()));
-    if error.is_fault() { FAULT } else { BAD_USAGE }
 }
 
 fn unusable(error: &ConfigurationError) -> u8 {

@@ -2,9 +2,7 @@
 //!
 //! A task is named by the state of its inputs ([`Known::state`]), so that listing opens no log, and doing it twice is doing it once: the
 //! run's row is created or was there, and the bytes are the same. What was done is kept in the lake's index, a file for each task, since
-//! tasks at once have no lock. A plan before measuring is a task too ([`plans`]), named by its run.
-
-pub mod plans;
+//! tasks at once have no lock.
 
 use std::collections::BTreeMap;
 
@@ -19,12 +17,12 @@ use crate::progress::Progress;
 /// A piece of work, as it is listed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
-    /// The state of its inputs, or the run of a plan: another content, setting or version is another task.
+    /// The state of its inputs: another content, setting or version is another task.
     pub id: String,
     pub version: String,
     /// The robot; `None` where the logs' metadata name it.
     pub robot: Option<String>,
-    /// The session of its tables, `pooled`, or `plan`.
+    /// The session of its tables, or `pooled`.
     pub session: String,
     pub learns_from: Vec<String>,
     pub judged_on: Vec<String>,
