@@ -69,7 +69,6 @@ const RUNS: &str = "runs";
 pub struct Stage {
     /// One of its results and several, in words.
     pub names: [&'static str; 2],
-    /// What was done to make one.
     pub done: &'static str,
     pub rows: &'static str,
     pub table: &'static str,
@@ -83,7 +82,6 @@ pub const JOINED: Stage = Stage {
     table: "readings",
 };
 
-/// The fit.
 pub const ESTIMATES: Stage = Stage {
     names: ["estimate", "estimates"],
     done: "estimated",

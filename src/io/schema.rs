@@ -22,7 +22,6 @@ pub const UTC: &str = "UTC";
 /// The columns that every published table begins with.
 pub const KEY_COLUMNS: [&str; 3] = ["robot", "session", "run"];
 
-/// The contract of one table.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSchema {
@@ -36,7 +35,6 @@ pub struct TableSchema {
     pub reads_from: Option<u32>,
     /// Whether posegrid writes or only reads it.
     pub role: Role,
-    /// The contents of the table.
     pub description: String,
     /// The thing that one row describes.
     pub one_row_per: String,
@@ -52,13 +50,11 @@ pub struct TableSchema {
     pub columns: Vec<ColumnSchema>,
 }
 
-/// The contract of one column.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColumnSchema {
     /// Name of the column, with the unit as suffix where the unit is fixed.
     pub name: String,
-    /// Type of its values.
     #[serde(rename = "type")]
     pub kind: ColumnType,
     /// Unit of a number (`1` without dimension, `column c` where column c names it).
@@ -114,7 +110,6 @@ pub enum ColumnType {
     /// A list of whole numbers.
     #[serde(rename = "list<int64>")]
     ListInt64,
-    /// A list of texts.
     #[serde(rename = "list<string>")]
     ListString,
 }
@@ -134,10 +129,8 @@ pub enum SchemaError {
         table: String,
         /// The column or key concerned.
         place: String,
-        /// The rule, as text.
         rule: &'static str,
     },
-    /// An unknown table.
     #[error("there is no table {table:?}{}; the tables are {}; `posegrid schema views` has the views current_runs and sessions, `posegrid schema pipeline` and \
          `posegrid schema robot` the keys of those files", did_you_mean(table, known.iter().copied()), known.join(", "))]
     UnknownTable {
@@ -252,7 +245,6 @@ impl TableSchema {
         (self.reads_from.unwrap_or(self.version)..=self.version).contains(&version)
     }
 
-    /// The Arrow schema of the table.
     pub fn arrow(&self) -> arrow_schema::Schema {
         let field = |c: &ColumnSchema| Field::new(&c.name, c.kind.arrow(), c.nullable);
         arrow_schema::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
@@ -310,7 +302,6 @@ impl ColumnType {
         }
     }
 
-    /// The name in the schema files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Float64 => "float64",

@@ -177,7 +177,6 @@ const OLD_DICTIONARY: i64 = 2;
 const DELTA_LENGTH: i64 = 6;
 const DICTIONARY: i64 = 8;
 
-/// The header of a page.
 #[derive(Debug, Default)]
 struct Page {
     /// Bytes after decompression.

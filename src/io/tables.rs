@@ -77,15 +77,12 @@ use stations::StationRow;
 /// The content of tables that does not come from the stages.
 #[derive(Debug, Clone)]
 pub struct PublishContext<'a> {
-    /// The nominal arm.
     pub arm: &'a Arm,
     /// The frame of commands, in which the compensation table is stated.
     pub command_from_base: Transform<Command, Base>,
-    /// `[fit]`.
     pub fit: &'a FitSettings,
     /// `[fit.full]`.
     pub full: &'a FullSettings,
-    /// `[tolerance]`.
     pub tolerance: Tolerance,
     /// Variance per axis of measurement and repeatability, to compare a nugget with, mm²; `None` where it is not known.
     pub noise_mm2: Option<f64>,
@@ -118,7 +115,6 @@ pub enum PublishError {
     /// The counts do not balance, or the row of `runs` cannot be made.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
-    /// A model cannot be written as JSON.
     #[error(
         "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
     )]
@@ -128,23 +124,16 @@ pub enum PublishError {
     Poses(#[from] PosesError),
 }
 
-/// The tables of one session, with their rows.
 #[derive(Debug, Clone)]
 pub struct SessionRows {
-    /// The session.
     pub name: String,
-    /// `stations`.
     pub stations: Rows<StationRow>,
-    /// `rejects`.
     pub rejects: Rows<RejectRow>,
-    /// `clocks`.
     pub clocks: Rows<ClockRow>,
-    /// `reference_motion`.
     pub reference_motion: Rows<MotionRow>,
 }
 
 impl SessionRows {
-    /// The tables of a session; `key` is the session's.
     pub fn of(session: &JoinedSession, arm: &Arm, key: &RunKey) -> Result<Self, TableError> {
         Ok(Self {
             name: session.name.clone(),
@@ -166,34 +155,21 @@ impl SessionRows {
 /// The tables of a run as a whole, with their rows.
 #[derive(Debug, Clone)]
 pub struct RunRows {
-    /// `calibrations`.
     pub calibrations: Rows<CalibrationRow>,
-    /// `parameters`.
     pub parameters: Rows<ParameterRow>,
-    /// `scales`.
     pub scales: Rows<ScaleRow>,
-    /// `sources`.
     pub sources: Rows<SourceRow>,
-    /// `references`.
     pub references: Rows<ReferenceRow>,
-    /// `joint_errors`.
     pub joint_errors: Rows<JointErrorRow>,
-    /// `residuals`.
     pub residuals: Rows<ResidualRow>,
-    /// `length_residuals`.
     pub length_residuals: Rows<LengthResidualRow>,
-    /// `semivariograms`.
     pub semivariograms: Rows<SemivariogramRow>,
-    /// `grid_steps`.
     pub steps: Rows<StepRow>,
-    /// `compensation`.
     pub compensation: Rows<NodeRow>,
-    /// `accuracy`.
     pub accuracy: Rows<AccuracyRow>,
 }
 
 impl RunRows {
-    /// The tables of a run.
     pub fn of(
         outcome: &Outcome<'_>,
         context: &PublishContext<'_>,
@@ -256,7 +232,6 @@ fn where_there(table: &Table) -> Option<&Table> {
     (table.rows() > 0).then_some(table)
 }
 
-/// The ending of a run, for its row in `runs`.
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     let verdict = &outcome.verdict;
     let (figure, covered) = (verdict.headline().figure(), verdict.headline().covered());

@@ -36,12 +36,10 @@ pub(crate) use parquet::TargetRow;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 
-/// Forms of a file of targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
     /// Comma-separated text, the columns named in its first line.
     Csv,
-    /// Apache Parquet.
     Parquet,
     /// An array of objects, their keys as the columns of CSV.
     Json,

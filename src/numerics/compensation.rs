@@ -43,7 +43,6 @@ use crate::geometry::{Command, Position};
 /// A target pose for the controller's own tool point: a position, joint angles, or both.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Target {
-    /// Its name in the file of targets.
     pub name: String,
     /// The position wanted, mm; when absent, the nominal arm's at the joint angles.
     pub position: Option<Position<Command>>,
@@ -57,7 +56,6 @@ pub struct Target {
     pub tool: Option<String>,
 }
 
-/// Joint angles of a target.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TargetJoints {
     /// The joints' names in the angles' order; empty for the order of the arm.

@@ -75,7 +75,6 @@ pub enum Judgement {
     Table,
 }
 
-/// The verdict on one step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
     /// The bound, with the measurement's guard, is within the tolerance.
@@ -94,7 +93,6 @@ pub struct Judged {
     pub source: Source,
     /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// The way in which it was judged.
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
     pub of_test: Option<String>,
@@ -106,7 +104,6 @@ pub struct Judged {
     pub nodes: usize,
     /// Number of refused nodes, by reason.
     pub refused_nodes: std::collections::BTreeMap<Refusal, usize>,
-    /// Number of cells of the grid.
     pub cells: usize,
     /// Number of refused cells, by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
@@ -136,7 +133,6 @@ pub struct Judged {
     pub chosen: bool,
 }
 
-/// A node of the published table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableNode {
     /// Joint angles of the nominal arm there, rad, or why there are none.
@@ -147,7 +143,6 @@ pub struct TableNode {
     pub nearest_mm: f64,
 }
 
-/// The published table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     /// The step asked for, mm.
@@ -196,7 +191,6 @@ pub struct Grids {
 /// The reason why there are no grids.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GridError {
-    /// There are no stations to build on.
     #[error(
         "no paired station is left to build a grid on; look at the rejects for what was left out"
     )]

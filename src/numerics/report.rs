@@ -170,7 +170,6 @@ pub struct Accuracy {
     pub verdict: Verdict,
 }
 
-/// The point that has an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Point {
     /// The target that the tracker measured.

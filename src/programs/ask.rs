@@ -20,7 +20,6 @@ pub struct Asked {
     pub position: usize,
     /// The tool in the flange frame, where it really is, mm.
     pub flange_from_tool: Isometry3<f64>,
-    /// The tool as the controller has it.
     pub stated_tool: Isometry3<f64>,
     pub wanted: Wanted,
 }

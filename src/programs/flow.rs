@@ -229,11 +229,8 @@ pub trait Motions {
     /// The arm configuration that the motion states for those behind it; `None` where none. Without a state: where it
     /// may state one.
     fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known>;
-    /// The position that the motion ends at.
     fn end(&self, motion: usize) -> Known;
-    /// The motion happens in this state.
     fn happens(&mut self, motion: usize, state: &State);
-    /// A routine is called in this state.
     fn calls(&mut self, routine: &str, state: &State);
 }
 

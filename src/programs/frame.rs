@@ -106,7 +106,6 @@ impl fmt::Display for Chain {
     }
 }
 
-/// How a frame was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Found {

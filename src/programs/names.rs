@@ -89,7 +89,6 @@ impl Names {
         self.of.values_mut().flat_map(HashMap::values_mut).for_each(|own| own.touch("", at));
     }
 
-    /// Whether a routine changes one of its parameters.
     pub(crate) fn changes_parameters(&self, routine: &str) -> bool {
         let changes = |own: &Variable| own.is_parameter && !own.touched.is_empty();
         self.of.get(routine).is_some_and(|names| names.values().any(changes))

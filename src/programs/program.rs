@@ -117,7 +117,6 @@ pub struct Computed {
     pub file: usize,
     pub line: u32,
     pub word: String,
-    /// What the program has in its place.
     pub text: String,
 }
 

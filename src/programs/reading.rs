@@ -217,7 +217,6 @@ impl<'f> Common<'f> {
         }
     }
 
-    /// Marks what a statement reads.
     pub(crate) fn reads(&mut self, here: &Here<'_>, statement: Cursor<'_>) {
         let at = self.at(here);
         self.each_variable(here.scopes, statement, |variable| {
@@ -314,12 +313,10 @@ impl<'f> Common<'f> {
     }
 }
 
-/// A target of one position.
 pub(crate) fn one(position: usize) -> Target {
     Target::Literal { positions: vec![position], is_beside: false }
 }
 
-/// A point beside a target.
 pub(crate) fn beside(target: Target) -> Option<Target> {
     match target {
         Target::Literal { positions, .. } => Some(Target::Literal { positions, is_beside: true }),

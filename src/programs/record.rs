@@ -18,7 +18,6 @@ pub const RECORD: &str = "posegrid-corrections.json";
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
-    /// The id of the calibration.
     pub calibration: String,
     pub robot: String,
     pub session: String,
@@ -99,7 +98,6 @@ impl Changed {
         is_file.then_some(path).ok_or_else(wrong)
     }
 
-    /// The original of a corrected file.
     pub fn original(&self, corrected: &[u8]) -> Result<Vec<u8>, UndoError> {
         let (name, original) = (self.name.clone(), self.original_blake3.clone());
         if digest(corrected) != self.corrected_blake3 {

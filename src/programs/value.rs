@@ -101,7 +101,6 @@ impl<'t> Cursor<'t> {
         Some(capitals(self.text(token)))
     }
 
-    /// A name in capitals.
     pub fn take_name(&mut self) -> Option<String> {
         let name = self.peek_name()?;
         self.take();
@@ -304,7 +303,6 @@ fn based(text: &str) -> Option<f64> {
 }
 
 impl Value {
-    /// The first number that is written in it.
     pub fn first_number(&self) -> Option<&Number> {
         match self {
             Self::Number(number) => Some(number),
@@ -354,7 +352,6 @@ impl Value {
         fields.iter().find(|(own, _)| own == name).map(|(_, value)| value)
     }
 
-    /// The number of a field.
     pub fn number_of(&self, name: &str) -> Option<&Number> {
         self.field(name)?.number()
     }

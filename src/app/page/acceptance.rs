@@ -53,7 +53,6 @@ struct Report<'a> {
     settings: serde_json::Value,
 }
 
-/// The report as a PDF.
 pub fn pdf(rows: &AcceptanceRows) -> Result<Vec<u8>, KrillaError> {
     let settings = serde_json::from_str(&rows.run.made.settings).unwrap_or_default();
     let AcceptanceRows { key, run, arm, accuracy: figures } = rows;

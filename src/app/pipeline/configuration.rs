@@ -54,13 +54,11 @@ pub use tree::Tree;
 pub struct Configuration {
     /// The pipeline file's name without its extension.
     pub pipeline: String,
-    /// The file as it is written.
     pub file: PipelineFile,
     /// The robot's name in the tables; absent where the logs' metadata has to name it.
     pub robot: Option<String>,
     /// The robot file, an input of every run.
     pub robot_file: PathBuf,
-    /// The nominal arm.
     pub arm: Arm,
     /// The reading of what sessions were recorded as.
     pub reads: Reads,

@@ -74,7 +74,6 @@ impl Fetched {
     }
 }
 
-/// Every path to a file of a piece of work.
 fn files_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
     let sessions = piece.training.iter_mut().chain(&mut piece.test);
     sessions.flat_map(|session| {

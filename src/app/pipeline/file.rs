@@ -28,7 +28,6 @@ use crate::plan::section::PlanSection;
 use crate::report::locate::Locate;
 use crate::similarity::SimilaritySettings;
 
-/// A whole pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct PipelineFile {
@@ -114,7 +113,6 @@ impl PipelineFile {
     }
 }
 
-/// `[robot]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotSection {
@@ -142,7 +140,6 @@ impl RobotSection {
     }
 }
 
-/// `[input]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InputSection {
@@ -214,7 +211,6 @@ pub enum LogNames {
 }
 
 impl LogNames {
-    /// Each name or pattern.
     pub fn patterns(&self) -> &[String] {
         match self {
             Self::One(pattern) => std::slice::from_ref(pattern),
@@ -310,7 +306,6 @@ pub enum Pool {
     Until,
 }
 
-/// `[commanded]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct CommandedSection {
     /// The frame commands are stated in, in the base frame of the robot file.
@@ -322,7 +317,6 @@ pub struct CommandedSection {
     pub mapping: Option<CommandedSettings>,
 }
 
-/// `[tracker]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct TrackerSection {
     #[serde(flatten)]
@@ -394,11 +388,9 @@ impl Survey {
 pub struct FitSection {
     #[serde(flatten)]
     pub geometric: FitSettings,
-    /// `[fit.full]`.
     pub full: FullSettings,
 }
 
-/// `[report]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ReportSection {
@@ -412,7 +404,6 @@ pub struct ReportSection {
     pub tool_tip: Option<ToolTip>,
 }
 
-/// Position of the tool tip.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ToolTip {
@@ -429,7 +420,6 @@ pub enum TipFrame {
     Tool,
 }
 
-/// `[output]`.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {

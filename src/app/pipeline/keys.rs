@@ -38,7 +38,6 @@ pub struct KeyReference {
     pub retired: Vec<Retired>,
 }
 
-/// A key that was retired.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Retired {
@@ -47,7 +46,6 @@ pub struct Retired {
     /// The value that was retired, a text; absent where it is the key.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<String>,
-    /// What to do instead.
     pub instead: String,
 }
 
@@ -93,7 +91,6 @@ pub struct KeySection {
     pub keys: Vec<Key>,
 }
 
-/// A key of a section.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
@@ -141,12 +138,10 @@ static ROBOT: LazyLock<KeyReference> =
     LazyLock::new(|| KeyReference::parse(include_str!("keys/robot.toml")));
 
 impl KeyReference {
-    /// The keys of a pipeline file.
     pub fn pipeline() -> &'static Self {
         &PIPELINE
     }
 
-    /// The keys of a robot file.
     pub fn robot() -> &'static Self {
         &ROBOT
     }

@@ -16,11 +16,9 @@ use crate::report::{Model, ResidualSet, Split};
 /// The outcome of a plan's promise.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Promised {
-    /// No plan is named.
     NoPlan,
     /// The lake has no such plan.
     Unknown(String),
-    /// There are no errors to compare it with.
     NoErrors(String),
     /// It was compared with the session.
     Held(PlanPromise, Box<PromiseKept>),

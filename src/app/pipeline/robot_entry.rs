@@ -9,7 +9,6 @@ use super::keys::KeyReference;
 /// A robot of a pipeline file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotEntry {
-    /// Its name in the tables.
     pub name: String,
     /// Its folder in that of `[input]`, where that is not named after it.
     pub folder: Option<String>,

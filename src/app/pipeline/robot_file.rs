@@ -17,10 +17,8 @@ pub enum NoRobotFile {
     /// Keys are missing, or not known.
     #[error(transparent)]
     Keys(Faults),
-    /// Another fault.
     #[error(transparent)]
     Fault(RobotFault),
-    /// The arm is invalid.
     #[error("{source}")]
     Arm {
         /// The line where the joint begins that the fault is in, from 1; `None` where it is none's, and in a URDF.
@@ -41,7 +39,6 @@ impl NoRobotFile {
     }
 }
 
-/// Reads the text of the file at `path`.
 pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, NoRobotFile> {
     robot::read(path, text, selection).map_err(|fault| match &fault {
         RobotFault::Toml(_) => faults(text).unwrap_or(NoRobotFile::Fault(fault)),
@@ -49,13 +46,11 @@ pub fn read(path: &Path, text: &str, selection: &Selection) -> Result<Read, NoRo
     })
 }
 
-/// The arm in the text of the file at `path`.
 pub fn arm(path: &Path, text: &str, selection: &Selection) -> Result<Arm, Box<At<NoRobotFile>>> {
     let arm = read(path, text, selection).and_then(|read| arm_of(&read.file, text));
     arm.map_err(|fault| Box::new(fault.at(path)))
 }
 
-/// The arm of a robot file that was read from this text.
 pub fn arm_of(file: &RobotFile, text: &str) -> Result<Arm, NoRobotFile> {
     file.arm().map_err(|source| {
         let joint = source.joint();

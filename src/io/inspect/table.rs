@@ -48,7 +48,6 @@ pub struct TableInspection {
     pub guess: Result<Guess, String>,
 }
 
-/// The arm of the table is one of `arms`.
 pub fn inspect(
     path: &Path,
     bound: Bound,

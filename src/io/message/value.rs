@@ -149,12 +149,7 @@ impl TextForm {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Texts<'m> {
-    /// Stored in the message.
-    Stored {
-        bytes: &'m [u8],
-        count: usize,
-        form: TextForm,
-    },
+    Stored { bytes: &'m [u8], count: usize, form: TextForm },
     Gathered(Gathered<'m>),
 }
 

@@ -20,7 +20,6 @@ const LINKS: [[&str; 2]; 6] = [
     ["wrist_3", "wrist_3_joint"],
 ];
 
-/// The arm in the text of the file at `path`.
 pub(super) fn read(path: &Path, text: &str) -> Result<RobotFile, String> {
     let table = measured_table::of_yaml(text).map_err(|fault| fault.to_string())?;
     let cell = |name: &str| table.column(name).map(|column| table.cell(0, column));

@@ -20,7 +20,6 @@ use crate::units::WallTime;
 pub trait Row: Field {
     const TABLE: &'static str;
 
-    /// The rows of a table, in its order.
     fn read(table: &Table) -> Vec<Self> {
         Self::all(table, &[]).collect()
     }

@@ -131,7 +131,6 @@ mod tests {
         assert_eq!(found, [65_536, 1000]);
     }
 
-    /// Joint samples, the angles by row and joint.
     fn joints(rows: usize, joints: usize, angle: impl Fn(usize, usize) -> f64) -> Table {
         let places = (0..rows).flat_map(|row| (0..joints).map(move |joint| (row, joint)));
         let angles: Vec<f64> = places.map(|(row, joint)| angle(row, joint)).collect();

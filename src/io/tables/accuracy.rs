@@ -17,7 +17,6 @@ use crate::table::{row, words};
 use crate::units::WallTime;
 
 row! {
-    /// An accuracy figure.
     pub struct AccuracyRow of "accuracy" {
         subject: Subject,
         base_stations: Option<usize>,
@@ -55,18 +54,14 @@ pub enum BeforeAfter {
     After,
 }
 
-/// Kinds of figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureKind {
-    /// A figure of the norms of position errors.
     PositionError,
-    /// A figure of ISO 9283.
     Iso9283,
     /// The agreement of stated covariances with the errors found.
     Coverage,
 }
 
-/// The figure of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
     Mean,
@@ -76,13 +71,11 @@ pub enum FigureName {
     P95,
     /// 99th percentile.
     P99,
-    /// The largest.
     Max,
     /// Mean and three standard deviations.
     MeanPlus3Sd,
     /// Distribution-free upper tolerance bound.
     Bound,
-    /// A figure of ISO 9283.
     Iso(Characteristic),
     /// Share of stations inside their 95 % ellipsoid.
     ShareInEllipsoid,

@@ -89,11 +89,8 @@ columns! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LossName {
     Squares,
-    /// Huber's.
     Huber,
-    /// Cauchy's.
     Cauchy,
-    /// Student's t.
     StudentT,
 }
 
@@ -123,7 +120,6 @@ enum Of<'a> {
     Full(&'a FullModel),
 }
 
-/// The rows of all models.
 pub fn rows(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
@@ -200,7 +196,6 @@ impl From<&FullModel> for FitColumns {
     }
 }
 
-/// The names as owned texts.
 fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
 }

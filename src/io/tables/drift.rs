@@ -38,9 +38,7 @@ pub enum HypothesisKind {
     Anything,
     /// The base, or the tracker.
     Base,
-    /// The target at the flange.
     Target,
-    /// A joint's offset.
     JointOffset,
     /// A joint's offset and error curve.
     JointCurve,

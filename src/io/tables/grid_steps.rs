@@ -10,7 +10,6 @@ use crate::report::{Angles, Model, Split};
 use crate::table::row;
 
 row! {
-    /// A judged step.
     pub struct StepRow of "grid_steps" {
         source: Source,
         interpolation: Interpolation,
@@ -68,7 +67,6 @@ row! {
     }
 }
 
-/// The rows of all judged steps.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<StepRow> {
     let judged = outcome.grids.judged.iter().enumerate();
     judged

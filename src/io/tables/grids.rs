@@ -47,7 +47,6 @@ pub fn work(robot: &str, session: &str, estimate: &str, settings: String) -> Wor
     Work::of_stage(robot, session, Vec::new(), vec![input], settings)
 }
 
-/// The table `grid_errors`.
 pub fn errors(steps: &[StepAnswers], key: &RunKey) -> Result<Table, PublishError> {
     let of_step = |step: &StepAnswers| {
         let row = |own: &Answer| GridErrorRow {

@@ -30,9 +30,7 @@ row! {
 /// Whether a charted figure is within its limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Control {
-    /// It is.
     InControl,
-    /// It is not.
     OutOfControl,
     /// There are too few values.
     NotShown,
@@ -49,7 +47,6 @@ words! {
     Control { InControl: "in_control", OutOfControl: "out_of_control", NotShown: "not_shown" }
 }
 
-/// The rows of these figures, each with its session.
 pub fn rows(figures: &[(&PastSession, &Figure)]) -> Vec<HistoryRow> {
     let row = |(session, figure): &(&PastSession, &Figure)| row(session, figure);
     figures.iter().map(row).collect()

@@ -75,7 +75,6 @@ pub fn work(robot: &str, session: &str, inputs: Vec<Input>, settings: String) ->
     Work::of_stage(robot, session, vec![session.to_owned()], inputs, settings)
 }
 
-/// The table `readings` of a session.
 pub fn readings(session: &JoinedSession, key: &RunKey) -> Result<Rows<ReadingRow>, PublishError> {
     Ok(Row::table(readings::rows(&session.joined.stations), key)?)
 }

@@ -50,16 +50,13 @@ enum Behind {
     Temperature,
 }
 
-/// Sources of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// Reported joint angles.
     Joints,
     /// Commanded poses.
     Command,
-    /// Readings of the target.
     Target,
-    /// Temperatures.
     Temperature,
 }
 
@@ -141,7 +138,6 @@ fn parts(input: &JoinInput) -> Vec<Part> {
     samples.into_iter().flat_map(of_source).collect()
 }
 
-/// The rows of one part.
 fn rows_of(
     input: &JoinInput,
     Part { source, rows }: Part,
@@ -168,7 +164,6 @@ fn columns(
         .whole_numbers("stamp_ns", stamps_ns.collect()))
 }
 
-/// Numbers of samples.
 fn numbers(rows: &Rows) -> Vec<i64> {
     let number = |sample: usize| i64::try_from(sample).expect("samples in memory");
     (number(rows.start)..number(rows.end)).collect()

@@ -36,21 +36,17 @@ row! {
     }
 }
 
-/// The body that a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BelongsTo {
     /// The base in the tracker's frame.
     Base,
-    /// A link of the arm.
     Link,
-    /// The target at the flange.
     Target,
     Session,
     /// An instrument that reads one length.
     Gauge,
 }
 
-/// The quantity that a parameter measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParameterQuantity {
     /// Denavit–Hartenberg θ.
@@ -112,13 +108,14 @@ words! {
     }
 }
 
-/// The subject of a row.
 #[derive(Debug, Clone, Copy)]
 enum Subject {
-    /// A parameter of the measurement chain.
     Chain(Unknown),
     /// The command–feedback weight of one joint (from 0), in one session or in all.
-    CommandWeight { joint: usize, session: Option<usize> },
+    CommandWeight {
+        joint: usize,
+        session: Option<usize>,
+    },
 }
 
 /// The results for a parameter, other than its place.

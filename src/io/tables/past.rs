@@ -5,10 +5,8 @@ use crate::history::Judged;
 use crate::history::control::Charted;
 use crate::manifest::RunKey;
 
-/// A session in the history.
 #[derive(Debug, Clone)]
 pub struct PastSession {
-    /// Its current run.
     pub key: RunKey,
     /// First stamp of its controller's log.
     pub measured_at_ns: i64,
@@ -24,10 +22,8 @@ impl PastSession {
     }
 }
 
-/// One figure of a session.
 #[derive(Debug, Clone)]
 pub struct Figure {
-    /// Kind of the figure.
     pub kind: Kind,
     pub name: String,
     /// The joint, from 1.
@@ -42,14 +38,11 @@ pub struct Figure {
     pub charted: Option<Charted>,
 }
 
-/// The kind of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// An accuracy figure.
     Accuracy,
     /// The change of base, target or a joint's offset since the first session.
     SinceFirst,
-    /// An identified parameter.
     Parameter,
     /// A point of a joint's error curve.
     JointCurve,

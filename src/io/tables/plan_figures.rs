@@ -39,7 +39,6 @@ row! {
     }
 }
 
-/// Studies of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureStudy {
     /// The step of a uniform grid.

@@ -37,7 +37,6 @@ pub enum NoStations {
     /// A value that a row of its kind has is null.
     #[error("reading {reading} of station {station} has no {column}")]
     Absent {
-        /// The dwell.
         station: usize,
         reading: usize,
         /// The column, or the first of several that belong together.
@@ -50,7 +49,6 @@ pub enum NoStations {
     Order {
         /// Number of the row, from 0.
         row: usize,
-        /// The dwell.
         station: usize,
         reading: usize,
     },

@@ -12,7 +12,6 @@ use crate::report::Model;
 use crate::table::{row, words};
 
 row! {
-    /// One place of a reference.
     pub struct ReferenceRow of "references" {
         of_session: String,
         reference: String,
@@ -126,7 +125,6 @@ fn moved_by(course: &ReferenceCourse, own: &Place) -> Option<f64> {
     })
 }
 
-/// The motion of a session's references.
 pub fn motions(session: &JoinedSession) -> Vec<MotionRow> {
     let courses = session.joined.references.iter();
     courses.flat_map(|course| (0..course.looks.len()).map(|look| motion(course, look))).collect()

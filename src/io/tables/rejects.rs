@@ -33,21 +33,18 @@ row! {
 pub enum Stage {
     /// Reading logs.
     Ingest,
-    /// Joining logs.
     Join,
 }
 
 /// The kind of items left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RejectKind {
-    /// Bytes of a log.
     Bytes,
     Messages,
     Readings,
     Dwell,
     /// A row of a table of stations.
     Rows,
-    /// A reading of a reference.
     References,
 }
 

@@ -34,7 +34,6 @@ row! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
     Bin,
-    /// A fitted model.
     Fitted,
 }
 

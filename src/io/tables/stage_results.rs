@@ -57,7 +57,6 @@ columns! {
 }
 
 columns! {
-    /// The files that were written.
     #[derive(Default)]
     pub struct FileColumns {
         names as [table_names]: Vec<String>,
@@ -127,7 +126,6 @@ pub(super) fn signed<R: Row + Clone>(
     Ok(R::table(vec![signed(row, Some(row_digest(&unsigned)))], key)?.table)
 }
 
-/// The one row of a result in a lake.
 pub fn row<R: Row>(lake: &Lake, key: &RunKey) -> Result<R, NotRestored> {
     let rows = R::read(&lake.read(R::TABLE, key)?);
     let several = |rows: Vec<R>| NotRestored::Rows { table: R::TABLE, rows: rows.len() };

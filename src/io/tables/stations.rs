@@ -97,9 +97,7 @@ impl From<&Reading> for ReadColumns {
 /// Whether a dwell has a measurement of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PairingVerdict {
-    /// It has one.
     Paired,
-    /// It has none.
     Unmeasured,
     /// Several measurements could belong to it.
     Ambiguous,

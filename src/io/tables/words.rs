@@ -19,15 +19,12 @@ use crate::units::SLIDE_MM_PER_RAD;
 /// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TableVerdict {
-    /// It is.
     Met,
     NotMet,
-    /// It could not be shown.
     #[default]
     NotShown,
 }
 
-/// Tables that a verdict is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VerdictOf {
     /// The nodes of the chosen table.
@@ -36,7 +33,6 @@ pub enum VerdictOf {
     Calibrations,
     /// None, as no correction helps: the nominal arm on its fitted base.
     Nothing,
-    /// A plan of poses.
     SamplingPlan,
 }
 
@@ -88,7 +84,6 @@ pub enum CorrectedForm {
     Json,
     /// A file of a program in KRL; of versions before 0.3.0 a data list of KUKA.
     Krl,
-    /// A module in RAPID.
     Rapid,
     /// A listing of FANUC's teach pendant.
     Fanuc,
@@ -99,7 +94,6 @@ pub enum CorrectedForm {
 /// Units of a column that has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// Millimetres.
     Mm,
     /// Radians.
     Rad,

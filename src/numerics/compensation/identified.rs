@@ -39,7 +39,6 @@ const RIM_RAD: f64 = 0.0087;
 pub struct IdentifiedArm {
     /// The run's name, carried by targets corrected with it.
     pub table_id: String,
-    /// The nominal arm.
     pub arm: Arm,
     /// The error reference frame: base and measured target. Errors are of one tool point, so of one source and one target.
     pub frames: FramePair,
@@ -64,7 +63,6 @@ pub struct IdentifiedArm {
 pub struct ArmModel {
     /// The model's entry in the registry.
     pub model: Model,
-    /// The fitted model that predicts.
     pub predicts: Box<dyn PoseModel>,
     /// The session (its index in the model) in whose error reference frame errors are stated.
     pub session: usize,

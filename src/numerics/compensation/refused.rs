@@ -57,13 +57,11 @@ pub enum Reason {
          `calibrations` of the same run"
     )]
     NoPosition,
-    /// Neither joint angles nor an orientation.
     #[error(
         "states neither joint angles nor an orientation, and an arm's error depends on its joint angles; give q1_rad … or \
          qx qy qz qw"
     )]
     NoOrientation,
-    /// Neither joint angles nor an arm configuration.
     #[error(
         "states neither joint angles nor an arm configuration, and the arm may reach it in several ways; give q1_rad … or a \
          configuration such as \"shoulder+ elbow- wrist+\""
@@ -81,7 +79,6 @@ pub enum Reason {
         /// The configurations within the joint ranges measured.
         measured: Vec<String>,
     },
-    /// An arm configuration that no station was in.
     #[error(
         "is in arm configuration {found:?}, but stations were measured in {}; measure there, or reach it in another",
         measured.join(", ")
@@ -107,7 +104,6 @@ pub enum Reason {
     JointUnit {
         /// The joint's name.
         joint: String,
-        /// Whether it slides.
         slides: bool,
     },
     /// Position and joint angles that contradict each other.
@@ -124,10 +120,7 @@ pub enum Reason {
         "states no joint angles, and an arm with {joints} joints reaches it in infinitely many ways, each with an error of its \
          own; give q1_rad … or q1_deg …"
     )]
-    Redundant {
-        /// The number of joints.
-        joints: usize,
-    },
+    Redundant { joints: usize },
     /// Joint angles that were not measured.
     #[error(
         "needs joint {joint:?} at {value:.3}{unit}, {beyond:.3}{unit} beyond the {:.3}{unit} to {:.3}{unit} that were measured: \

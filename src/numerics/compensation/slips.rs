@@ -27,7 +27,6 @@ pub enum Slip {
 const MOST_METRES: f64 = 20.0;
 
 impl Slip {
-    /// All slips.
     pub const ALL: [Self; 3] =
         [Self::RadiansAsDegrees, Self::DegreesAsRadians, Self::MetresAsMillimetres];
 

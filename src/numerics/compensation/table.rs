@@ -182,7 +182,6 @@ impl CompensationTable {
         Self::new(terms, *command_from_base, table.lattice, table.nodes.iter().map(known).collect())
     }
 
-    /// The properties of the table.
     pub const fn terms(&self) -> &Terms {
         &self.terms
     }

@@ -53,7 +53,6 @@ pub struct UsedWith {
 pub enum Term {
     Tool,
     Payload,
-    /// The mounting of the base.
     Mounting,
     /// The base frame.
     Base,
@@ -67,7 +66,6 @@ pub enum Term {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{words}")]
 pub struct Outside {
-    /// The condition.
     pub term: Term,
     /// The condition with both values and their difference, as text.
     pub words: String,
@@ -92,7 +90,6 @@ const GROWTH_MM: [f64; 2] = [0.0115, 0.0235];
 const ROUNDING_KG: f64 = 1e-3;
 
 impl Term {
-    /// The name in messages.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tool => "tool",

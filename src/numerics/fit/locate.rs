@@ -162,7 +162,6 @@ impl Poses {
     }
 }
 
-/// The poses that matter.
 struct Region {
     /// `G`, mean over them.
     normal: DMatrix<f64>,

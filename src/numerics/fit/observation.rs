@@ -214,7 +214,6 @@ impl Noise {
         &self.sources[source.0]
     }
 
-    /// The size of what readings of `source` state.
     pub fn stated_size(&self, source: SourceId) -> StatedSize {
         let own = self.stated.get(source.0).copied();
         own.unwrap_or(StatedSize::ONE)

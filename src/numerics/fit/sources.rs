@@ -27,7 +27,6 @@ const EXACT: f64 = 1e-9;
 pub struct SourceSize {
     pub source: SourceId,
     pub kind: ReadingKind,
-    /// Number of its readings.
     pub readings: usize,
     pub rows: usize,
     /// Root mean square of the stated standard deviations of its rows that are lengths, repeatability included, mm.

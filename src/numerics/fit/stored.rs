@@ -22,7 +22,6 @@ pub struct StoredModels {
 }
 
 impl StoredModels {
-    /// The form of `models` that is stored.
     pub fn of(models: &Models) -> Self {
         Self {
             base_target: models.base_target.clone(),

@@ -14,7 +14,6 @@ use crate::fit::ToolErrors;
 /// The answer at one station: the error that nodes and model have for it, base frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// Number of the station.
     pub station: usize,
     /// Number of the grid that answers, where several do; otherwise 0.
     pub sample: usize,

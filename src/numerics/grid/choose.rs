@@ -84,7 +84,6 @@ pub struct Choice {
     pub row: Option<usize>,
     /// Whether the tolerance is met, and shown to be.
     pub verdict: Verdict,
-    /// The choice as text.
     pub words: String,
     /// The choice of [`Rule::Within`]; `None` where no step gives a table.
     pub within: Option<Picked>,

@@ -52,7 +52,6 @@ pub struct HeldOut {
 /// The remaining error of one station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftAt {
-    /// Number of the station.
     pub station: usize,
     /// Number of the station that names its pose.
     pub pose: usize,

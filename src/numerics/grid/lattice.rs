@@ -50,7 +50,6 @@ pub struct Lattice {
 /// Why a box has no lattice of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum NoLattice {
-    /// The box has no size along an axis.
     #[error(
         "the box is flat along {axis} ({size_mm:.3} mm), and a grid needs a size along each axis: measure poses that differ \
          along {axis} too, or state [grid] box"
@@ -67,7 +66,6 @@ pub enum NoLattice {
         most = MOST_NODES
     )]
     TooFine {
-        /// The step, mm.
         step_mm: f64,
         /// Nodes that it would make.
         nodes: f64,
@@ -132,12 +130,10 @@ impl Lattice {
         }
     }
 
-    /// Number of nodes.
     pub fn node_count(&self) -> usize {
         self.counts.iter().product()
     }
 
-    /// Number of cells.
     pub(super) fn cell_count(&self) -> usize {
         self.counts.iter().map(|count| count - 1).product()
     }
@@ -163,7 +159,6 @@ impl Lattice {
         index[0] + self.counts[0] * (index[1] + self.counts[1] * index[2])
     }
 
-    /// The position of node `number`.
     pub fn position(&self, number: usize) -> Point3<f64> {
         let [nx, ny, _] = self.counts;
         let index = [number % nx, number / nx % ny, number / (nx * ny)];

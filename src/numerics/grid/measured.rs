@@ -29,10 +29,7 @@ pub struct MeasuredGrid {
 pub enum NotOnGrid {
     /// Commanded positions do not repeat along an axis.
     #[error("the commanded positions do not lie on planes of equal pitch along {axis}")]
-    NoPitch {
-        /// Name of the axis.
-        axis: char,
-    },
+    NoPitch { axis: char },
     /// More than half of the nodes were not visited.
     #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
     Sparse {

@@ -18,7 +18,6 @@ pub type NodeError = Result<Vector3<f64>, Refusal>;
 /// A station in the form that grids need.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridStation {
-    /// Number in the session.
     pub number: usize,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,

@@ -58,7 +58,6 @@ pub struct StepAnswers {
 pub(super) struct Judging<'j> {
     /// Stations and models.
     pub(super) input: &'j GridInput<'j>,
-    /// `[grid]`.
     pub(super) settings: &'j GridSettings,
     /// Box, orientation and configuration.
     pub(super) plan: &'j GridPlan,
@@ -75,7 +74,6 @@ pub(super) struct Judging<'j> {
 }
 
 impl Judging<'_> {
-    /// The rows of every step.
     pub(super) fn answers(&self, progress: &dyn Progress) -> Vec<StepAnswers> {
         let steps = &self.settings.steps_mm;
         progress.begin("grid steps", steps.len() as u64);

@@ -133,7 +133,6 @@ pub(super) enum NotJudged {
     SamePitches {
         /// The smallest such step, mm.
         judged_mm: f64,
-        /// The pitches, mm.
         pitch_mm: [f64; 3],
     },
 }

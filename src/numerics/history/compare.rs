@@ -39,7 +39,6 @@ pub struct ChiSquare {
     pub freedom: usize,
 }
 
-/// The shift of one column.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
     pub column: Column,

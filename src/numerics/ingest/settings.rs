@@ -95,13 +95,10 @@ pub enum TimeSource {
     Log,
 }
 
-/// Unit of angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AngleUnit {
-    /// Radian.
     Rad,
-    /// Degree.
     Deg,
     /// A hundredth of a right angle.
     Gon,
@@ -110,11 +107,8 @@ pub enum AngleUnit {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthUnit {
-    /// Metre.
     M,
-    /// Millimetre.
     Mm,
-    /// Centimetre.
     Cm,
     /// Inch, 25.4 mm.
     Inch,
@@ -125,11 +119,9 @@ pub enum LengthUnit {
 /// All settings needed to read the samples of a session from its logs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
-    /// `[controller]`.
     pub controller: ControllerSettings,
     /// `[commanded]`; absent when the log has no commanded poses.
     pub commanded: Option<CommandedSettings>,
-    /// `[tracker]`.
     pub tracker: TrackerSettings,
     /// Names under which the controller reports the arm's joints, in the arm's order.
     pub joints: Vec<String>,
@@ -168,7 +160,6 @@ impl AngleUnit {
 }
 
 impl LengthUnit {
-    /// Millimetres in one of this unit.
     pub const fn to_mm(self) -> f64 {
         match self {
             Self::M => MM_PER_M,

@@ -116,7 +116,6 @@ impl<'a> Readings<'a> {
         Ok(self.poses.stamp(row)?)
     }
 
-    /// The readings from `start` to `end`.
     pub fn between(&self, start: Stamp<Tracker>, end: Stamp<Tracker>) -> Result<Seen, JoinError> {
         let first = self.poses.count_while(&|stamp| stamp < start)?;
         let behind = self.poses.count_while(&|stamp| stamp <= end)?;

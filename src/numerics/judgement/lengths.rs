@@ -17,7 +17,6 @@ use crate::fit::{
 use crate::grid::{Choice, Grids, Verdict};
 use crate::report::Model;
 
-/// The models that have sources.
 const OF: [Model; 3] = [Model::BaseTarget, Model::Geometric, Model::Full];
 
 /// The settings behind the fit of a training without positions: no survey is of its frame, which is the base's itself.

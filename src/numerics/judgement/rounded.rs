@@ -96,7 +96,6 @@ fn effect(
     Some(Figures::of(&joints.iter().map(norm).collect::<Vec<f64>>())?.rms)
 }
 
-/// The step of each joint.
 fn steps(joints: &[&[f64]], slides: &[bool]) -> Vec<Option<f64>> {
     let turns = usual(&[PI / 180.0, 1.0, PI / 200.0, PI / 180.0 / 60.0]);
     let halved = (6..=20).map(|times| TAU / f64::from(1 << times));

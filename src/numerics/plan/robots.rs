@@ -48,7 +48,6 @@ impl<'a> Robot<'a> {
         }
     }
 
-    /// A session of the robot: `poses` visited in order.
     pub fn session(&mut self, poses: &[Commanded]) -> Vec<Visit> {
         let session = SimulateSettings { seed: self.sessions.bits(), ..self.cell.clone() };
         let mut visits = visits(self.arm, &session, &self.errors, poses);

@@ -80,7 +80,6 @@ impl Axis {
         Self { names, ..Self::new(quantity, "") }
     }
 
-    /// A horizontal axis of whole numbers.
     pub fn of_whole_numbers(quantity: &str, unit: &str) -> Self {
         Self { whole: true, ..Self::new(quantity, unit) }
     }

@@ -198,7 +198,6 @@ impl RunVerdict {
     }
 }
 
-/// A verdict with what it is of and why.
 fn statement(applied: Applied, of: &ProductVerdict) -> String {
     let word = match of.verdict() {
         Verdict::Meets => "met",

@@ -48,7 +48,6 @@ impl Hypothesis {
         Self { sort: Sort::Size, ..Self::new(mistake, edit, set_up) }
     }
 
-    /// The key that is edited.
     pub(super) fn key(&self) -> &str {
         self.edit.split([':', '=']).next().unwrap_or_default()
     }

@@ -47,7 +47,6 @@ pub enum Ingredient {
     /// Noise of corners in images.
     Image = 29,
     LengthSamples = 30,
-    /// Drift of the tracker on its stand.
     TrackerDrift = 31,
 }
 

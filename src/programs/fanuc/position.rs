@@ -7,7 +7,6 @@ use crate::program::{Shape, Stated, Turn};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Letters, Number};
 
-/// A position as its listing has it.
 pub(super) struct Listed {
     pub(super) line: u32,
     pub(super) shape: Result<Shape, Refusal>,

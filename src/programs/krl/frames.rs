@@ -187,7 +187,6 @@ impl Reading<'_> {
     }
 }
 
-/// A number that is whole.
 #[expect(clippy::cast_possible_truncation, reason = "numbers of frames are small")]
 pub(super) fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() < 1e9).then_some(value as i64)

@@ -53,7 +53,6 @@ const WRITING: &str =
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
 
 impl Reading<'_> {
-    /// The routines of a file.
     pub(super) fn steps(&mut self, file: usize, tokens: &[Token]) {
         let bytes = &self.common.files[file].bytes;
         let mut scopes = Vec::new();
@@ -268,7 +267,6 @@ impl Reading<'_> {
         self.common.full_name(own, name, is_own)
     }
 
-    /// The calls in a statement.
     fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
         let at = self.common.at(here);
         let names: Vec<String> = called(line).collect();

@@ -18,7 +18,6 @@ use crate::value::{Cursor, Number, Value};
 enum Tool {
     At(usize),
     Last,
-    /// The motion is refused by its name.
     Refused,
 }
 

@@ -37,7 +37,6 @@ pub(super) struct Made<'a> {
     pub(super) bytes: &'a [u8],
     /// BLAKE3 of the file that it was made from, hexadecimal.
     pub(super) targets_digest: String,
-    /// How many targets that has.
     pub(super) targets: usize,
     pub(super) corrected: Vec<&'a Corrected>,
 }

@@ -38,7 +38,6 @@ impl CompensateArgs {
     }
 }
 
-/// The file of a result in a form.
 pub(super) fn bytes(result: &Table, form: Form, units: JointUnits) -> Result<Vec<u8>, WriteCause> {
     let mut bytes = Vec::new();
     match form {

@@ -108,7 +108,6 @@ impl Sheet {
         self.y += 5.0;
     }
 
-    /// The lines of each cell.
     fn cells(&self, columns: &[Column<'_>], cells: &[String], look: Look) -> Vec<Vec<String>> {
         let lines = columns.iter().zip(cells).enumerate().map(|(place, ((_, share), cell))| {
             self.lines(cell, (look.0, look.1 || place == 0), share * WIDTH - 2.0 * GAP)

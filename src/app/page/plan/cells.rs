@@ -5,7 +5,6 @@ use maud::{Markup, html};
 use crate::io::tables::plan_figures::FigureRow;
 use crate::page::words::{fixed, optional, percent};
 
-/// Headings of [`robots`].
 pub(super) fn robots_head() -> Markup {
     html! { th { "Robots that meet it" } th { "At least" } }
 }
@@ -24,7 +23,6 @@ pub(super) fn robots(figure: &FigureRow) -> Markup {
     }
 }
 
-/// Headings of [`errors`].
 pub(super) fn errors_head() -> Markup {
     html! { th { "Mean" } th { "p95" } th { "Bound" } }
 }

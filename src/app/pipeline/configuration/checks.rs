@@ -16,7 +16,6 @@ use crate::io::message;
 use crate::kinematics::Arm;
 use crate::pipeline::file::{PipelineFile, Pool};
 
-/// The outcome of a check.
 pub(in crate::pipeline) type Check = Result<(), ConfigurationErrorKind>;
 
 /// Checks everything that needs only this file; `joints` is the number of joints of the arm.

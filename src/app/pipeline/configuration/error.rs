@@ -25,12 +25,7 @@ pub enum ConfigurationError {
     },
     /// A fault in the settings of one of several robots.
     #[error("robot {robot:?} ({place}): {source}")]
-    OfRobot {
-        robot: String,
-        /// Where it is stated.
-        place: String,
-        source: Box<Self>,
-    },
+    OfRobot { robot: String, place: String, source: Box<Self> },
     /// The robot file is no robot file, or its arm is invalid.
     #[error(transparent)]
     RobotParse(#[from] Box<At<NoRobotFile>>),
@@ -40,7 +35,6 @@ pub enum ConfigurationError {
         session: String,
         /// The missing part.
         reason: String,
-        /// The folder that was searched.
         folder: PathBuf,
         /// The sessions there.
         found: Vec<String>,
@@ -57,10 +51,8 @@ pub enum ConfigurationError {
     /// A robot has no folder with sessions.
     #[error("there is no folder {} yet", .0.display())]
     NoFolder(PathBuf),
-    /// There is no session to learn from.
     #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
     NoSessions {
-        /// The folder that was searched.
         folder: PathBuf,
         /// The definition of a session.
         wanted: String,
@@ -86,11 +78,7 @@ pub enum ConfigurationErrorKind {
     /// A value that the file states is wrong, or contradicts another; the words say which.
     Fault(String),
     /// The robot file cannot be read.
-    Robot {
-        /// The robot file.
-        robot: PathBuf,
-        source: io::Error,
-    },
+    Robot { robot: PathBuf, source: io::Error },
     /// The folder with the sessions cannot be read.
     Folder { folder: PathBuf, source: io::Error },
 }

@@ -15,14 +15,12 @@ use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
 use crate::pipeline::keys::{KeyReference, door};
 
-/// The contents of the files.
 #[derive(Debug)]
 pub struct Files {
     pub file: PipelineFile,
     /// The folder that paths in it are relative to.
     pub base: PathBuf,
     pub robot_file: PathBuf,
-    /// The nominal arm.
     pub arm: Arm,
     /// Where the published tables are.
     pub lake: Place,
@@ -53,7 +51,6 @@ pub fn read(path: &Path, robot: Option<&str>) -> Result<Files, ConfigurationErro
 }
 
 impl Source {
-    /// Reads the pipeline file at `path`.
     pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
         let text = input::text(path, Bound::SETTINGS)
             .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
@@ -69,7 +66,6 @@ impl Source {
         self.checked(file)
     }
 
-    /// The files of one of several robots.
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
         let text = robots.file_of(&robot.entry).to_string();
         let file = self.keys(&text, false).and_then(|()| self.made(&text));

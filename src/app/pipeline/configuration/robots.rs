@@ -35,7 +35,6 @@ pub struct StatedRobot {
 }
 
 impl StatedRobot {
-    /// A fault in its settings.
     pub(super) fn fault(&self, source: ConfigurationError) -> ConfigurationError {
         ConfigurationError::OfRobot {
             robot: self.entry.name.clone(),
@@ -253,7 +252,6 @@ fn texts(value: &Value) -> Vec<&str> {
     own.chain(several).collect()
 }
 
-/// The robots of `[[robots]]`.
 fn of_file(own: &Value) -> Result<Vec<StatedRobot>, String> {
     let robots = own.as_array().ok_or("it is a list of tables, [[robots]]")?;
     let stated = |(number, value): (usize, &Value)| {

@@ -27,7 +27,6 @@ use found::Found;
 pub use found::Session;
 pub use joined::Wanted;
 
-/// The session of a pooled fit.
 pub const POOLED: &str = "pooled";
 
 /// The files that a session was recorded into.
@@ -77,12 +76,9 @@ pub struct SessionTable {
     pub whose: Whose,
 }
 
-/// One session's files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionFiles {
-    /// The session's name.
     pub name: String,
-    /// What was measured.
     pub recorded: Recorded,
     /// The file of corrected targets that drove it.
     pub corrected: Option<PathBuf>,
@@ -118,7 +114,6 @@ pub struct SetAside {
 }
 
 impl SetAside {
-    /// The state of the session in a word.
     pub const fn state(&self) -> &'static str {
         match self.why {
             Why::Waits(_) => "waits",
@@ -137,7 +132,6 @@ pub enum Why {
 }
 
 impl Why {
-    /// The reason as text.
     pub fn reason(&self) -> &str {
         match self {
             Self::Waits(reason) | Self::Bad(reason) => reason,
@@ -274,7 +268,6 @@ pub(super) fn list_joined(
 struct Candidates<'a> {
     /// Where they were looked for.
     place: PathBuf,
-    /// What makes a session there.
     wanted: String,
     /// The session of a name, or why there is none.
     named: &'a dyn Fn(&str) -> Session,

@@ -22,7 +22,6 @@ pub enum Tree {
     Folder,
     /// Those on object storage.
     Listed {
-        /// The storage.
         store: Arc<dyn Store>,
         /// Every file below the prefix, by its address in the form of a path.
         files: Arc<BTreeMap<PathBuf, Listed>>,
@@ -30,7 +29,6 @@ pub enum Tree {
 }
 
 impl Tree {
-    /// The tree for a place.
     pub fn at(place: &Place) -> Result<Self, StoreError> {
         if place.as_path().is_some() {
             return Ok(Self::Folder);

@@ -53,7 +53,6 @@ pub(super) struct Fact {
     pub(super) result: RunResult,
 }
 
-/// The result of a run, as its row states it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// Start of its session, microseconds since 1970, UTC; `None` where no clock has an epoch.

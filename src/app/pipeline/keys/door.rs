@@ -11,7 +11,6 @@ use toml::de::{DeTable, DeValue};
 use super::{Key, KeyReference, KeySection, Retired};
 use crate::nearest::did_you_mean;
 
-/// The faults of a file.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}; every key: `posegrid schema {file}`", faults.join("; "))]
 pub struct Faults {

@@ -85,7 +85,6 @@ pub enum KnownMisfit {
 }
 
 impl KnownMisfit {
-    /// This misfit of the table at `path`.
     fn at(self, path: &Path) -> KnownError {
         KnownError::Misfit { path: path.to_owned(), kind: self }
     }

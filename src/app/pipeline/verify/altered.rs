@@ -29,7 +29,6 @@ pub enum Found {
 /// An input that differs from the row of `runs`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChangedInput {
-    /// Its name in the run.
     pub name: String,
     /// Size and BLAKE3 in the row; `None` where the row does not have it.
     pub claimed: Option<(u64, String)>,

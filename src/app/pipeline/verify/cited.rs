@@ -26,7 +26,6 @@ pub struct Citation {
 /// The reason why a run is cited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// The citing run replaces it.
     Replaced,
     /// Its table drove the session.
     Drove,

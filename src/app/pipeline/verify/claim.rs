@@ -46,7 +46,6 @@ impl Claim {
         })
     }
 
-    /// The work that it is of.
     pub fn work(&self) -> Work {
         Work {
             robot: self.key.robot.clone(),

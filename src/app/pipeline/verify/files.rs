@@ -95,7 +95,6 @@ pub fn account(
     Ok(counted.files())
 }
 
-/// Files of a lake as they are counted.
 struct Counted<'a> {
     lake: &'a Lake,
     files: FilesOfLake,

@@ -42,7 +42,6 @@ pub(super) enum Meaning {
         orientation: bool,
         covariance: bool,
     },
-    /// The temperature, °C.
     Temperature,
     Lengths,
 }

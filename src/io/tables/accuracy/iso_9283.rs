@@ -3,7 +3,6 @@
 use super::{AccuracyRow, FigureKind, FigureName, Unit};
 use crate::report::iso_9283::{Figure, Iso9283};
 
-/// The rows of all figures.
 pub(super) fn rows(all: &[Iso9283]) -> impl Iterator<Item = AccuracyRow> {
     all.iter().flat_map(|of| of.figures.iter().map(move |figure| row(of, figure)))
 }

@@ -37,7 +37,6 @@ type Columns = Vec<Column>;
 pub struct Mounting {
     pub session: usize,
     pub sources: Vec<Placed>,
-    /// The mounting of each target of that session.
     pub targets: Vec<Mounted>,
 }
 

@@ -195,7 +195,6 @@ pub struct NoisyReading<'r> {
 }
 
 impl ReadingNoise {
-    /// Number of its rows.
     pub fn rows(&self) -> usize {
         self.instrument.nrows()
     }
@@ -260,16 +259,13 @@ fn of_translation(reading: &NoisyReading<'_>, first: &NoisyReading<'_>) -> DMatr
     rows
 }
 
-/// The evidence of one station on the sizes of the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseEvidence {
     /// Its leave-one-out residual.
     pub residual: DVector<f64>,
     /// Covariance of its prediction from all other stations.
     pub open: DMatrix<f64>,
-    /// The noise of its readings.
     pub station: StationNoise,
-    /// Its robust weight.
     pub weight: f64,
     /// Its Fisher information as a share of its weight.
     pub information: f64,

@@ -133,7 +133,6 @@ impl Sums {
         }
     }
 
-    /// Adds the sums of other rows.
     #[cfg(test)]
     pub fn add(&mut self, other: &Self) {
         self.information += &other.information;

@@ -71,7 +71,6 @@ impl Row {
         Some(Self { columns: [columns(a)?, columns(b)?], starts: [start(a)?, start(b)?], known })
     }
 
-    /// The row at `offsets`.
     pub(super) fn at(&self, offsets: &DVector<f64>) -> DistanceRow {
         let place = |end: usize| {
             let shift = self.columns[end].map(|column| offsets[column]);

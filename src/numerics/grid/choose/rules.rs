@@ -63,7 +63,6 @@ impl<'j> Pool<'j> {
         Self { judged, rows: if is_short { tables } else { enough }, is_short }
     }
 
-    /// Those of one source.
     fn only(&self, source: Source) -> Self {
         let is_of = |row: &usize| self.judged[*row].source == source;
         Self { rows: self.rows.iter().copied().filter(is_of).collect(), ..*self }

@@ -12,7 +12,6 @@ pub struct JointBuffer {
     factors: Vec<f64>,
     stamps: Vec<i64>,
     angles: JointAngles,
-    /// Whether each joint is unwrapped.
     unwrapped: Vec<bool>,
     /// Whether each joint jumped by a turn, and its largest angle.
     turned: Vec<(bool, f64)>,

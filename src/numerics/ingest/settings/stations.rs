@@ -16,7 +16,6 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::geometry::RotationOrder;
 
-/// `[stations]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationsSettings {

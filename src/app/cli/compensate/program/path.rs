@@ -48,7 +48,6 @@ pub(super) struct Circle {
     angle: f64,
 }
 
-/// A place on the way.
 struct Place {
     /// Joint values of the command, rad; mm where one slides.
     joints: Vec<f64>,

@@ -13,7 +13,6 @@ use crate::io::input::{self, Bound};
 use crate::pipeline::keys::KeyReference;
 use crate::pipeline::robot_entry::RobotEntry;
 
-/// The separators that a table may have.
 const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
 
 /// The robots of the table at `path`.
@@ -67,7 +66,6 @@ fn columns_are_sound(columns: &[&str]) -> Result<(), String> {
     Ok(())
 }
 
-/// The robot of a row.
 fn entry<'c>(cells: impl Iterator<Item = (&'c str, &'c str)>) -> Result<RobotEntry, String> {
     let mut robot = Table::new();
     for (column, cell) in cells.filter(|(_, cell)| !cell.is_empty()) {

@@ -20,7 +20,6 @@ use logs::Lack;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
     pub name: String,
-    /// What was measured.
     pub recorded: Result<Recorded, Why>,
     /// The file of corrected targets that drove it.
     pub corrected: Option<PathBuf>,

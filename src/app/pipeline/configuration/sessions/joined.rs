@@ -19,7 +19,6 @@ pub struct Wanted<'a> {
     pub robot: Option<&'a str>,
     /// BLAKE3 of the robot file.
     pub robot_digest: &'a str,
-    /// The settings of ingest and join.
     pub settings: &'a str,
 }
 
