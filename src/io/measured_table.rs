@@ -191,7 +191,6 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
     read().map_err(|kind: MeasuredTableErrorKind| At::new(path.display(), kind))
 }
 
-/// Reads the text of a YAML file.
 pub(crate) fn of_yaml(text: &str) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     yaml::read(text.as_bytes(), &Form::default())
 }

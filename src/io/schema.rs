@@ -36,7 +36,6 @@ pub struct TableSchema {
     /// Whether posegrid writes or only reads it.
     pub role: Role,
     pub description: String,
-    /// The thing that one row describes.
     pub one_row_per: String,
     /// Columns that rows are sorted by; together they identify a row within a file. Empty: a file has one row.
     pub order: Vec<String>,
@@ -72,7 +71,6 @@ pub struct ColumnSchema {
     /// The words allowed, in the order that rows are sorted in; any text when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<String>>,
-    /// Meaning of the values.
     pub description: String,
 }
 
@@ -89,10 +87,8 @@ pub enum Role {
 /// Types of columns. Whole numbers are signed throughout: not every reader has unsigned ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 pub enum ColumnType {
-    /// A finite number.
     #[serde(rename = "float64")]
     Float64,
-    /// A whole number.
     #[serde(rename = "int64")]
     Int64,
     /// True or false.
@@ -104,10 +100,8 @@ pub enum ColumnType {
     /// A moment of wall time to the microsecond, with UTC in its type.
     #[serde(rename = "timestamp")]
     Timestamp,
-    /// A list of finite numbers.
     #[serde(rename = "list<float64>")]
     ListFloat64,
-    /// A list of whole numbers.
     #[serde(rename = "list<int64>")]
     ListInt64,
     #[serde(rename = "list<string>")]
@@ -117,13 +111,11 @@ pub enum ColumnType {
 /// A fault in a schema, or in a request for one.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SchemaError {
-    /// Not a schema file.
     #[error("schema: {message}")]
     Parse {
         /// The TOML reader's message, with line and column.
         message: String,
     },
-    /// A rule of schema files is broken.
     #[error("schema of table {table:?}, {place}: {rule}")]
     Rule {
         table: String,
@@ -133,12 +125,7 @@ pub enum SchemaError {
     },
     #[error("there is no table {table:?}{}; the tables are {}; `posegrid schema views` has the views current_runs and sessions, `posegrid schema pipeline` and \
          `posegrid schema robot` the keys of those files", did_you_mean(table, known.iter().copied()), known.join(", "))]
-    UnknownTable {
-        /// The requested name.
-        table: String,
-        /// The existing names.
-        known: Vec<&'static str>,
-    },
+    UnknownTable { table: String, known: Vec<&'static str> },
 }
 
 /// The schema files, in the order of the stages that write them.
@@ -240,7 +227,6 @@ impl TableSchema {
         Some((place, &self.columns[place]))
     }
 
-    /// Whether files of this version of the table are read.
     pub fn reads(&self, version: u32) -> bool {
         (self.reads_from.unwrap_or(self.version)..=self.version).contains(&version)
     }
@@ -280,7 +266,6 @@ fn in_place(own: &toml::Value, entry: &toml::Value) -> toml::Value {
 }
 
 impl ColumnSchema {
-    /// Whether that version of its table has the column.
     pub(super) fn is_in(&self, version: u32) -> bool {
         self.since.is_none_or(|since| since <= version)
     }

@@ -90,9 +90,7 @@ pub struct PublishContext<'a> {
     pub valid_for: Conditions,
     /// The sessions as joined that the run started from.
     pub made_of: Vec<RunKey>,
-    /// The name of the estimate that it started from.
     pub estimate: String,
-    /// The name of the grids that it started from.
     pub grids: String,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
@@ -106,10 +104,8 @@ pub enum PublishError {
     /// Values break a table's contract.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// No such table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// The lake cannot be written.
     #[error(transparent)]
     Lake(#[from] LakeError),
     /// The counts do not balance, or the row of `runs` cannot be made.
@@ -152,7 +148,6 @@ impl SessionRows {
     }
 }
 
-/// The tables of a run as a whole, with their rows.
 #[derive(Debug, Clone)]
 pub struct RunRows {
     pub calibrations: Rows<CalibrationRow>,

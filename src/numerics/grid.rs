@@ -56,7 +56,6 @@ pub enum Source {
 }
 
 impl Source {
-    /// The name in files and tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Measured => "measured",
@@ -89,9 +88,7 @@ pub enum Verdict {
 pub struct Judged {
     /// The step asked for, mm.
     pub step_mm: f64,
-    /// Source of node values.
     pub source: Source,
-    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
@@ -102,10 +99,8 @@ pub struct Judged {
     pub pitch_mm: Option<[f64; 3]>,
     /// Number of nodes of the grid; for local cells, eight for each cell.
     pub nodes: usize,
-    /// Number of refused nodes, by reason.
     pub refused_nodes: std::collections::BTreeMap<Refusal, usize>,
     pub cells: usize,
-    /// Number of refused cells, by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
     /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,
@@ -153,9 +148,7 @@ pub struct Table {
     pub orientation: UnitQuaternion<f64>,
     /// The arm configuration, for six-axis arms.
     pub configuration: Option<Configuration>,
-    /// Source of node values.
     pub source: Source,
-    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
     /// The power of inverse distance weighting.
     pub idw_power: f64,
@@ -197,7 +190,6 @@ pub enum GridError {
     NoStations,
 }
 
-/// The inputs that grids are built and judged on.
 #[derive(Clone, Copy)]
 pub struct GridInput<'a> {
     /// The stations, with their errors and folds.

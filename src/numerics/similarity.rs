@@ -78,7 +78,6 @@ pub enum Alikeness {
     TooFewPairs,
 }
 
-/// The semivariogram of one quantity in one space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Semivariogram {
     pub space: Space,

@@ -47,7 +47,6 @@ const ANGLE_RESOLUTION: f64 = 1e-7;
 const POSITION_RESOLUTION_MM: f64 = 1e-4;
 /// Resolution of logged lengths, mm: about that of the messages at two metres.
 const LENGTH_RESOLUTION_MM: f64 = 1e-4;
-/// Resolution of logged quaternion components.
 const QUATERNION_RESOLUTION: f64 = 1e-9;
 /// Resolution of logged temperatures, °C.
 const TEMPERATURE_RESOLUTION: f64 = 1e-2;

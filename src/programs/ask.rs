@@ -13,7 +13,6 @@ use crate::refusal::Refusal;
 use crate::taught::{Taught, TaughtFrame};
 use crate::value::{Letters, Number};
 
-/// What a position asks of the arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
     /// Its index among the positions.
@@ -76,7 +75,6 @@ impl Asked {
 }
 
 impl Programs {
-    /// What a position asks of the arm.
     pub fn ask(&self, index: usize, cell: &Cell) -> Result<Asked, Refusal> {
         let position = &self.positions[index];
         if let Some(line) = self.marks[position.file] {

@@ -68,7 +68,6 @@ pub enum Setting {
     Inline(Box<[Known; 3]>),
     /// Its index among the positions.
     Position(usize),
-    /// An arm configuration.
     Config(Letters),
 }
 

@@ -13,7 +13,6 @@ use crate::value::{Letters, Number};
 /// A file as it lies on the controller.
 #[derive(Debug, Clone, PartialEq)]
 pub struct File {
-    /// Its path, as messages name it.
     pub name: String,
     pub bytes: Vec<u8>,
 }

@@ -30,7 +30,6 @@ pub struct Record {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Changed {
-    /// Its path in the folder.
     pub name: String,
     /// blake3 of the original file, hexadecimal.
     pub original_blake3: String,

@@ -66,7 +66,6 @@ pub struct Configuration {
     pub command_frames: Option<CommandFrames>,
     /// The set-up as stated, to be held against the logs.
     pub set_up: StatedSetUp,
-    /// The stages after the join.
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
     pub settings: String,
@@ -89,7 +88,6 @@ pub struct Configuration {
     pub left_out: Vec<LeftOut>,
     /// Remarks on allowed settings that a person should know.
     pub remarks: Vec<String>,
-    /// Place of the published tables.
     pub lake: Place,
 }
 

@@ -216,7 +216,6 @@ impl RobotHistory {
     }
 }
 
-/// The facts in each readable row, by its digest.
 fn facts_of(rows: &[Row]) -> BTreeMap<String, Fact> {
     let fact = |row: &Row| Some((row.digest.clone(), row.fact.as_ref().ok()?.clone()));
     rows.iter().filter_map(fact).collect()

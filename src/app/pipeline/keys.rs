@@ -67,7 +67,6 @@ pub struct Common {
     /// Whether the grids of an estimate read it, beside what training reads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grids: Option<bool>,
-    /// Its meaning, one sentence.
     pub about: String,
 }
 

@@ -39,7 +39,6 @@ pub use known::{KnownError, KnownMisfit};
 pub use locating::Located;
 pub use so_far::{SoFar, SoFarError};
 
-/// The session name of a plan in the lake.
 pub const SESSION: &str = "plan";
 
 /// A checked pipeline file with its `[plan]`.

@@ -6,7 +6,6 @@ use toml::{Table, Value};
 
 use super::keys::KeyReference;
 
-/// A robot of a pipeline file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotEntry {
     pub name: String,

@@ -26,7 +26,6 @@ pub struct Task {
     pub session: String,
     pub learns_from: Vec<String>,
     pub judged_on: Vec<String>,
-    /// Size of its files, bytes.
     pub bytes: u64,
     /// Time that it may take, s, by what runs of the lake took: to share work out by, not to rely on.
     pub expected_s: f64,

@@ -78,14 +78,11 @@ pub struct Verified {
     pub superseded_by: Option<String>,
     /// Other runs that it depends on.
     pub cited: Vec<Citation>,
-    /// Inputs that differ from the row.
     pub inputs: Vec<ChangedInput>,
-    /// Settings that differ from the row.
     pub settings: Vec<ChangedSetting>,
     pub recomputed: Recomputed,
 }
 
-/// The result of recomputing a run.
 #[derive(Debug, Clone)]
 pub enum Recomputed {
     /// It was not recomputed, since inputs or settings differ.

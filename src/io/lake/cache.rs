@@ -20,13 +20,11 @@ use crate::store::{Listed, Place, StoreError};
 
 /// Version of what is kept and of its meaning; raised by any change.
 const FORMAT: u32 = 6;
-/// The index of finished work.
 pub const INDEX: &str = ".index/runs.jsonl.zst";
 pub(super) const FOLDERS: [&str; 3] = [".index", ".history", OVER_TIME];
 /// The folder of tasks that were done alone, and that of the figures of runs.
 pub(super) const ALONE: &str = ".index/alone";
 pub(super) const FIGURES: &str = ".history/figures";
-/// Number of its files that are open at once.
 const OPEN_AT_ONCE: usize = 256;
 /// Level of the compression: digits of numbers pack no better at higher ones.
 const LEVEL: i32 = 1;

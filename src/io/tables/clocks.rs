@@ -19,7 +19,6 @@ row! {
     }
 }
 
-/// The row of one session's clocks.
 pub fn row(clock: &ClockEstimate) -> ClockRow {
     let model = &clock.model;
     ClockRow {

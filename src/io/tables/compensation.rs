@@ -17,7 +17,6 @@ use crate::report::Angles;
 use crate::table::{Columns, Field, FieldColumn, Table, columns, row};
 
 row! {
-    /// A node of the chosen table.
     pub struct NodeRow of "compensation" {
         node: usize,
         index_x: usize,

@@ -8,7 +8,6 @@ use crate::manifest::RunKey;
 use crate::table::{row, words};
 
 row! {
-    /// A figure of a session.
     pub struct HistoryRow of "history" {
         key: RunKey,
         measured_at_ns: i64,

@@ -56,7 +56,6 @@ pub struct AsJoined {
 /// The result of ingest and join, read back.
 #[derive(Debug, Clone)]
 pub struct Restored {
-    /// The files that it comes from.
     pub inputs: Vec<Input>,
     /// The session's stations, clocks and rejects.
     pub joined: Joined,
@@ -66,7 +65,6 @@ pub struct Restored {
     pub counts: BTreeMap<String, u64>,
     /// The corrected targets that drove it.
     pub driven_by: Option<DrivenBy>,
-    /// The id of the sampling plan it was measured by.
     pub sampling_plan: Option<String>,
 }
 

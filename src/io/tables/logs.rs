@@ -52,7 +52,6 @@ enum Behind {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// Reported joint angles.
     Joints,
     /// Commanded poses.
     Command,

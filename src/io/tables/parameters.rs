@@ -14,7 +14,6 @@ use crate::report::Model;
 use crate::table::{row, words};
 
 row! {
-    /// A parameter that a model identified.
     pub struct ParameterRow of "parameters" {
         model: Model,
         parameter_index: usize,
@@ -49,25 +48,17 @@ pub enum BelongsTo {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParameterQuantity {
-    /// Denavit–Hartenberg θ.
     Theta,
-    /// Denavit–Hartenberg d.
     D,
-    /// Denavit–Hartenberg a.
     A,
-    /// Denavit–Hartenberg α.
     Alpha,
-    /// Hayati's β.
     Beta,
     /// The turn γ behind the twist of S-model and CPC.
     Gamma,
     /// The shift b behind the twist of S-model and CPC.
     B,
-    /// A shift along x.
     X,
-    /// A shift along y.
     Y,
-    /// A shift along z.
     Z,
     /// A turn about x.
     Rx,
@@ -137,7 +128,6 @@ struct Parameters<'a> {
     sessions: &'a [&'a str],
 }
 
-/// The rows of all models' free parameters.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<ParameterRow> {
     let sessions: Vec<&str> =
         outcome.training.iter().map(|session| session.name.as_str()).collect();

@@ -61,7 +61,6 @@ impl From<Applied> for VerdictOf {
 /// What part the stations of a split had in the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// They were fitted to.
     Training,
     /// They took no part.
     HeldOut,
@@ -72,7 +71,6 @@ pub enum Role {
 pub enum CorrectingTable {
     /// Nodes with an error each.
     Compensation,
-    /// The identified arm.
     Calibrations,
 }
 
@@ -87,11 +85,9 @@ pub enum CorrectedForm {
     Rapid,
     /// A listing of FANUC's teach pendant.
     Fanuc,
-    /// A script of Universal Robots.
     UrScript,
 }
 
-/// Units of a column that has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     Mm,

@@ -46,7 +46,6 @@ pub struct IdentifiedArm {
     pub flange_from_tool: Transform<Flange, Tool>,
     /// The base in the frame of commands, mm.
     pub command_from_base: Transform<Command, Base>,
-    /// The model that predicts the errors.
     pub model: ArmModel,
     /// Lowest and highest value of each joint over the stations used, rad or mm.
     pub measured: Vec<[f64; 2]>,
@@ -58,7 +57,6 @@ pub struct IdentifiedArm {
     pub frame_uncertainty: FrameUncertainty,
 }
 
-/// A run's model of an arm.
 #[derive(Debug)]
 pub struct ArmModel {
     /// The model's entry in the registry.

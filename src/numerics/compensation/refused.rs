@@ -11,7 +11,6 @@ use crate::kinematics::InverseError;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("target {target:?} {reason}{}", slip.map_or_else(String::new, |slip| format!("; {slip}")))]
 pub struct Refused {
-    /// The target's name.
     pub target: String,
     pub reason: Reason,
     /// The slip of a unit without which it would have a command; `None` where there is none.
@@ -101,11 +100,7 @@ pub enum Reason {
     #[error(
         "states joint {joint:?} {}", if *slides { "as an angle, and it slides: give it in mm, as q1_mm for the first joint" } else { "in mm, and it turns: give it in rad or deg" }
     )]
-    JointUnit {
-        /// The joint's name.
-        joint: String,
-        slides: bool,
-    },
+    JointUnit { joint: String, slides: bool },
     /// Position and joint angles that contradict each other.
     #[error(
         "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \
@@ -121,14 +116,12 @@ pub enum Reason {
          own; give q1_rad … or q1_deg …"
     )]
     Redundant { joints: usize },
-    /// Joint angles that were not measured.
     #[error(
         "needs joint {joint:?} at {value:.3}{unit}, {beyond:.3}{unit} beyond the {:.3}{unit} to {:.3}{unit} that were measured: \
          the model has no information there; measure there, or reach the target with angles inside",
         measured[0], measured[1]
     )]
     JointRange {
-        /// The joint's name.
         joint: String,
         /// The angle or length needed, degrees or mm.
         value: f64,

@@ -79,7 +79,6 @@ pub enum Misfit {
     /// Nodes of arms with different numbers of joints.
     #[error("node {node} has {found} joint angles, the nodes before it have {expected}")]
     JointCount {
-        /// The node's number.
         node: usize,
         /// Number of its joint angles.
         found: usize,

@@ -74,7 +74,6 @@ const CHUNK: usize = 16;
 /// Positions whose covariances are found together: their rows are one right-hand side.
 const POSITIONS: usize = 64;
 
-/// What a model is trained for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
     /// To be published, with the residual of each station as predicted by all others.

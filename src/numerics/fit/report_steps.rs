@@ -21,7 +21,6 @@ const BESIDE: usize = 20;
 const LEAST_RAD: f64 = 2e-3;
 /// Least step in median distances from the medians on both sides.
 const SCATTERS: f64 = 6.0;
-/// Rounds of inverse kinematics.
 const ROUNDS: usize = 3;
 
 /// # Errors

@@ -68,7 +68,6 @@ pub fn notices_mm(tolerance_mm: f64, guard_mm: f64) -> f64 {
     guard_mm.max(tolerance_mm / 10.0).min(tolerance_mm / 3.0)
 }
 
-/// The choice of a rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picked {
     /// Index among the judged rows.

@@ -9,7 +9,6 @@ use super::settings::GridPlan;
 /// A table that covers a smaller share of the stations like it is chosen only where none covers more.
 pub(super) const ENOUGH: f64 = 0.95;
 
-/// The coverage of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Covered {

@@ -17,7 +17,6 @@ pub enum Interpolation {
 const EXACT_HIT_MM: f64 = 1e-9;
 
 impl Interpolation {
-    /// The name in files and tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Idw => "idw",

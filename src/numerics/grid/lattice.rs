@@ -8,9 +8,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorkBox {
-    /// Least coordinates.
     pub low_mm: [f64; 3],
-    /// Largest coordinates.
     pub high_mm: [f64; 3],
 }
 

@@ -32,12 +32,7 @@ pub enum NotOnGrid {
     NoPitch { axis: char },
     /// More than half of the nodes were not visited.
     #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
-    Sparse {
-        /// Number of measured nodes.
-        measured: usize,
-        /// Number of nodes of the lattice.
-        nodes: usize,
-    },
+    Sparse { measured: usize, nodes: usize },
     /// Tool orientations differ.
     #[error("its stations have more than one tool orientation")]
     Mixed,

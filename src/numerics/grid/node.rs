@@ -220,12 +220,10 @@ impl PlacedGrid {
         Some(self.usable(&cell.vertices).map(|()| cell))
     }
 
-    /// Number of refused nodes, by reason.
     pub fn refused_nodes(&self) -> BTreeMap<Refusal, usize> {
         count(self.nodes.iter().filter_map(|node| node.joints.as_ref().err().copied()))
     }
 
-    /// Number of refused cells, by reason.
     pub fn refused_cells(&self) -> BTreeMap<Refusal, usize> {
         let cells = self.lattice.cells();
         count(cells.filter_map(|index| self.usable(&self.lattice.vertices(index)).err()))
@@ -254,7 +252,6 @@ pub fn on_one_branch(vectors: &[&[f64]], counted: &[f64]) -> bool {
     })
 }
 
-/// Number of occurrences of each refusal.
 pub fn count(refusals: impl Iterator<Item = Refusal>) -> BTreeMap<Refusal, usize> {
     let mut counts = BTreeMap::new();
     refusals.for_each(|refusal| *counts.entry(refusal).or_default() += 1);

@@ -26,11 +26,8 @@ use crate::progress::Progress;
 pub struct StepAnswers {
     /// The step asked for, mm.
     pub step_mm: f64,
-    /// Source of node values.
     pub source: Source,
-    /// Interpolation inside a cell.
     pub interpolation: Interpolation,
-    /// The way in which it is judged.
     pub judgement: Judgement,
     /// The reason why there is nothing to judge; `None` where there is.
     pub why_not: Option<String>,
@@ -40,11 +37,8 @@ pub struct StepAnswers {
     pub pitch_mm: Option<[f64; 3]>,
     /// Number of nodes of the grid; for local cells, eight for each cell.
     pub nodes: usize,
-    /// Number of refused nodes, by reason.
     pub refused_nodes: BTreeMap<Refusal, usize>,
-    /// Number of cells of the grid.
     pub cells: usize,
-    /// Number of refused cells, by reason.
     pub refused_cells: BTreeMap<Refusal, usize>,
     /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,

@@ -125,7 +125,6 @@ impl GridPlan {
 /// Why a step is not judged on nodes of the model.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub(super) enum NotJudged {
-    /// It does not fit.
     #[error(transparent)]
     NoLattice(#[from] NoLattice),
     /// A smaller step has the same lattice.

@@ -40,7 +40,6 @@ pub enum HypothesisVerdict {
     /// One of several moved, which cannot be distinguished.
     OneOfSeveral,
     SetUpAnew,
-    /// There is nothing to compare it with.
     NotShown,
 }
 

@@ -73,7 +73,6 @@ pub enum JoinError {
         joint: String,
         by: String,
         station: usize,
-        /// The time, in words.
         at: String,
         /// What the readings cannot distinguish from it, in words.
         or: &'static str,
@@ -83,11 +82,5 @@ pub enum JoinError {
          longer goes where it is commanded, or the controller's tool or base was changed by a turn about that axis. No calibration holds before \
          and behind: master the joint, and measure again, or leave out the stations on one side"
     )]
-    ReportStepped {
-        joint: String,
-        by: String,
-        station: usize,
-        /// The time, in words.
-        at: String,
-    },
+    ReportStepped { joint: String, by: String, station: usize, at: String },
 }

@@ -77,7 +77,6 @@ pub struct Thresholds {
     pub settle_s: f64,
 }
 
-/// One dwell of the arm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Station {
     /// Number within the session, from 0, in controller time.

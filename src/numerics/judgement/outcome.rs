@@ -101,7 +101,6 @@ pub struct Source {
     pub is_fitted: bool,
     /// The instrument as the model has it in the last session that trained; `None` of one that reads places.
     pub gauge: Option<Gauge>,
-    /// Number of its lengths that were held out.
     pub held_out: usize,
     /// Root mean square of measured minus predicted over them, mm; `None` without any.
     pub held_out_rms_mm: Option<f64>,
@@ -114,7 +113,6 @@ pub struct LengthResidual {
     /// The fold that held the reading out; `None` where it trained.
     pub fold: Option<usize>,
     pub session: String,
-    /// Number of the station in its session.
     pub station: usize,
     /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
@@ -194,7 +192,6 @@ pub struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// The start of each session that has one, by name.
     pub fn starts(&self) -> BTreeMap<&str, WallTime> {
         let sessions = self.training.iter().chain(&self.test);
         let started = sessions.map(|session| Some((session.name.as_str(), session.started()?)));

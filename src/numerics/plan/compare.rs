@@ -237,7 +237,6 @@ pub fn candidate(
     Candidate { noise: model.noise(&observation, 0), axes: observation.axes }
 }
 
-/// Candidates with the covariance of a measurement at each.
 fn measurements(
     arm: &Arm,
     poses: &[Commanded],

@@ -164,7 +164,6 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// Every mistake.
     fn all(&self) -> Vec<Hypothesis> {
         let mut all = self.of_kind();
         if !self.alternatives.is_ready(self.stated) {
@@ -228,7 +227,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A disagreement in words.
 fn size(relation: Relation, value: f64) -> String {
     if relation.is_of_turns() {
         format!("{:.2}°", value.to_degrees())

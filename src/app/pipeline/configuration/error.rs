@@ -18,11 +18,7 @@ use crate::pipeline::robot_file::NoRobotFile;
 pub enum ConfigurationError {
     /// A fault in the pipeline file, or in what it names.
     #[error("{}", kind.message(path))]
-    At {
-        /// Path of the pipeline file.
-        path: PathBuf,
-        kind: ConfigurationErrorKind,
-    },
+    At { path: PathBuf, kind: ConfigurationErrorKind },
     /// A fault in the settings of one of several robots.
     #[error("robot {robot:?} ({place}): {source}")]
     OfRobot { robot: String, place: String, source: Box<Self> },
@@ -33,7 +29,6 @@ pub enum ConfigurationError {
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
     Session {
         session: String,
-        /// The missing part.
         reason: String,
         folder: PathBuf,
         /// The sessions there.
@@ -43,18 +38,13 @@ pub enum ConfigurationError {
     #[error(
         "session {session:?} is named {how}: a session is learnt from or judges, once; take one out"
     )]
-    NamedTwice {
-        session: String,
-        /// The two places.
-        how: &'static str,
-    },
+    NamedTwice { session: String, how: &'static str },
     /// A robot has no folder with sessions.
     #[error("there is no folder {} yet", .0.display())]
     NoFolder(PathBuf),
     #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
     NoSessions {
         folder: PathBuf,
-        /// The definition of a session.
         wanted: String,
         /// Folders and files there that are no session.
         left_out: Vec<String>,
@@ -62,7 +52,6 @@ pub enum ConfigurationError {
     /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
-    /// The lake cannot be read.
     #[error(transparent)]
     Lake(Box<LakeError>),
     /// The place of the tables, or of the sessions, cannot be used.

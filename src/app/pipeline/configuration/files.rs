@@ -22,7 +22,6 @@ pub struct Files {
     pub base: PathBuf,
     pub robot_file: PathBuf,
     pub arm: Arm,
-    /// Where the published tables are.
     pub lake: Place,
 }
 

@@ -100,7 +100,6 @@ pub struct WorkPiece {
 pub struct LeftOut {
     /// The name of the folder or file.
     pub name: String,
-    /// The missing part.
     pub reason: String,
 }
 
@@ -122,12 +121,10 @@ impl SetAside {
     }
 }
 
-/// The reason why a session is set aside, as text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Why {
     /// It is still being written, or one side is not there yet: a later run has it.
     Waits(String),
-    /// It cannot be used.
     Bad(String),
 }
 

@@ -47,7 +47,6 @@ impl Tree {
         }
     }
 
-    /// Whether there is such a file.
     pub fn is_file(&self, path: &Path) -> bool {
         match self {
             Self::Folder => path.is_file(),

@@ -37,7 +37,6 @@ pub(super) struct Row {
     pub(super) fact: Result<Fact, String>,
 }
 
-/// The facts of a row that the history needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Fact {
     pub(super) key: RunKey,

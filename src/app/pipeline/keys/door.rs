@@ -147,7 +147,6 @@ impl Door<'_, '_> {
         unless.filter(|other| self.has(other))
     }
 
-    /// Whether there is a value at a path.
     fn has(&self, path: &str) -> bool {
         let (place, name) = path.rsplit_once('.').unwrap_or(("", path));
         tables(self.file, place).iter().any(|own| own.table.contains_key(name))

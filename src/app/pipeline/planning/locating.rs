@@ -23,7 +23,6 @@ use crate::plan::section::{PlanSection, TargetMounted};
 #[derive(Debug)]
 pub struct Located {
     pub identified_by: RunKey,
-    /// The poses, and what follows.
     pub plan: LocatePlan,
     pub settings: PlanSettings,
     pub arm: Arm,

@@ -22,7 +22,6 @@ impl ChangedSetting {
     }
 }
 
-/// Settings that differ, by key.
 pub(in crate::pipeline) fn changed(claimed: &str, found: &str) -> Vec<ChangedSetting> {
     if claimed == found {
         return Vec::new();

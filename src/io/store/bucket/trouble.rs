@@ -148,7 +148,6 @@ mod tests {
         answered("403 Forbidden", body)
     }
 
-    /// An answer as listing reports it.
     fn answered(status: &str, body: &str) -> String {
         let error = Error::Generic {
             store: "S3",
