@@ -32,7 +32,6 @@ pub struct StationTable {
     /// Number of rows read, those left out among them.
     pub read: u64,
     pub covariances: CovarianceCounts,
-    pub remarks: Vec<String>,
 }
 
 /// The robot and the session that a row names; each is absent where `[stations]` names no column of it.
@@ -63,7 +62,7 @@ pub fn read(
     if rows.is_empty() || is_unmeasured || rejects.len() > rows::MOST_REJECTS {
         return Err(at(StationTableErrorKind::nothing(own.len(), &read.rows)));
     }
-    Ok(StationTable { remarks: table.remarks().to_vec(), ..read })
+    Ok(read)
 }
 
 /// The robots and sessions that rows name, in order, and the rows that lack one of both names, by line.

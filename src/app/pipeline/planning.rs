@@ -88,16 +88,6 @@ impl PlanningError {
     pub const fn is_usage(&self) -> bool {
         matches!(self, Self::File(_) | Self::Known(_))
     }
-
-    /// Whether the machine or the storage failed, so that the same may work later.
-    pub fn is_fault(&self) -> bool {
-        match self {
-            Self::File(error) => error.is_worth_a_retry(),
-            Self::Input(error) => error.is_fault(),
-            Self::Lake(error) | Self::Publish(PublishError::Lake(error)) => error.is_fault(),
-            _ => false,
-        }
-    }
 }
 
 impl Planning {
@@ -106,11 +96,6 @@ impl Planning {
         let robots = Source::read(path)?.robots;
         let names = robots.iter().flat_map(|own| own.names().map(str::to_owned));
         Ok(names.collect())
-    }
-
-    /// The key of the plan that it makes: the same file, robot file and version give the same.
-    pub fn key(&self) -> RunKey {
-        self.work.key()
     }
 
     /// Reads and checks the pipeline file at `path`, of one robot where it has several.

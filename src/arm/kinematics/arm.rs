@@ -183,10 +183,6 @@ impl Arm {
         Transform::claim(self.nominal_isometry(joints))
     }
 
-    pub fn within_limits(&self, joints: &[f64]) -> bool {
-        self.joints.iter().zip(joints).all(|(joint, &q)| (joint.lower..=joint.upper).contains(&q))
-    }
-
     fn nominal_isometry(&self, joints: &[f64]) -> Isometry3<f64> {
         match &self.map {
             None => self.chain.nominal(joints),

@@ -11,12 +11,10 @@ use crate::calibrations_table::{self, PublishedArm};
 use crate::compensation::IdentifiedArm;
 use crate::fit::IdentifiedGeometry;
 use crate::fit::conversion::Errors;
-use crate::kinematics::{Axis, Chain, Element, Motion, Parameter};
+use crate::kinematics::{Axis, Chain, Motion, Parameter};
 
 pub struct InControllerBase {
     pub published: PublishedArm,
-    /// The identified chain from the controller's base to its flange, mm.
-    pub chain: Chain,
     /// The offsets of its parameters from the nominal arm, base and target in the error reference frame.
     pub errors: Errors,
 }
@@ -25,10 +23,9 @@ impl InControllerBase {
     pub fn read(path: &Path) -> Result<Self, ExportError> {
         let (published, errors) = calibrations_table::read_geometry_errors(path)?;
         let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
-        let (base, chain, flange) = carried(&published.arm).map_err(refused)?;
+        let (base, _, flange) = carried(&published.arm).map_err(refused)?;
         let errors = with_frames(errors, &base, &flange);
-        let chain = chain.extended(vec![Element::Fixed(base)], vec![Element::Fixed(flange)]);
-        Ok(Self { published, chain, errors })
+        Ok(Self { published, errors })
     }
 
     /// The errors of the flange: those of the target's orientation on it are none of the arm's.

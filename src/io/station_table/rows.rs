@@ -97,7 +97,6 @@ pub(super) fn rows(
             rejects: reader.rejects,
         },
         read: (own.len() + broken.len()) as u64,
-        remarks: Vec::new(),
     }
 }
 

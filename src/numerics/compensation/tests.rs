@@ -140,7 +140,6 @@ fn a_table_predicts_only_for_its_orientation_inside_its_box() {
         target: TargetId::ONLY,
         own: true,
         station: None,
-        temperature_c: None,
     });
     assert!(matches!(table.predict(&joints), Err(Gap::NoPosition)));
 }

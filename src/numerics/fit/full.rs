@@ -508,10 +508,6 @@ impl FullModel {
     pub const fn scale_evidence(&self) -> Option<&ScaleEvidence> {
         self.scale_evidence.as_ref()
     }
-
-    pub const fn drift_variance(&self) -> f64 {
-        self.drift_variance
-    }
 }
 
 /// Moves the bases to their posterior means, so that a prediction without the session's own parts has the base that was fitted with the

@@ -71,11 +71,6 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         Matrix3::zeros()
     }
 
-    /// Variance per axis of the base's drift in an unseen session, mm²; 0 for a model without drift.
-    fn drift_variance(&self) -> f64 {
-        0.0
-    }
-
     /// Standard deviation of a session's own scale, a share; 0 for a model without scales.
     fn scale_sd(&self) -> f64 {
         0.0
@@ -132,8 +127,6 @@ pub struct Query<'q> {
     pub own: bool,
     /// The station's number, for drift, warm-up and the session's scale; `None` for a command used in another session.
     pub station: Option<usize>,
-    /// The temperature there, °C; `None` where it is not known.
-    pub temperature_c: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -207,7 +200,6 @@ impl<'q> Query<'q> {
             target: observation.target,
             own: true,
             station: Some(observation.station),
-            temperature_c: observation.temperature_c,
         }
     }
 

@@ -117,8 +117,6 @@ pub struct Observation {
     pub follows_references: bool,
     /// The day that its session began, in days since 1970; absent where no clock of the session has an epoch.
     pub day: Option<f64>,
-    /// The temperature of the air or the arm during the reading, °C; absent where it was not measured.
-    pub temperature_c: Option<f64>,
 }
 
 impl Observation {
@@ -146,7 +144,6 @@ impl Observation {
             flange: None,
             follows_references: false,
             day: None,
-            temperature_c: None,
         }
     }
 
@@ -261,7 +258,6 @@ pub fn observations(
                 .point()
                 .is_some_and(|point| point.motion_covariance.is_some()),
             day: None,
-            temperature_c: reading.temperature_c,
         })
     };
     let of = |station| {

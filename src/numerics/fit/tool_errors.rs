@@ -131,7 +131,6 @@ impl<'m> ToolErrors<'m> {
             target: self.error_frame.frames().target,
             own: true,
             station: None,
-            temperature_c: None,
         }
     }
 

@@ -146,7 +146,6 @@ impl OtherDays<'_> {
             target: self.error_frame.frames().target,
             own: true,
             station,
-            temperature_c: None,
         });
         let base = self.error_frame.frames().tracker_from_base.isometry();
         base.inverse_transform_point(&point).coords

@@ -205,7 +205,6 @@ pub(super) fn query(axes: &[f64]) -> Query<'_> {
         target: TargetId::ONLY,
         own: true,
         station: None,
-        temperature_c: None,
     }
 }
 

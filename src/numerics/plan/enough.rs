@@ -101,7 +101,6 @@ const fn commanded(axes: &[f64], session: usize) -> Query<'_> {
         target: TargetId::ONLY,
         own: true,
         station: None,
-        temperature_c: None,
     }
 }
 

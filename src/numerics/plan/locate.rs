@@ -212,7 +212,6 @@ impl Site<'_> {
             target: TargetId::ONLY,
             own: false,
             station: Some(station),
-            temperature_c: None,
         }
     }
 }

@@ -106,7 +106,6 @@ pub(super) fn predictions<'m>(
             target: o.target,
             own,
             station: Some(o.station),
-            temperature_c: o.temperature_c,
         };
         Some(Predicted {
             target: model.predict(&At::Joints(query)).ok()?,

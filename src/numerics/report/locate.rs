@@ -438,6 +438,5 @@ fn query<'q>(observation: &'q Observation, axes: &'q [f64], known: Known<'q>) ->
         target: observation.target,
         own: false,
         station: Some(observation.station),
-        temperature_c: observation.temperature_c,
     }
 }

@@ -251,6 +251,5 @@ fn query<'q>(o: &'q Observation, angles: Angles, commanded: &'q [f64]) -> Query<
         target: o.target,
         own: true,
         station: Some(o.station),
-        temperature_c: o.temperature_c,
     }
 }

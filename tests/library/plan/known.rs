@@ -71,7 +71,6 @@ fn query<'q>(axes: &'q [f64], known: Known<'q>) -> Query<'q> {
         target: TargetId::ONLY,
         own: true,
         station: None,
-        temperature_c: None,
     }
 }
 

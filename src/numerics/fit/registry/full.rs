@@ -110,10 +110,6 @@ impl PoseModel for FullModel {
         self.visit_covariance(query)
     }
 
-    fn drift_variance(&self) -> f64 {
-        self.drift_variance()
-    }
-
     fn scale_sd(&self) -> f64 {
         self.scale_sd()
     }
