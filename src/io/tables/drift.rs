@@ -86,13 +86,15 @@ pub fn rows(sessions: &[PastSession]) -> Vec<DriftRow> {
 
 fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
     let judged = &session.judged;
-    let row = |hypothesis, verdict| row(session, lasting, hypothesis, verdict);
+    let row = |hypothesis, verdict, asked: Option<&Asked>, shift: Option<&Shift>| {
+        row(session, lasting, (hypothesis, verdict), asked, shift)
+    };
     if judged.asked.is_empty() {
         let hypothesis = Hypothesis::Anything;
         let is_anew = judged.set_up_anew.contains(&hypothesis);
         let verdict =
             if is_anew { HypothesisVerdict::SetUpAnew } else { HypothesisVerdict::NotShown };
-        return vec![row(hypothesis, verdict)];
+        return vec![row(hypothesis, verdict, None, None)];
     }
     let verdict = |hypothesis: Hypothesis| {
         if judged.set_up_anew.contains(&hypothesis) {
@@ -103,31 +105,31 @@ fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
             judged.finding.verdict_of(hypothesis)
         }
     };
-    let tests = judged
-        .asked
-        .iter()
-        .map(|asked| with_test(row(asked.hypothesis, verdict(asked.hypothesis)), asked));
+    let of = |asked: &Asked| row(asked.hypothesis, verdict(asked.hypothesis), Some(asked), None);
+    let tests = judged.asked.iter().map(of);
     let named = judged.finding.named();
     let shifts = judged.moved.iter().filter_map(|shift| {
         let hypothesis = *named.iter().find(|hypothesis| hypothesis.has(&shift.column))?;
-        Some(with_shift(row(hypothesis, verdict(hypothesis)), shift))
+        Some(row(hypothesis, verdict(hypothesis), None, Some(shift)))
     });
     let is_asked = |hypothesis: &&Hypothesis| {
         !judged.asked.iter().any(|asked| asked.hypothesis == **hypothesis)
     };
     let anew = judged.set_up_anew.iter().filter(is_asked);
-    let anew = anew.map(|hypothesis| row(*hypothesis, HypothesisVerdict::SetUpAnew));
+    let anew = anew.map(|own| row(*own, HypothesisVerdict::SetUpAnew, None, None));
     tests.chain(shifts).chain(anew).collect()
 }
 
-/// The row of a verdict on a hypothesis, without a test or a shift.
+/// The row of a verdict on a hypothesis, with the test of it or the shift of a component of it.
 fn row(
     session: &PastSession,
     lasting: Option<bool>,
-    hypothesis: Hypothesis,
-    verdict: HypothesisVerdict,
+    (hypothesis, verdict): (Hypothesis, HypothesisVerdict),
+    asked: Option<&Asked>,
+    shift: Option<&Shift>,
 ) -> DriftRow {
     let judged = &session.judged;
+    let (alone, remainder) = asked.map(|own| (own.alone, own.remainder)).unzip();
     DriftRow {
         key: session.key.clone(),
         measured_at_ns: session.measured_at_ns,
@@ -136,40 +138,17 @@ fn row(
         against: judged.against,
         hypothesis: hypothesis.into(),
         joint: hypothesis.joint(),
-        component: None,
-        chi_square: None,
-        degrees_of_freedom: None,
-        p_value: None,
-        remainder_chi_square: None,
-        remainder_degrees_of_freedom: None,
-        remainder_p_value: None,
-        shift: None,
-        standard_error: None,
-        unit: None,
+        component: shift.map(|own| own.column.to_string()),
+        chi_square: alone.map(|own| own.statistic),
+        degrees_of_freedom: alone.map(|own| own.freedom),
+        p_value: alone.map(|own| own.p_value()),
+        remainder_chi_square: remainder.map(|own| own.statistic),
+        remainder_degrees_of_freedom: remainder.map(|own| own.freedom),
+        remainder_p_value: remainder.map(|own| own.p_value()),
+        shift: shift.map(|own| own.value),
+        standard_error: shift.map(|own| own.sd),
+        unit: shift.map(|own| Unit::named(own.column.unit_name())),
         verdict,
         lasting,
-    }
-}
-
-fn with_test(row: DriftRow, asked: &Asked) -> DriftRow {
-    let (alone, remainder) = (asked.alone, asked.remainder);
-    DriftRow {
-        chi_square: Some(alone.statistic),
-        degrees_of_freedom: Some(alone.freedom),
-        p_value: Some(alone.p_value()),
-        remainder_chi_square: Some(remainder.statistic),
-        remainder_degrees_of_freedom: Some(remainder.freedom),
-        remainder_p_value: Some(remainder.p_value()),
-        ..row
-    }
-}
-
-fn with_shift(row: DriftRow, shift: &Shift) -> DriftRow {
-    DriftRow {
-        component: Some(shift.column.to_string()),
-        shift: Some(shift.value),
-        standard_error: Some(shift.sd),
-        unit: Some(Unit::named(shift.column.unit_name())),
-        ..row
     }
 }

@@ -55,62 +55,48 @@ pub fn rows(
 
 fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<SemivariogramRow> {
     let noise_mm2 = noise_mm2.map(|noise| noise * axes(of.quantity));
-    let row = |entry| SemivariogramRow { noise_mm2, ..empty(errors, of, entry) };
-    let bins = of.bins.iter().map(|bin| with_bin(&row(Entry::Bin), bin));
+    let row =
+        |entry, bin, model| SemivariogramRow { noise_mm2, ..row(errors, of, entry, bin, model) };
+    let bins = of.bins.iter().map(|bin| row(Entry::Bin, Some(bin), None));
     let models = of.models.iter().enumerate();
-    let models = models.map(|(place, model)| with_model(&row(Entry::Fitted), model, place == 0));
+    let models = models.map(|(place, model)| SemivariogramRow {
+        best: Some(place == 0),
+        ..row(Entry::Fitted, None, Some(model))
+    });
     bins.chain(models).collect()
 }
 
-/// A row with its subject only.
-fn empty(errors: Model, of: &Semivariogram, entry: Entry) -> SemivariogramRow {
+/// The row of a bin or of a model.
+fn row(
+    errors: Model,
+    of: &Semivariogram,
+    entry: Entry,
+    bin: Option<&Bin>,
+    model: Option<&VariogramModel>,
+) -> SemivariogramRow {
     SemivariogramRow {
         space: of.space,
         errors,
         axis: of.quantity,
         entry,
-        bin: None,
-        variogram: None,
+        bin: bin.map(number),
+        variogram: model.map(|own| own.shape),
         separation_unit: match of.space {
             Space::Joint => Unit::Rad,
             Space::Cartesian => Unit::Mm,
         },
-        separation_lower: None,
-        separation_upper: None,
-        separation: None,
-        pairs: of.bins.iter().map(|bin| bin.pairs).sum(),
-        gamma_mm2: None,
-        nugget_mm2: None,
-        sill_mm2: None,
-        range: None,
-        misfit_mm2: None,
+        separation_lower: bin.map(|own| own.from),
+        separation_upper: bin.map(|own| own.to),
+        separation: bin.map(|own| own.separation),
+        pairs: bin.map_or_else(|| of.bins.iter().map(|bin| bin.pairs).sum(), |own| own.pairs),
+        gamma_mm2: bin.map(|own| own.gamma),
+        nugget_mm2: model.map(|own| own.nugget),
+        sill_mm2: model.map(|own| own.sill),
+        range: model.map(|own| own.range),
+        misfit_mm2: model.map(|own| own.misfit.sqrt()),
         best: None,
         noise_mm2: None,
         similarity: of.alikeness,
-    }
-}
-
-fn with_bin(row: &SemivariogramRow, bin: &Bin) -> SemivariogramRow {
-    SemivariogramRow {
-        bin: Some(number(bin)),
-        separation_lower: Some(bin.from),
-        separation_upper: Some(bin.to),
-        separation: Some(bin.separation),
-        pairs: bin.pairs,
-        gamma_mm2: Some(bin.gamma),
-        ..row.clone()
-    }
-}
-
-fn with_model(row: &SemivariogramRow, model: &VariogramModel, best: bool) -> SemivariogramRow {
-    SemivariogramRow {
-        variogram: Some(model.shape),
-        nugget_mm2: Some(model.nugget),
-        sill_mm2: Some(model.sill),
-        range: Some(model.range),
-        misfit_mm2: Some(model.misfit.sqrt()),
-        best: Some(best),
-        ..row.clone()
     }
 }
 

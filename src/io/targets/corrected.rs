@@ -153,10 +153,12 @@ pub fn corrected(
     let rows = targets.iter().zip(outcomes).enumerate();
     let rows = rows.map(|(place, (target, outcome))| {
         let (table_id, joint_names) = (Arc::clone(&table_id), names.clone());
-        let of_target = CorrectedRow { row: place, corrected_by: by.table, ..of_target(target) };
+        let done = outcome.as_ref().ok();
+        let of_target =
+            CorrectedRow { row: place, corrected_by: by.table, ..of_target(target, done) };
         let row = CorrectedRow { table_id, joint_names, ..of_target };
         match outcome {
-            Ok(done) => with_command(row, done),
+            Ok(_) => row,
             Err(refused) => {
                 let (refused, reason) = ((&refused.reason).into(), refused.to_string());
                 CorrectedRow { refused: Some(refused), reason: Some(reason), ..row }
@@ -166,50 +168,36 @@ pub fn corrected(
     Ok(CorrectedRow::table(rows.collect(), by.key)?.table)
 }
 
-fn of_target(target: &Target) -> CorrectedRow {
+/// The row of a target, with the command where there is one: by how much it differs, how sure that is, and how it was found.
+fn of_target(target: &Target, done: Option<&Corrected>) -> CorrectedRow {
+    let joints = done.and_then(|own| own.joints.as_ref());
+    let (stated, asked) = (target.position.as_ref(), target.orientation.as_ref());
     CorrectedRow {
         row: 0,
         target: target.name.clone(),
-        command: None,
-        command_turn: target.orientation.as_ref().map(xyzw),
+        command: done.map(|own| own.command.coords().into()),
+        command_turn: done.and_then(|own| own.orientation.as_ref()).or(asked).map(xyzw),
         configuration: target.configuration.clone(),
         tool: target.tool.clone(),
         table_id: "".into(),
         corrected_by: CorrectingTable::Compensation,
         joint_names: None,
-        joints_rad: None,
-        target_joints_rad: None,
-        correction_joints_rad: None,
-        target_at: target.position.map(|place| place.coords().into()),
-        correction: None,
-        correction_sd: None,
-        correction_sd_mm: None,
-        correction_frame_sd_mm: None,
-        correction_cov_mm2: None,
-        iterations: None,
-        allowed: Vec::new(),
+        joints_rad: joints.map(|own| own.command.clone()),
+        target_joints_rad: joints.map(|own| own.target.clone()),
+        correction_joints_rad: joints.map(JointCommand::correction),
+        target_at: done.map(|own| &own.target).or(stated).map(|place| place.coords().into()),
+        correction: done.map(|own| own.correction.into()),
+        correction_sd: done.and_then(Corrected::standard_deviation).map(Into::into),
+        correction_sd_mm: done.and_then(Corrected::standard_deviation_norm),
+        correction_frame_sd_mm: done.map(Corrected::frame_deviation_norm),
+        correction_cov_mm2: done.and_then(|own| own.covariance.as_ref()).map(upper),
+        iterations: done.map(|own| own.iterations),
+        allowed: done
+            .iter()
+            .flat_map(|own| &own.allowed)
+            .map(|own| own.word().to_owned())
+            .collect(),
         refused: None,
         reason: None,
-    }
-}
-
-/// The row with the command, by how much it differs, how sure that is, and how it was found.
-fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
-    let joints = done.joints.as_ref();
-    CorrectedRow {
-        command: Some(done.command.coords().into()),
-        command_turn: done.orientation.as_ref().map(xyzw).or(row.command_turn),
-        joints_rad: joints.map(|joints| joints.command.clone()),
-        target_joints_rad: joints.map(|joints| joints.target.clone()),
-        correction_joints_rad: joints.map(JointCommand::correction),
-        target_at: Some(done.target.coords().into()),
-        correction: Some(done.correction.into()),
-        correction_sd: done.standard_deviation().map(Into::into),
-        correction_sd_mm: done.standard_deviation_norm(),
-        correction_frame_sd_mm: Some(done.frame_deviation_norm()),
-        correction_cov_mm2: done.covariance.as_ref().map(upper),
-        iterations: Some(done.iterations),
-        allowed: done.allowed.iter().map(|own| own.word().to_owned()).collect(),
-        ..row
     }
 }
