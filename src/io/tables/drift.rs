@@ -2,7 +2,7 @@
 
 use super::past::PastSession;
 use super::words::Unit;
-use crate::history::compare::Shift;
+use crate::history::compare::{ChiSquare, Shift};
 use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
 use crate::manifest::RunKey;
 use crate::table::{row, words};
@@ -141,10 +141,10 @@ fn row(
         component: shift.map(|own| own.column.to_string()),
         chi_square: alone.map(|own| own.statistic),
         degrees_of_freedom: alone.map(|own| own.freedom),
-        p_value: alone.map(|own| own.p_value()),
+        p_value: alone.map(ChiSquare::p_value),
         remainder_chi_square: remainder.map(|own| own.statistic),
         remainder_degrees_of_freedom: remainder.map(|own| own.freedom),
-        remainder_p_value: remainder.map(|own| own.p_value()),
+        remainder_p_value: remainder.map(ChiSquare::p_value),
         shift: shift.map(|own| own.value),
         standard_error: shift.map(|own| own.sd),
         unit: shift.map(|own| Unit::named(own.column.unit_name())),
