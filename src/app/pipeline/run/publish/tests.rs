@@ -226,7 +226,6 @@ fn query(joints: &[f64]) -> Query<'_> {
         target: TargetId::ONLY,
         own: true,
         station: Some(7),
-        temperature_c: None,
     }
 }
 
