@@ -9,6 +9,7 @@ use nalgebra::Isometry3;
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::lex::capitals;
 use crate::refusal::Refusal;
 
 /// A frame that a program names, or writes out.
@@ -213,8 +214,9 @@ impl Cell {
     }
 
     pub fn frame(&self, name: &str) -> Option<&CellFrame> {
+        let name = capitals(name.as_bytes());
         let mut frames = self.frames.iter();
-        frames.find(|(own, _)| own.eq_ignore_ascii_case(name)).map(|(_, frame)| frame)
+        frames.find(|(own, _)| capitals(own.as_bytes()) == name).map(|(_, frame)| frame)
     }
 
     /// A frame's value as the controller has it: that of the files where they have one.

@@ -186,9 +186,17 @@ impl Lexer<'_> {
     }
 }
 
-/// A name in capitals, as dialects compare names.
+/// A name in capitals, as dialects compare names; one that is no UTF-8 is of Latin-1, so that no two names become one.
 pub fn capitals(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).to_ascii_uppercase()
+    let capital = |letter: char| {
+        let mut all = letter.to_uppercase();
+        // ß has none of one letter.
+        if all.len() == 1 { all.next().unwrap_or(letter) } else { letter }
+    };
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.chars().map(capital).collect(),
+        Err(_) => bytes.iter().map(|byte| capital(char::from(*byte))).collect(),
+    }
 }
 
 #[cfg(test)]
@@ -233,6 +241,17 @@ mod tests {
         let found = kinds(b"\xef\xbb\xbfDEF \x83\x5c ; \x83\x7b\n");
         assert_eq!(found[0], (Kind::Name, "DEF".to_owned()));
         assert_eq!(found.last().map(|own| own.0), Some(Kind::LineEnd));
+    }
+
+    #[test]
+    fn names_of_other_letters_are_other_names_in_any_encoding() {
+        for text in ["Part_\u{e4}\u{df}", "part_\u{c4}\u{df}"] {
+            let latin: Vec<u8> =
+                text.chars().map(|letter| u8::try_from(u32::from(letter)).unwrap()).collect();
+            assert_eq!(capitals(text.as_bytes()), "PART_\u{c4}\u{df}");
+            assert_eq!(capitals(&latin), "PART_\u{c4}\u{df}");
+        }
+        assert_ne!(capitals(b"w\xe4"), capitals(b"w\xf6"));
     }
 
     #[test]

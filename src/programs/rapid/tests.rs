@@ -432,3 +432,20 @@ fn further_points_of_a_circle_are_circles_before_it() {
     );
     assert_eq!(edit.text, expected);
 }
+
+#[test]
+fn names_of_latin_1_are_not_each_other() {
+    // Ä of this module and Ö of all: a motion under Ö stands in Ö.
+    let local = DATA.replace("TASK PERS wobjdata wobj1", "LOCAL PERS wobjdata w\u{c4}");
+    let body = format!(
+        "{local}  PROC main()\r\n    MoveL p10,v100,fine,tool1\\WObj:=w\u{d6};\r\n  ENDPROC\r\nENDMODULE\r\n"
+    );
+    let shared = "MODULE M2\r\n  PERS wobjdata w\u{d6}:=[FALSE,TRUE,\"\",[[7,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\r\nENDMODULE\r\n";
+    let latin =
+        |text: &str| text.chars().map(|letter| u8::try_from(u32::from(letter)).unwrap()).collect();
+    let files = [("m1.mod", body.as_str()), ("m2.mod", shared)];
+    let files =
+        files.map(|(name, text)| File { name: name.to_owned(), bytes: latin(text) }).to_vec();
+    let told = read(files, &cell()).ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("[frames.\"W\u{d6}.UFRAME\"]"), "{told}");
+}
