@@ -1,8 +1,8 @@
 //! What holds at each motion of a routine: its base, its tool, and whatever else earlier statements have set.
 //!
 //! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
-//! loop it is unknown where the loop sets it to anything else; at a label and in an error handler it is what nothing in
-//! the routine changes, behind the first jump where the reader says which that is; after a call it is what the called routine
+//! loop it is unknown where the loop sets it to anything else; at a label it is what holds before the first jump or label, outside all
+//! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
 //! does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
 
 use std::collections::{BTreeMap, HashMap};
@@ -173,8 +173,8 @@ pub enum Step {
         is_default: bool,
     },
     EndSwitch,
-    /// No jump begins and no label stands before it.
-    Jumps,
+    /// A jump to a label may begin here.
+    Jump,
     /// A place that the program may jump to.
     Label,
     /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
@@ -239,6 +239,26 @@ pub struct Routine {
 }
 
 impl Routine {
+    /// The first step, outside all blocks, before which no jump begins and no label stands: an error handler is entered from anywhere.
+    fn first_jump(&self) -> usize {
+        if self.steps.contains(&Step::Handler) {
+            return 0;
+        }
+        let (mut outside, mut depth) = (0, 0_i32);
+        for (place, step) in self.steps.iter().enumerate() {
+            if depth == 0 {
+                outside = place;
+            }
+            match step {
+                Step::Jump | Step::Label => return outside,
+                Step::If | Step::Loop | Step::Switch | Step::With(_) => depth += 1,
+                Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => depth -= 1,
+                _ => {}
+            }
+        }
+        self.steps.len()
+    }
+
     /// Whether its blocks close as they open.
     pub fn has_closed_blocks(&self) -> bool {
         let mut open = Vec::new();
@@ -403,7 +423,7 @@ pub fn walk(
     motions: &mut impl Motions,
 ) {
     let loops = loop_effects(&routine.steps, summaries, motions);
-    let whole = summaries.effects(&routine.steps, motions);
+    let first_jump = routine.first_jump();
     let mut any_time = interrupts.0.clone();
     if let Some(handler) = routine.steps.iter().position(|step| *step == Step::Handler) {
         add(&mut any_time, &summaries.effects(&routine.steps[handler..], motions));
@@ -411,14 +431,14 @@ pub fn walk(
     let blocks = Vec::new();
     let mut walk = Walk { summaries, motions, any_time, state: entry.clone(), blocks };
     // What holds before every jump, and what may happen between that and a label.
-    let mut jumps = (entry.clone(), whole);
+    let behind = summaries.effects(&routine.steps[first_jump..], walk.motions);
+    let mut jumps = (entry.clone(), behind);
     for (place, step) in routine.steps.iter().enumerate() {
+        if place == first_jump {
+            jumps.0 = walk.state.clone();
+        }
         match step {
             Step::Loop => walk.open_loop(loops.get(&place)),
-            Step::Jumps => {
-                let behind = summaries.effects(&routine.steps[place..], walk.motions);
-                jumps = (walk.state.clone(), behind);
-            }
             Step::Label | Step::Handler => {
                 walk.state = jumps.0.clone();
                 walk.state.after(&jumps.1);
@@ -482,7 +502,7 @@ impl<M: Motions> Walk<'_, M> {
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Jumps | Step::Label | Step::Handler => {}
+            Step::Loop | Step::Jump | Step::Label | Step::Handler => {}
             Step::Else { is_last } => self.branch_else(*is_last),
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),

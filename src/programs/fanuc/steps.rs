@@ -54,23 +54,11 @@ fn at_comma(statement: Cursor<'_>) -> Option<(Cursor<'_>, Cursor<'_>)> {
 impl Reading<'_> {
     pub(super) fn steps(&mut self, listing: &Listing<'_>) {
         let mut steps = Vec::new();
-        let (mut top, mut depth, mut jumps) = (0, 0_i32, None);
         for statement in listing.statements() {
-            if depth == 0 {
-                top = steps.len();
-            }
-            let first = steps.len();
-            self.step(listing, &statement, &mut steps);
-            for step in &steps[first..] {
-                depth += i32::from(matches!(step, Step::If | Step::Loop));
-                depth -= i32::from(matches!(step, Step::EndIf | Step::EndLoop));
-            }
             if has_name(statement.all, &["LBL", "JMP"]) {
-                jumps.get_or_insert(top);
+                steps.push(Step::Jump);
             }
-        }
-        if let Some(place) = jumps {
-            steps.insert(place, Step::Jumps);
+            self.step(listing, &statement, &mut steps);
         }
         self.common.routines.insert(listing.name.clone(), Routine { steps });
     }

@@ -133,6 +133,7 @@ impl Reading<'_> {
                 self.triggers = true;
                 self.interrupt(here, rest, false);
             }
+            "GOTO" => steps.push(Step::Jump),
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);

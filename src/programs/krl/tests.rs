@@ -80,6 +80,15 @@ fn new_inline_forms_have_their_frames_behind_with() {
 }
 
 #[test]
+fn frames_that_are_set_before_all_jumps_hold_at_labels() {
+    let jumps = "IF N==1 THEN\r\nGOTO M\r\nENDIF\r\nPTP XP1\r\nM:\r\nPTP XP1";
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
+    assert_eq!(only(&format!("{set}{jumps}"), POINT), "ok");
+    let late = only(&format!("GOTO M\r\n{set}{jumps}"), POINT);
+    assert!(late.contains("the tool is another by the way"), "{late}");
+}
+
+#[test]
 fn a_linear_motion_goes_on_in_the_configuration_that_a_ptp_stated() {
     let lin = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP {A1 0,A2 -90,A3 90,A4 0,A5 45,A6 0}\r\n\
                LIN {X 1.5,Y 2,Z 3,A 0,B 0,C 0} C_DIS";
@@ -116,7 +125,7 @@ fn what_is_not_known_is_refused_by_name() {
         ),
         (
             format!("{set}GOTO M\r\nBAS(#BASE,2)\r\nBAS(#BASE,1)\r\nM:\r\n{ptp}"),
-            "the tool is another by the way",
+            "the base is another by the way",
         ),
         (format!("{set}$BASE.X=5\r\n{ptp}"), "$BASE is worked out at run time"),
         (format!("{set}$BASE=EK(MACHINE_DEF[2].ROOT)\r\n{ptp}"), "moves with an external axis"),

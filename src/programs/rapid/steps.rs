@@ -92,6 +92,9 @@ impl Reading<'_> {
         let Some(word) = all.peek_name() else {
             return self.late_call(here, all, steps);
         };
+        if all.tokens.iter().any(|token| all.text(token).eq_ignore_ascii_case(b"GOTO")) {
+            steps.push(Step::Jump);
+        }
         if matches!(word.as_str(), "IF" | "ELSEIF") {
             return self.condition(here, statement, &word, steps);
         }

@@ -449,3 +449,9 @@ fn names_of_latin_1_are_not_each_other() {
     let told = read(files, &cell()).ask(0, &cell()).unwrap_err().to_string();
     assert!(told.contains("[frames.\"W\u{d6}.UFRAME\"]"), "{told}");
 }
+
+#[test]
+fn what_is_set_before_all_jumps_holds_at_labels() {
+    let routine = "PROC again()\r\nConfJ\\On;\r\nl1:\r\nMoveJ p10,v100,fine,tool1;\r\nIF n<3 GOTO l1;\r\nENDPROC\r\n";
+    assert_eq!(only("ConfJ\\Off;\r\nagain;", routine), "ok");
+}
