@@ -12,9 +12,8 @@ use crate::value::Cursor;
 
 use super::position::number;
 
-/// Options that leave a motion's end where it is, and the words in them.
-const HARMLESS: &str =
-    "ARC BREAK CTV CV END EV IND JPOS LBL LPOS MROT PR PSPD PTH R AR SKIP START WELD WJNT";
+/// Options that leave a motion's end where it is, without their digits, and the words in them.
+const HARMLESS: &str = "ACC AP_LD ARC BREAK CTV CV END EV IND JPOS LBL LPOS MROT PR PSPD PTH R RT_LD AR SKIP START WELD WJNT";
 /// Options that begin what happens beside the motion.
 const BESIDE: &str = "TB TA DB CALL SPOT";
 /// Options that are for the motion wherever they stand.
@@ -80,9 +79,8 @@ impl Parts {
 
     /// The first option of a motion that is not followed, or that it has no end.
     fn unknown(&self, word: &str) -> Option<String> {
-        let is_known = |own: &&String| {
-            has(HARMLESS, own) || is_with_digits(own, "ACC") || is_with_digits(own, "EV")
-        };
+        let digits = |letter: char| letter.is_ascii_digit();
+        let is_known = |own: &&String| has(HARMLESS, own.trim_end_matches(digits));
         let option = self.options.iter().find(|own| !is_known(own));
         let none = || self.end.is_none().then(|| format!("{word} without FINE or CNT"));
         option.map(|option| format!("{word} with {option}")).or_else(none)

@@ -71,6 +71,7 @@ fn every_form_of_a_motion_is_read() {
         ("L P[1] 100mm/sec CNT50 ACC80", Way::Straight),
         ("L P[1] R[5:speed]mm/sec CNT R[6] ACC R[7:a b]", Way::Straight),
         ("  L  P[1]  WELD_SPEED FINE Arc Start[1] PTH", Way::Straight),
+        ("L P[1] 100mm/sec CNT100 AP_LD50 RT_LD30 PSPD80", Way::Straight),
         ("J P[1] 100% CNT100 TB .10sec,CALL GRIP(1,2)", Way::Joints),
         ("J P[1] 5% FINE Ind.EV5% DB 5mm,DO[1]=ON", Way::Joints),
         ("L P[1] 9mm/sec FINE Skip,LBL[1],PR[4]=LPOS", Way::Other),
