@@ -198,7 +198,8 @@ impl Reading<'_> {
 
     fn literal(&mut self, here: &Here<'_>, word: &str, read: &Read<'_>) -> Option<Target> {
         let target = match value(read.target) {
-            Value::Name(name) => self.common.declared(here, &name)?,
+            // Elements of a list are not followed.
+            Value::Name(name) if !name.contains('[') => self.common.declared(here, &name)?,
             own @ (Value::List(_) | Value::Fields { .. }) => {
                 let span = read.target.span();
                 let written = Written { file: here.file, line: here.line, value: own, span };

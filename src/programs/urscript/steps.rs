@@ -40,6 +40,8 @@ const DISPLACES: &str =
     "TRACK_CONVEYOR_LINEAR TRACK_CONVEYOR_CIRCULAR PATH_OFFSET_ENABLE FORCE_MODE SCREW_DRIVING";
 const REPLACES: &str =
     "STOP_CONVEYOR_TRACKING PATH_OFFSET_DISABLE END_FORCE_MODE END_SCREW_DRIVING";
+/// What leads the arm to where no statement says.
+const LEADS: &str = "SPEEDJ SPEEDL FREEDRIVE_MODE END_FREEDRIVE_MODE TEACH_MODE END_TEACH_MODE";
 
 pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
@@ -225,6 +227,15 @@ impl Reading<'_> {
                     let displaced = unknown(Refusal::Displaced { what });
                     let to = if has(REPLACES, own) { known(Setting::On(false)) } else { displaced };
                     steps.push(Step::Set(Slot::Displacement, to));
+                }
+                own if has(LEADS, own) => {
+                    let (own, at) = (own.to_ascii_lowercase(), self.common.at(&here));
+                    let words = format!(
+                        "nothing says where {own} leads the arm ({at}); state an arm configuration behind it by joint angles or qnear"
+                    );
+                    let why = unknown(Refusal::Other(words));
+                    let slots = [Slot::Branch, Slot::Place];
+                    steps.extend(slots.map(|slot| Step::Set(slot, why.clone())));
                 }
                 _ if begins("RUN") => {}
                 own => {

@@ -46,6 +46,9 @@ fn a_pose_is_in_metres_and_a_rotation_vector_under_its_feature_and_tool() {
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["OVER_P", "PART_P"]);
     assert_eq!(verdicts(&programs), ["ok", "ok"]);
+    let guided =
+        format!("freedrive_mode()\nsleep(5)\nend_freedrive_mode()\n{BEGIN}\nmovel(Part_p)");
+    assert_eq!(verdicts(&self::programs(&guided)), ["ok", "ok"]);
     let asked = programs.ask(1, &cell()).unwrap();
     let Wanted::Pose { base_from_tool, branches, .. } = asked.wanted else { panic!("a pose") };
     let expected = Vector3::new(500.0 - 20.0, 10.0, 130.0);
@@ -131,6 +134,10 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
         ),
         (&format!("{BEGIN}\nservoj([0,0,0,0,0,0])"), "servoj is not followed"),
         (
+            &format!("{BEGIN}\nspeedl([0,0,-0.05,0,0,0], 0.5, 1)\nmovel(Part_p)"),
+            "nothing says where speedl leads the arm (part.script, line 11)",
+        ),
+        (
             &format!("{BEGIN}\nif x > 1:\n  set_tcp(p[0,0,0.2,0,0,0])\nend\nmovel(Part_p)"),
             "the tool is another by the way",
         ),
@@ -144,6 +151,7 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
         "movel(pose_add(Part_p, p[0,0,0.1,0,0,0]))",
         "movej(get_inverse_kin(Over_p, qnear=get_actual_joint_positions()))",
         "movel(pose_trans(get_actual_tcp_pose(), p[0,0,-0.05,0,0,0]))",
+        "path = [p[0,0,0,0,0,0], p[0,0,0.1,0,0,0]]\nmovel(path[0])",
     ] {
         let programs = programs(computed);
         assert_eq!(programs.computed.len(), 1, "{computed}: {:?}", programs.computed);
