@@ -26,6 +26,18 @@ pub(crate) fn line_end(bytes: &[u8]) -> &'static str {
     match bytes.iter().position(|byte| *byte == b'\n') {
         Some(place) if place > 0 && bytes[place - 1] == b'\r' => "\r\n",
         Some(_) => "\n",
+        None if bytes.contains(&b'\r') => "\r",
         None => "\r\n",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::line_end;
+
+    #[test]
+    fn lines_end_as_the_first_one_does() {
+        let texts: [&[u8]; 4] = [b"a\r\nb\n", b"a\nb\r\n", b"a\rb\r", b"a"];
+        assert_eq!(texts.map(line_end), ["\r\n", "\n", "\r", "\r\n"]);
     }
 }
