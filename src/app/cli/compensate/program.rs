@@ -315,7 +315,7 @@ fn asked(
     let asked = (0..programs.positions.len()).map(|index| programs.ask(index, cell));
     let mut asked: Vec<_> = asked.map(|asked| asked.map_err(|why| why.to_string())).collect();
     let taught_on = taught_on.map(|own| Solver::new(&own.arm, solver.allow, None));
-    taught_on.as_ref().unwrap_or(solver).follow(&mut asked);
+    taught_on.as_ref().unwrap_or(solver).follow(programs, &mut asked);
     if let Some(own) = taught_on {
         let open: Vec<_> = asked.iter().flatten().collect();
         let attained = own.attained(&open);

@@ -11,10 +11,10 @@ use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 
 use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
-use crate::geometry::{Position, Tool, Transform};
+use crate::geometry::{self, Tool, Transform};
 use crate::kinematics::{Anywhere, Configuration, Inverse, InverseSettings};
 use crate::programs::write::Command;
-use crate::programs::{Asked, Branch, Postures, Wanted};
+use crate::programs::{Asked, Branch, Position, Postures, Programs, Wanted};
 
 /// Tool points nearer to each other are one, mm.
 const SAME_POINT_MM: f64 = 0.01;
@@ -117,7 +117,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Gives positions whose motions go on in the arm configuration of another position the joint angles of that.
-    pub(super) fn follow(&self, asked: &mut [Result<Asked, String>]) {
+    pub(super) fn follow(&self, programs: &Programs, asked: &mut [Result<Asked, String>]) {
         let anywhere = self.anywhere();
         let mut ways = Ways::default();
         let mut known: HashMap<usize, Result<Branch, String>> = HashMap::new();
@@ -132,15 +132,17 @@ impl<'a> Solver<'a> {
         for own in asked {
             let Ok(Asked { wanted: Wanted::Pose { branches, .. }, .. }) = own else { continue };
             let ended = branches.iter_mut().try_for_each(|branch| {
-                let other = branch.other().and_then(|by| known.get(&by)).cloned();
-                *branch = other.transpose()?.unwrap_or_else(|| branch.clone());
-                Ok(())
+                let Some(by) = branch.other() else { return Ok(()) };
+                let told = |why: &String| {
+                    let Position { file, line, name, .. } = &programs.positions[by];
+                    let at = programs.files[*file].at(*line);
+                    format!("it is reached in the arm configuration of {name} ({at}), which is not known: {why}")
+                };
+                *branch = known[&by].as_ref().map_err(told)?.clone();
+                Ok::<_, String>(())
             });
             if let Err(why) = ended {
-                let why: String = why;
-                *own = Err(format!(
-                    "it is reached in the arm configuration of the position before, which is not known: {why}"
-                ));
+                *own = Err(why);
             }
         }
     }
@@ -251,7 +253,8 @@ impl<'a> Solver<'a> {
             Wanted::Pose { programmed, .. } => {
                 let own = programmed * self.own_tool_in(&asked.stated_tool);
                 let pose = self.arm.command_from_base.isometry() * own;
-                let position = Some(Position::claim(Point3::from(pose.translation.vector)));
+                let position =
+                    Some(geometry::Position::claim(Point3::from(pose.translation.vector)));
                 Target { name, position, ..Target::default() }
             }
         }
@@ -276,7 +279,7 @@ impl<'a> Solver<'a> {
         let own = base_from_tool * self.own_tool_in(&asked.flange_from_tool);
         let pose = self.arm.command_from_base.isometry() * own;
         let target = Target {
-            position: Some(Position::claim(Point3::from(pose.translation.vector))),
+            position: Some(geometry::Position::claim(Point3::from(pose.translation.vector))),
             orientation: Some(pose.rotation),
             ..Target::default()
         };
