@@ -47,6 +47,10 @@ pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
 }
 
+fn is_function(word: &str) -> bool {
+    matches!(word, "DEF" | "THREAD" | "SEC")
+}
+
 enum Block {
     Function,
     /// With its line.
@@ -94,6 +98,13 @@ impl Reading<'_> {
     pub(super) fn data(&mut self, script: &Statements<'_>) {
         let scope = self.scopes(script.file, None)[0].clone();
         for (statement, line) in script.all() {
+            let mut head = statement;
+            if head.take_name().is_some_and(|word| is_function(&word)) {
+                let name = head.take_name().unwrap_or_default();
+                let full = format!("{scope}/{name}");
+                self.common.global.entry(name).or_default().push(full);
+                continue;
+            }
             let Some((name, part, is_element)) = assignment(statement) else {
                 continue;
             };
@@ -147,7 +158,7 @@ impl Reading<'_> {
         let word = rest.take_name().unwrap_or_default();
         let none = Cursor { tokens: &[], ..rest };
         match word.as_str() {
-            "DEF" | "THREAD" | "SEC" => {
+            own if is_function(own) => {
                 let block = if word == "THREAD" { Block::Thread(line) } else { Block::Function };
                 self.open_function(walked, rest, block);
                 return none;
@@ -198,11 +209,20 @@ impl Reading<'_> {
         let Some((name, steps)) = walked.bodies.pop() else {
             return;
         };
+        let full = format!("{}/{name}", self.scopes(walked.script.file, None)[0]);
         if let Some(line) = thread {
             let at = self.common.files[walked.script.file].at(line);
-            self.threads.push((name.clone(), at));
+            self.threads.push((full.clone(), at));
         }
-        self.common.routines.insert(name, Routine { steps });
+        self.common.routines.insert(full, Routine { steps });
+    }
+
+    /// The function that a name means in a file: its own, or the only one of all. Of two that differ in capitals alone neither is known.
+    fn full_name(&self, file: usize, name: &str) -> String {
+        let own = format!("{}/{name}", self.scopes(file, None)[0]);
+        let all = self.common.global.get(name).into_iter().flatten();
+        let is_own = all.filter(|full| **full == own).count() == 1;
+        self.common.full_name(own, name, is_own)
     }
 
     /// A statement that is no block.
@@ -239,8 +259,9 @@ impl Reading<'_> {
                 }
                 _ if begins("RUN") => {}
                 own => {
-                    self.called.insert(own.to_owned());
-                    steps.push(Step::Call { routine: own.to_owned(), at: self.common.at(&here) });
+                    let routine = self.full_name(file, own);
+                    self.called.insert(routine.clone());
+                    steps.push(Step::Call { routine, at: self.common.at(&here) });
                 }
             }
         }

@@ -192,3 +192,22 @@ fn poses_need_the_calibration_of_the_controller() {
     assert!(found[0].contains("ur_calibration"), "{found:?}");
     assert_eq!(found[1], "ok");
 }
+
+#[test]
+fn a_function_is_that_of_its_own_file_and_of_two_alike_in_capitals_neither() {
+    let with = |name: &str, body: &str| {
+        let text = format!(
+            "def {name}():\n  def hold():\n    {body}\n  end\n  movej([0,-1,1,0,1,0])\n  hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n"
+        );
+        File { name: format!("{name}.script"), bytes: text.into() }
+    };
+    let files = vec![with("a", "set_tcp(p[0,0,0.9,0,0,0])"), with("b", "sync()")];
+    let both = read(files, &cell());
+    let found = verdicts(&both);
+    assert!(found[1].contains("the tool is another by the way"), "{found:?}");
+    assert_eq!(found[3], "ok");
+    let text = "def Part():\n  def Hold():\n    set_tcp(p[0,0,0.9,0,0,0])\n  end\n  def hold():\n    sync()\n  end\n  movej([0,-1,1,0,1,0])\n  Hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n";
+    let file = File { name: "a.script".to_owned(), bytes: text.into() };
+    let found = verdicts(&read(vec![file], &cell()));
+    assert!(found[1].contains("the call of HOLD"), "{found:?}");
+}
