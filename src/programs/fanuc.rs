@@ -89,6 +89,8 @@ fn no_shape(_: &Common<'_>, _: &[String], _: &crate::value::Value, _: &str) -> S
 impl Reading<'_> {
     fn data(&mut self, listing: &Listing<'_>) {
         let file = listing.file;
+        let full = self.full_name(listing);
+        self.common.global.entry(listing.name.clone()).or_default().push(full);
         for (number, own) in listing.positions() {
             let at = self.common.files[file].at(own.line);
             match self.positions.get_mut(&(file, number)) {
@@ -108,6 +110,10 @@ impl Reading<'_> {
                 self.written.entry(name).or_insert_with(|| at.clone());
             }
         }
+    }
+
+    fn full_name(&self, listing: &Listing<'_>) -> String {
+        format!("{}/{}", self.common.files[listing.file].name, listing.name)
     }
 
     /// The user frame or the tool of a number.

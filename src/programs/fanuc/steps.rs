@@ -60,7 +60,7 @@ impl Reading<'_> {
             }
             self.step(listing, &statement, &mut steps);
         }
-        self.common.routines.insert(listing.name.clone(), Routine { steps });
+        self.common.routines.insert(self.full_name(listing), Routine { steps });
     }
 
     fn step(&mut self, listing: &Listing<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
@@ -113,7 +113,9 @@ impl Reading<'_> {
             "UTOOL_NUM" => self.set(here, Slot::Tool, rest, steps),
             "UFRAME" | "UTOOL" => {}
             "CALL" => {
-                let routine = rest.take_name().unwrap_or_default();
+                let name = rest.take_name().unwrap_or_default();
+                // Of two programs of one name none is known.
+                let routine = self.common.full_name(String::new(), &name, false);
                 steps.push(Step::Call { routine, at: self.common.at(here) });
             }
             own if own.starts_with("$MNUFRAME") || own.starts_with("$MNUTOOL") => {

@@ -279,3 +279,21 @@ fn joint_positions_need_an_arm_that_counts_joint_3_against_the_horizontal() {
         assert!(told.contains("FANUC counts joint 3 against the horizontal"), "{told}");
     }
 }
+
+#[test]
+fn of_two_programs_of_one_name_none_is_called() {
+    let other = |folder: &str, statement: &str| {
+        let text = format!("/PROG  OTHER\r\n/MN\r\n   1:  {statement} ;\r\n/POS\r\n/END\r\n");
+        File { name: format!("{folder}/other.ls"), bytes: text.into_bytes() }
+    };
+    let body = "  UFRAME_NUM=1\n  UTOOL_NUM=2\nJ P[1] 5% FINE\n  CALL OTHER\nJ P[4] 5% FINE";
+    let told = |others: &[File]| {
+        let files = [&[listing(body, "")], others].concat();
+        let found = read(files, &cell()).ask(1, &cell());
+        found.map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    let [sets, waits] = [other("a", "UFRAME_NUM=0"), other("b", "WAIT 1.00(sec)")];
+    assert_eq!(told(&[waits.clone()]), "ok");
+    let twice = told(&[sets, waits]);
+    assert!(twice.contains("the call of OTHER (PART.LS, line 9) may change the"), "{twice}");
+}
