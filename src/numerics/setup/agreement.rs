@@ -175,7 +175,7 @@ impl Seen {
 
     /// Without base and target found.
     pub(super) fn unplaced(set_up: &SetUp, evidence: &Evidence) -> Self {
-        let measured = evidence.measured(set_up.reading_row).into_iter();
+        let measured = evidence.measured(set_up.reading_rows[0]).into_iter();
         Self {
             flanges: set_up.flanges(evidence),
             measured: measured.map(|(measured, _)| set_up.reading_map * measured).collect(),
@@ -233,7 +233,7 @@ impl Seen {
     /// `None` of reflected readings too, which state no orientation.
     fn orientations(&self, set_up: &SetUp, evidence: &Evidence) -> Option<f64> {
         let base = self.placement?.tracker_from_base.rotation;
-        let measured = evidence.measured(set_up.reading_row).into_iter().zip(&self.flanges);
+        let measured = evidence.measured(set_up.reading_rows[1]).into_iter().zip(&self.flanges);
         let targets = measured.filter_map(|((_, orientation), flange)| {
             let measured = set_up.reading_turns.of(&orientation?);
             Some(flange.rotation.inverse() * base.inverse() * measured)

@@ -21,8 +21,8 @@ pub struct SetUp {
     pub reading_turns: Reread,
     /// The form of measured orientations; `None` of quaternions in a log.
     pub reading_form: Option<OrientationForm>,
-    /// The row whose reading belongs to a row's joints, counted from that row; 0 as stated.
-    pub reading_row: i8,
+    /// The rows whose measured position and orientation belong to a row's joints, counted from that row; 0 as stated.
+    pub reading_rows: [i8; 2],
     /// Factor on commanded positions; 1 as stated.
     pub command_scale: f64,
     pub command_turns: Reread,
@@ -74,7 +74,7 @@ impl SetUp {
             reading_map: Matrix3::identity(),
             reading_turns: Reread::AsStated,
             reading_form: None,
-            reading_row: 0,
+            reading_rows: [0; 2],
             command_scale: 1.0,
             command_turns: Reread::AsStated,
             command_form: None,
@@ -108,7 +108,7 @@ impl SetUp {
     /// Whether arm, reported angles or readings differ from another set-up's: commands and stated frames play no part in the join.
     pub(super) fn joins_otherwise(&self, other: &Self) -> bool {
         self.reading_map != other.reading_map
-            || self.reading_row != other.reading_row
+            || self.reading_rows != other.reading_rows
             || self.joints_from_reported != other.joints_from_reported
             || self.arm != other.arm
     }

@@ -27,9 +27,12 @@ const ANGLES: [(f64, &str); 4] =
     [(PI / 180.0, "deg"), (180.0 / PI, "rad"), (0.9, "gon"), (PI / 200.0, "gon")];
 
 /// Places of the parts that belong to x, y, z, w, the sign of x, y and z, and what the quaternions are then.
-const PARTS: [([usize; 4], f64, &str); 3] = [
+const PARTS: [([usize; 4], f64, &str); 6] = [
     ([1, 2, 3, 0], 1.0, "in the order w, x, y, z"),
     ([3, 0, 1, 2], 1.0, "in the order x, y, z, w, and read as w, x, y, z"),
+    ([2, 1, 0, 3], 1.0, "with x and z exchanged"),
+    ([1, 0, 2, 3], 1.0, "with x and y exchanged"),
+    ([0, 2, 1, 3], 1.0, "with y and z exchanged"),
     ([0, 1, 2, 3], -1.0, "of the inverse orientation"),
 ];
 
@@ -52,11 +55,18 @@ pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
     all.extend(mirrored(stated));
     all.extend(orientations(stated));
     if stated.is_of_tables() {
-        all.extend([(-1, "high", "down"), (1, "low", "up")].map(|(reading_row, place, way)| {
-            let mistake = format!("the readings stand one row too {place}");
-            let edit = format!("the table with the columns of the readings one row further {way}");
-            Hypothesis::new(mistake, edit, SetUp { reading_row, ..stated.clone() })
-        }));
+        let whole = [("readings", [1, 1])];
+        let parts = [("positions alone", [1, 0]), ("orientations alone", [0, 1])];
+        let parts = parts.into_iter().filter(|_| stated.reading_form.is_some());
+        for (what, own) in whole.into_iter().chain(parts) {
+            all.extend([(-1, "high", "down"), (1, "low", "up")].map(|(row, place, way)| {
+                let mistake = format!("the {what} stand one row too {place}");
+                let edit =
+                    format!("the table with the columns of the {what} one row further {way}");
+                let reading_rows = own.map(|own| row * own);
+                Hypothesis::new(mistake, edit, SetUp { reading_rows, ..stated.clone() })
+            }));
+        }
     }
     all.extend(single_angles(stated));
     all
@@ -175,7 +185,10 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
             })
         });
         let has_parts = matches!(form, None | Some(OrientationForm::Quaternion(_)));
-        let of_parts = PARTS.into_iter().filter(move |(_, sign, _)| has_parts || *sign < 0.0);
+        let is_vector = matches!(form, Some(OrientationForm::Vector(..)));
+        let of_parts = PARTS
+            .into_iter()
+            .filter(move |(from, sign, _)| has_parts || *sign < 0.0 || (is_vector && from[3] == 3));
         let parts = of_parts.map(|(from, sign, words)| {
             let map = Matrix4::from_fn(|part, place| match (from[part] == place, part) {
                 (false, _) => 0.0,
@@ -191,8 +204,9 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
                     format!("the {what} orientations inverted where the table is made")
                 }
                 (false, _) => {
-                    let (places, order) = (places(stated), named(&from));
-                    format!("{}: for x, y, z, w the {places} now of {order}", section(key))
+                    let parts = if has_parts { 4 } else { 3 };
+                    let [own, order] = [&[0, 1, 2, 3], &from].map(|all| named(&all[..parts]));
+                    format!("{}: for {own} the {} now of {order}", section(key), places(stated))
                 }
             };
             let noun = if has_parts { "quaternions" } else { "orientations" };
@@ -286,6 +300,19 @@ mod tests {
     }
 
     #[test]
+    fn rotation_vectors_with_two_parts_exchanged_are_named() {
+        let form = OrientationForm::Vector(["a", "b", "c"].map(str::to_owned), AngleUnit::Rad);
+        let words = found_of(Some(&form), |all| {
+            for own in all {
+                let numbers = own.orientation.and_then(|own| form.numbers(&own));
+                own.orientation = numbers.and_then(|[x, y, z]| form.rotation([z, y, x]));
+            }
+        });
+        let named = "are with x and z exchanged; write [stations.measured]: for x, y, z the columns now of z, y, x";
+        assert!(words.contains(named), "{words}");
+    }
+
+    #[test]
     fn readings_in_the_row_of_another_station_are_named_with_their_orientations() {
         let words = found(|all| {
             for place in 1..all.len() {
@@ -295,5 +322,12 @@ mod tests {
             }
         });
         assert!(words.contains("the readings stand one row too high"), "{words}");
+        let form = OrientationForm::Quaternion(["x", "y", "z", "w"].map(str::to_owned));
+        let words = found_of(Some(&form), |all| {
+            for place in (1..all.len()).rev() {
+                all[place].measured = all[place - 1].measured;
+            }
+        });
+        assert!(words.contains("the positions alone stand one row too low; write"), "{words}");
     }
 }
