@@ -365,10 +365,11 @@ impl Run {
         self.rows.1 - self.rows.0
     }
 
-    /// Whether a stamp goes on from the last as the recorder's times do, which are `later_ns` apart.
+    /// Whether a stamp goes on from the last as the recorder's times do, which are `later_ns` apart; where they go back alone, theirs
+    /// is the clock that was set, or will be followed by the stamps'.
     fn is_followed(&self, stamp: i64, later_ns: i64) -> bool {
         let on = stamp.saturating_sub(self.last);
-        on >= -SLACK_NS && on.saturating_sub(later_ns) <= SLACK_NS
+        on >= -SLACK_NS && on.saturating_sub(later_ns.max(0)) <= SLACK_NS
     }
 
     /// Whether the recorder's times go on as the stamps do.
@@ -444,6 +445,14 @@ mod tests {
                 both.steps.iter().map(|own| own.by_ns).collect::<Vec<_>>(),
                 if by < 0 { vec![by] } else { vec![] }
             );
+            // A message that was stamped before both stepped back, and logged behind it; and the recorder's clock alone.
+            let on_its_way = |row: i64| stepped(if row == 999 { 1000 } else { row }) + 5;
+            let steps = found(|row| (stepped(row), on_its_way(row))).steps;
+            assert!(
+                by > 0 || (steps.len() == 1 && (steps[0].by_ns - by).abs() < S / 10),
+                "{steps:?}"
+            );
+            assert!(by > 0 || found(|row| (at(row), stepped(row))).steps.is_empty());
             let mut stamps: Vec<i64> = (0..2000).map(stepped).collect();
             let logged: Vec<i64> = (0..2000).map(at).collect();
             alone.amend(("f", "/t", SpanClock::Tracker), (0, 7), &mut stamps, &logged);
