@@ -7,12 +7,13 @@
 //! 3. It is a step where the medians on both sides differ by more than servos and rounded models do, and by more than the angles
 //!    scatter, and no other joint's differ by half as much.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, UnitQuaternion};
 
 use super::commanded::{CommandFrames, away};
 use crate::figures::median;
 use crate::join::moved::clock_words;
-use crate::join::{JoinError, Station};
+use crate::join::placement::{Placement, ReadingAtFlange};
+use crate::join::{JoinError, Station, TargetId};
 use crate::kinematics::Arm;
 
 /// Fewest stations on each side of a step.
@@ -22,6 +23,8 @@ const LEAST_RAD: f64 = 2e-3;
 /// Least step in median distances from the medians on both sides.
 const SCATTERS: f64 = 6.0;
 const ROUNDS: usize = 3;
+/// Step of the numerical derivative, rad.
+const STEP: f64 = 1e-3;
 
 /// # Errors
 ///
@@ -51,6 +54,50 @@ pub fn check(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Result<
         by: format!("{:+.3}{}", -own.shown(by), own.sign_of_unit()),
         station: station.number,
         at: clock_words(station.start),
+    })
+}
+
+/// # Errors
+///
+/// The last joint slipped, as measured orientations show: it moves no target on its axis.
+pub fn check_last(stations: &[Station], arm: &Arm) -> Result<(), JoinError> {
+    let posed = |own| {
+        let station: &Station = own;
+        let reading = station.measured().iter().find(|own| own.target == TargetId::MAIN)?;
+        let attained = reading.position()?.coords;
+        let flange = *arm.flange(&station.joints).isometry();
+        Some((station, ReadingAtFlange { flange, attained }, reading.orientation()?))
+    };
+    let posed: Vec<_> = stations.iter().filter_map(posed).collect();
+    let readings: Vec<ReadingAtFlange> = posed.iter().map(|own| own.1).collect();
+    let (Some(placed), Some(last)) = (Placement::fit(&readings), arm.joints().last()) else {
+        return Ok(());
+    };
+    let turned = |(_, at, turn): &(&Station, ReadingAtFlange, UnitQuaternion<f64>)| {
+        (placed.tracker_from_base.rotation * at.flange.rotation).inverse() * turn
+    };
+    let first = turned(&posed[0]);
+    let further = |own: &Station| {
+        let mut joints = own.joints.clone();
+        joints[arm.joints().len() - 1] += STEP / last.counted();
+        (arm.flange(&own.joints).isometry().inverse() * arm.flange(&joints).isometry()).rotation
+    };
+    let axis = further(posed[0].0).scaled_axis() / STEP;
+    let values: Vec<f64> =
+        posed.iter().map(|own| axis.dot(&(turned(own) * first.inverse()).scaled_axis())).collect();
+    let Some(Step { at, by, scatter }) = step(&values) else { return Ok(()) };
+    if by.abs() <= LEAST_RAD.max(SCATTERS * scatter) {
+        return Ok(());
+    }
+    let (station, sides) = (posed[at].0, [at, posed.len() - at]);
+    let sd = 1.86 * scatter * sides.map(|side| 1.0 / side as f64).iter().sum::<f64>().sqrt();
+    let shown = |own: f64| last.shown(own / last.counted());
+    Err(JoinError::Slipped {
+        joint: last.name.clone(),
+        by: format!("{:.4} ± {:.4}{}", shown(by), shown(2.0 * sd), last.sign_of_unit()),
+        station: station.number,
+        at: clock_words(station.start),
+        or: ", or the target was turned about its axis",
     })
 }
 
@@ -141,6 +188,28 @@ mod tests {
             station.joints[joint] += by_deg.to_radians();
         }
         check(&stations, &arm, &frames).err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_last_joint_that_slips_under_a_target_on_its_axis_is_named() {
+        let text = include_str!("../../../pipelines/robots/ur10.toml");
+        let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
+        let home = [10.0_f64, -80.0, 100.0, -60.0, -80.0, 20.0].map(f64::to_radians).to_vec();
+        let [lower, upper] = [-0.6, 0.6].map(|by| home.iter().map(|own| own + by).collect());
+        let poses = Poses::Joints { count: 70, lower, upper };
+        let mut settings = SimulateSettings::realistic(2, home, poses);
+        settings.cell.flange_from_target_mm = [0.0, 0.0, 90.0];
+        settings.cell.six_dof = true;
+        let mut stations = simulate(&arm, &settings).expect("in reach").stations();
+        assert_eq!(check_last(&stations, &arm), Ok(()));
+        for station in &mut stations[30..] {
+            station.joints[5] += 0.5_f64.to_radians();
+        }
+        let words = check_last(&stations, &arm).expect_err("a slip").to_string();
+        assert!(words.contains("joint \"wrist_3_joint\" slipped before station 30"), "{words}");
+        let (_, by) = words.split_once("stands ").expect("a size");
+        let by: f64 = by.split(' ').next().and_then(|own| own.parse().ok()).expect("a number");
+        assert!((by + 0.5).abs() < 0.02, "{words}");
     }
 
     #[test]

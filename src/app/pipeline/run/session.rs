@@ -271,6 +271,8 @@ fn without_knocks(
         let up = configuration.stages.up;
         let knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
         joined.knocks = knocks.map_err(|source| join_error(files, source))?;
+        let last = report_steps::check_last(&joined.stations, &configuration.arm);
+        last.map_err(|source| join_error(files, source))?;
     }
     Ok(())
 }
