@@ -6,6 +6,7 @@
 //!    as much as [`CHANGE`] pairs (Viterbi).
 //! 3. A change that explains more pairs than one offset does, and by more than chance, is a step: the arm's dwells behind it are moved by
 //!    it. What is left of it, the edges of the dwells tell.
+//! 4. A step that leaves all dwells paired is shorter than they are: their edges alone tell it.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,8 @@ const GAIN: usize = 12;
 const BESIDE: usize = 20;
 /// Smaller changes are drift, s.
 const LEAST_S: f64 = 0.25;
+/// Least step in median differences of the offset from one pair to the next, where all dwells are paired.
+const SCATTERS: f64 = 6.0;
 /// Share of the dwells that are paired where nothing has to be explained.
 const ENOUGH: f64 = 0.95;
 /// Reach of support, in median distances of the best block, and its limits, mm.
@@ -78,10 +81,11 @@ pub(super) fn decided(
 ) -> Result<(Decision, Vec<ClockStep>), JoinError> {
     let alone = decide(seen.dwells(), gate_mm);
     let pairs = alone.as_ref().map_or(0, |own| own.support.len());
-    if !leaves_some(seen.dwells(), pairs) {
-        return Ok((alone?, Vec::new()));
-    }
-    let mut changes = changes(seen.dwells(), pairs);
+    let mut changes = match &alone {
+        // A step shorter than a dwell leaves all of them paired.
+        Ok(own) if !leaves_some(seen.dwells(), pairs) => short(seen.dwells(), &own.support),
+        _ => changes(seen.dwells(), pairs),
+    };
     if changes.is_empty() {
         return Ok((alone?, Vec::new()));
     }
@@ -193,6 +197,39 @@ fn take_out(changes: &[Change], arm: &mut [ArmDwell]) {
             (dwell.start, dwell.end) = (dwell.start.plus_ns(by_ns), dwell.end.plus_ns(by_ns));
         }
     }
+}
+
+/// The step that the edges of paired dwells show: the largest change of the offset beside the drift of the session.
+fn short(dwells: Dwells, pairs: &[Pair]) -> Vec<Change> {
+    let seen: Vec<[f64; 2]> = pairs
+        .iter()
+        .map(|pair| {
+            let at_s = dwells.arm[pair.arm].span.middle_s();
+            [at_s, dwells.target[pair.target].span.middle_s() - at_s]
+        })
+        .collect();
+    let between = |own: &[[f64; 2]]| {
+        let (before, behind) = own.split_at(BESIDE);
+        [0, 1].map(|place| {
+            let sum = |own: &[[f64; 2]]| own.iter().map(|own| own[place]).sum::<f64>();
+            (sum(behind) - sum(before)) / BESIDE as f64
+        })
+    };
+    let sides: Vec<[f64; 2]> = seen.windows(2 * BESIDE).map(between).collect();
+    // A step is in few of these stretches.
+    let slopes = seen.iter().zip(seen.iter().skip(BESIDE / 2));
+    let slopes = slopes.map(|(first, last)| (last[1] - first[1]) / (last[0] - first[0]));
+    let drift = median(&slopes.collect::<Vec<_>>());
+    let next = seen.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
+    let scatter_s = median(&next.collect::<Vec<_>>());
+    let (Some(drift), Some(scatter_s)) = (drift, scatter_s) else { return Vec::new() };
+    let changes = sides
+        .iter()
+        .zip(pairs.iter().skip(BESIDE))
+        .map(|([on_s, by_s], pair)| Change { arm: pair.arm, by_s: by_s - drift * on_s });
+    let largest = changes.max_by(|a, b| a.by_s.abs().total_cmp(&b.by_s.abs()));
+    let is_step = |own: &Change| own.by_s.abs() >= LEAST_S.max(SCATTERS * scatter_s);
+    largest.into_iter().filter(is_step).collect()
 }
 
 /// What is left of each change once it is taken out: by how much more the tracker is ahead in the pairs next behind it than in those next

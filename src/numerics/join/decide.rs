@@ -82,7 +82,9 @@ fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let all = merged(candidates(dwells, &at_target), coarse, dwells.session_middle_s());
     let tried = all.len();
     let mut ranked = ranked(all, gate_mm).into_iter();
-    let (winner, rival) = (ranked.next(), ranked.next());
+    let winner = ranked.next();
+    // An offset that differs by less than the dwells are long, and pairs them alike, is none that explains the logs otherwise.
+    let rival = winner.as_ref().and_then(|winner| ranked.find(|own| !own.pairs_as(winner)));
     match winner {
         Some(winner) if winner.is_believable() => {
             if let Some(rival) = &rival {
@@ -197,6 +199,12 @@ struct Ranked {
 }
 
 impl Ranked {
+    /// Whether most of its pairs are those of another.
+    fn pairs_as(&self, other: &Self) -> bool {
+        let [own, others] = [self, other].map(|ranked| &ranked.candidate.pairs);
+        2 * own.iter().filter(|pair| others.contains(pair)).count() > own.len()
+    }
+
     fn is_believable(&self) -> bool {
         self.support >= MIN_PAIRS && 2 * self.support >= self.candidate.pairs.len()
     }

@@ -493,4 +493,14 @@ fn a_clock_that_jumps_on_is_found_and_taken_out() {
     }
     let scene = Scene::random(60, 72);
     assert!(scene.joined(&scene.record(&ur10())).clock.steps.is_empty());
+    // Shorter than the dwells: they are all paired.
+    let mut recording = scene.record(&ur10());
+    let from_s = scene.starts_s()[25] - 0.4;
+    for stamp in &mut recording.readings.stamps {
+        let is_behind = scene.controller_s(stamp.ns()) > from_s;
+        *stamp = stamp.plus_ns(if is_behind { 400_000_000 } else { 0 });
+    }
+    let joined = scene.joined(&recording);
+    let [step] = &joined.clock.steps[..] else { panic!("{:?}", joined.clock.steps) };
+    assert!(step.station == 25 && (step.by_s - 0.4).abs() < 0.03, "{step:?}");
 }
