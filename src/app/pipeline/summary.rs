@@ -20,6 +20,7 @@ use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
 use crate::report::next::Stated;
 use crate::report::symbols::symbol;
+use crate::report::verdict::Applied;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Summary {
@@ -85,8 +86,11 @@ fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<String> {
         .collect()
 }
 
-/// That the stated direction against gravity points the other way.
+/// That the stated direction against gravity points the other way; a model that corrects nothing says nothing of it.
 fn upside_down(outcome: &Outcome<'_>) -> Option<String> {
+    if outcome.verdict.applied() == Applied::Nothing {
+        return None;
+    }
     let joints = outcome.error_frame.arm().joints();
     let (joint, sds) = gravity::against(outcome.full.as_ref()?, joints.len())?;
     Some(format!(

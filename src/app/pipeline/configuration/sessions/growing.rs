@@ -58,6 +58,8 @@ fn tail(path: &Path) -> Option<Vec<u8>> {
 
 /// Whether the last line is not terminated and has fewer cells than the line before.
 fn is_cut(bytes: &[u8]) -> bool {
+    // A character of UTF-16 ends with the other half of its two bytes.
+    let bytes = bytes.strip_suffix(b"\0").unwrap_or(bytes);
     let mut lines = bytes.rsplit(|byte| *byte == b'\n');
     let (Some(last), Some(before)) = (lines.next(), lines.next()) else { return false };
     let cells = |line: &[u8], sign: u8| line.split(|byte| *byte == sign).count();
