@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use roxmltree::Node;
+use roxmltree::{Attribute, Node};
 
 use super::error::UrdfError;
 use super::tree::{Joint, expanded};
@@ -216,8 +216,12 @@ impl<'a, 'i> Joint<'a, 'i> {
             node.is_element() && tag.namespace() == own && tag.name().eq_ignore_ascii_case(name)
         });
         let (Some(node), second) = (alike.next(), alike.next()) else { return Ok(None) };
-        let (at, problem) = if node.tag_name().name() != name {
-            (node, "a URDF writes origin, axis, limit and mimic in small letters")
+        let is_large = |own: Attribute<'_, '_>| {
+            let written = |key: &&str| own.name() != *key && own.name().eq_ignore_ascii_case(key);
+            ["xyz", "rpy", "lower", "upper", "multiplier", "offset"].iter().any(written)
+        };
+        let (at, problem) = if node.tag_name().name() != name || node.attributes().any(is_large) {
+            (node, "a URDF writes origin, axis, limit, mimic and their numbers in small letters")
         } else if let Some(second) = second {
             (
                 second,

@@ -309,6 +309,10 @@ fn numbers_that_are_none_are_refused_with_line_and_joint() {
             "line 18: joint \"shoulder\": <origin xyz> = \"[0.0, 0.0, 89.159]\"",
         ),
         (("0 1.5707963267948966 0", "0 90 0"), "line 18: joint \"shoulder\": <origin rpy>"),
+        (
+            ("rpy=\"0 1.5707963267948966", "RPY=\"0 1.5707963267948966"),
+            "line 18: joint \"shoulder\": a URDF writes origin, axis, limit, mimic and their numbers",
+        ),
         (("0.6 0 0.8", "0 0 0"), "line 26: joint \"passive\": <axis xyz>"),
         (("upper=\"0.3\"", "upper=\"-0.3\""), "line 14: joint \"lift\" has limits from 0 to -0.3"),
         (
