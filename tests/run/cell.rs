@@ -272,13 +272,16 @@ impl From<Output> for Ended {
     }
 }
 
-/// Every file of a lake, by path in it, but for the lock, which says who ran last, the index, which has times of files, and `asked`, which
-/// has a clock.
+/// Every file of a lake, by path in it, but for the lock, which says who ran last, the index, which has times of files, `asked`, which has a
+/// clock, and the pages of all nights with what they are made of, which a batch writes that made a run current.
 pub fn published(lake: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(lake);
     files.remove(".lock");
     files.remove(".index/runs.jsonl.zst");
-    files.retain(|path, _| !path.starts_with("asked/"));
+    let is_of_all = |path: &str| {
+        path.starts_with("pages/") || path.starts_with(".history/") && !path.contains("/figures/")
+    };
+    files.retain(|path, _| !path.starts_with("asked/") && !is_of_all(path));
     files
 }
 

@@ -87,6 +87,8 @@ fn a_history_is_reported_kept_and_written() {
 #[test]
 fn pages_in_the_lake_lead_to_those_of_its_runs_and_back() {
     let cell = three();
+    assert!(cell.path("lake/pages/index.html").exists(), "the batch has written them");
+    fs::remove_dir_all(cell.path("lake/pages")).expect("removable");
     let one = history(&cell, &["--pages", "--robot", "kr210-demo"]);
     one.expect(0, &["lake/pages/kr210-demo.html"]);
     assert!(!cell.path("lake/pages/index.html").exists(), "the fleet is not of one robot of it");

@@ -37,7 +37,7 @@ false alarm in 1000 sessions at most. Sessions are in the order of the first sta
 Judged sessions are kept in LAKE/.history, checked against the rows of runs each time; --fresh does not use them. LAKE may be on object
 storage: what is new there costs one small object for each session.
 
---pages alone writes the pages into LAKE/pages, where the pages of runs link to them, and they to those. Of all robots, or of one alone,
+--pages alone writes the pages into LAKE/pages, as each `posegrid run` does that made a run: its page leads to them. Of all robots, or of one alone,
 index.html is the page of the fleet: robots by verdict, the worst, what moved last night, and which were not measured for how long, as
 of the newest session or --as-of. It is not written with --robot.
 
@@ -108,6 +108,18 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     match written {
         Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
         Err(error) => failed(&error),
+    }
+}
+
+/// Writes the pages of all robots into the lake anew: the pages of runs lead to them. Where that fails, the runs are as sound as before.
+pub(super) fn refresh_pages(lake: &Lake, bars: &Bars) {
+    let robots = history(lake, &Asked::default(), &bars.of("history"));
+    let written = robots.map_err(Into::into).and_then(|own| pages(lake, &own, None, Some(None)));
+    if let Err(error) = written {
+        tracing::warn!(
+            "the pages of all nights are not written: {}",
+            Printable(&error.to_string())
+        );
     }
 }
 

@@ -18,6 +18,7 @@ use std::thread;
 use clap::{Args, ValueEnum};
 use rayon::ThreadPoolBuilder;
 
+use super::history;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
@@ -210,6 +211,8 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
+    // On object storage no browser follows the links.
+    let own = lake.folder().is_some().then(|| lake.clone());
     let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
@@ -225,6 +228,12 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
             "the index of finished work cannot be kept, the next batch digests every session: {}",
             Printable(&error.to_string())
         );
+    }
+    let has_result = endings.iter().any(|own| matches!(own, work::Ending::Done(_)));
+    let is_new = endings.iter().any(work::Ending::changes_the_current_run);
+    let stale = own.filter(|own| is_new || has_result && !own.has_pages());
+    if let Some(own) = stale.filter(|_| stop.exit_code().is_none()) {
+        history::refresh_pages(&own, bars);
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);

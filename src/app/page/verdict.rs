@@ -26,7 +26,6 @@ pub(super) fn header(content: &Content) -> Markup {
                 p.note {
                     "Other nights: " a href={ "../../../" (OVER_TIME) "/" (address(page)) } { (content.robot) " over time" } ", "
                     a href={ "../../../" (OVER_TIME) "/" (FLEET) } { "all robots" }
-                    " (in the lake, once " code { "posegrid history LAKE --pages" } " has written them)"
                 }
             }
             h1 {

@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
-use super::{ASKED, Lake, LakeError, OVER_TIME, RUNS, encoded, session_key};
+use super::{ASKED, FLEET, Lake, LakeError, OVER_TIME, RUNS, encoded, session_key};
 use crate::input::Bound;
 use crate::manifest::{RunKey, VERSION};
 use crate::store::{Listed, Place, StoreError};
@@ -91,6 +91,11 @@ impl Lake {
     pub fn run_and_request_keys(&self) -> Result<BTreeSet<String>, LakeError> {
         let listed = [self.store.list(RUNS, 2..=2)?, self.requests(ASKED)?];
         Ok(listed.concat().into_iter().map(|own| own.key).collect())
+    }
+
+    /// Whether the pages of all nights are there, of whatever nights; `true` where that cannot be asked.
+    pub fn has_pages(&self) -> bool {
+        self.has_key(&format!("{OVER_TIME}/{FLEET}")).unwrap_or(true)
     }
 
     pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
