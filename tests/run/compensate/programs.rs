@@ -174,7 +174,7 @@ fn motions_that_read_no_quarter_turns_go_on_in_the_arm_configuration_before_them
     assert!(told.contains("1 corrected, 2 refused, 0 computed"), "{told}");
     assert!(
         told.contains(
-            "in the arm configuration of the position before, which is not known: its cf1"
+            "in the arm configuration of AT (t.mod, line 3), which is not known: its cf1"
         ),
         "{told}"
     );

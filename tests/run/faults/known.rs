@@ -75,7 +75,7 @@ fn a_second_run_opens_no_log_until_one_changes() {
     let verified = posegrid().args(["verify", &lake]).output();
     let verified = verified.expect("started");
     let told = String::from_utf8_lossy(&verified.stdout).into_owned();
-    assert!(told.contains("4 the lake's own"), "{told}");
+    assert!(told.contains("7 the lake's own"), "{told}");
     assert!(run_with(&cell, &["--fresh"]).1 > 0, "as it was asked to");
     change(&cell.session("mon").join("tracker.mcap"));
     sleep(SETTLED);
