@@ -293,7 +293,7 @@ fn of_two_programs_of_one_name_none_is_called() {
         found.map_or_else(|why| why.to_string(), |_| "ok".to_owned())
     };
     let [sets, waits] = [other("a", "UFRAME_NUM=0"), other("b", "WAIT 1.00(sec)")];
-    assert_eq!(told(&[waits.clone()]), "ok");
+    assert_eq!(told(std::slice::from_ref(&waits)), "ok");
     let twice = told(&[sets, waits]);
     assert!(twice.contains("the call of OTHER (PART.LS, line 9) may change the"), "{twice}");
 }
