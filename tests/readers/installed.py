@@ -88,12 +88,26 @@ def by_cargo(folder):
     return job([program], cell(folder / "cell")), f"program {megabytes(program):.1f} MB"
 
 
+def shared(build):
+    """What wheel and package hold beside the program, in the folder that the guide names."""
+    share = HERE / "posegrid.data/data/share"
+    places = {"bash": "bash-completion/completions/posegrid", "zsh": "zsh/site-functions/_posegrid", "fish": "fish/vendor_completions.d/posegrid.fish"}
+    for shell, place in places.items():
+        script = done("cargo", "run", "--release", "--locked", "--", "completions", shell, cwd=HERE, env=build)
+        (share / place).parent.mkdir(parents=True, exist_ok=True)
+        (share / place).write_text(script, encoding="utf-8")
+    done("cargo", "run", "--release", "--locked", "--", "man", share / "man/man1", cwd=HERE, env=build)
+    for own in ("pipelines", "schemas"):
+        shutil.copytree(HERE / own, share / "posegrid" / own, dirs_exist_ok=True)
+
+
 def by_wheel(folder):
     """A wheel of the program, in a new Python environment without an index."""
     tools = folder.parent / "tools"
     venv.create(tools, with_pip=True)
     done(tools / "bin/pip", "install", "-q", "maturin")
     wheels = folder / "wheels"
+    shared(os.environ | {"CARGO_TARGET_DIR": str(folder.parent / "build")})
     done(
         tools / "bin/maturin", "build", "--profile", "dist", "--locked", "--bindings", "bin", "--features", "s3",
         "--out", wheels, "--target-dir", folder.parent / "build", "--manifest-path", HERE / "Cargo.toml", cwd=HERE,
@@ -101,6 +115,8 @@ def by_wheel(folder):
     [wheel] = wheels.glob("*.whl")
     venv.create(folder / "env", with_pip=True)
     done(folder / "env/bin/pip", "install", "-q", "--no-index", wheel)
+    for own in ("man/man1/posegrid.1", "posegrid/schemas/json/pipeline.json", "bash-completion/completions/posegrid"):
+        assert (folder / "env/share" / own).is_file(), own
     return job([folder / "env/bin/posegrid"], cell(folder / "cell")), f"{wheel.name} {megabytes(wheel):.1f} MB"
 
 
@@ -111,12 +127,8 @@ def by_deb(folder):
     debootstrap = needs("debootstrap", "apt-get install debootstrap")
     tools = folder.parent / "tools"
     done("cargo", "install", "cargo-deb", "--locked", "--root", tools, "--target-dir", folder.parent / "build-tools")
-    shells, build = HERE / "target/shells", os.environ | {"CARGO_TARGET_DIR": str(folder.parent / "build")}
-    shells.mkdir(parents=True, exist_ok=True)
-    for shell in ("bash", "zsh", "fish"):
-        script = done("cargo", "run", "--release", "--locked", "--", "completions", shell, cwd=HERE, env=build)
-        (shells / f"posegrid.{shell}").write_text(script, encoding="utf-8")
-    done("cargo", "run", "--release", "--locked", "--", "man", shells / "man", cwd=HERE, env=build)
+    build = os.environ | {"CARGO_TARGET_DIR": str(folder.parent / "build")}
+    shared(build)
     package = folder / "posegrid.deb"
     done(tools / "bin/cargo-deb", "--locked", "--output", package, cwd=HERE, env=build)
     release = done("sh", "-c", ". /etc/os-release && echo $VERSION_CODENAME").strip()
