@@ -2,7 +2,10 @@
 
 use thiserror::Error;
 
+use super::moved::clock_words;
 use crate::ingest::PosesError;
+use crate::kinematics::Joint;
+use crate::units::{Controller, Stamp};
 
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum JoinError {
@@ -83,4 +86,23 @@ pub enum JoinError {
          and behind: master the joint, and measure again, or leave out the stations on one side"
     )]
     ReportStepped { joint: String, by: String, station: usize, at: String },
+}
+
+impl JoinError {
+    /// A joint stands `by` further than it reports from a station on, with the standard deviation of that, rad; mm where it slides.
+    pub fn slipped(
+        joint: &Joint,
+        (by, sd): (f64, f64),
+        (station, at): (usize, Option<Stamp<Controller>>),
+        or: &'static str,
+    ) -> Self {
+        let [by, two_sd] = [by, 2.0 * sd].map(|own| joint.shown(own));
+        Self::Slipped {
+            joint: joint.name.clone(),
+            by: format!("{by:.4} ± {two_sd:.4}{}", joint.sign_of_unit()),
+            station,
+            at: at.map_or_else(String::new, clock_words),
+            or,
+        }
+    }
 }

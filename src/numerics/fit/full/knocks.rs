@@ -25,7 +25,7 @@ use super::whitening::kept;
 use crate::fit::observation::{Noise, Observation, Source, TrackerUncertainty, observations};
 use crate::fit::problem::{Freedom, Owner, Problem};
 use crate::fit::{FitSettings, identify};
-use crate::join::moved::{Knock, clock_words};
+use crate::join::moved::Knock;
 use crate::join::references::Motion;
 use crate::join::{JoinError, ReadingKind, SourceId, Station, undo};
 use crate::kinematics::{Arm, Joint, Motion as Axis, Parameter};
@@ -86,14 +86,8 @@ fn slipped(
     at: Option<Stamp<Controller>>,
     Slip { joint, by, sd }: Slip,
 ) -> JoinError {
-    let own = &arm.joints()[joint];
-    JoinError::Slipped {
-        joint: own.name.clone(),
-        by: format!("{:.4} ± {:.4}{}", own.shown(by), own.shown(2.0 * sd), own.sign_of_unit()),
-        station,
-        at: at.map_or_else(String::new, clock_words),
-        or: if joint == 0 { ", or all behind it was turned about that axis" } else { "" },
-    }
+    let or = if joint == 0 { ", or all behind it was turned about that axis" } else { "" };
+    JoinError::slipped(&arm.joints()[joint], (by, sd), (station, at), or)
 }
 
 /// Carries the readings of this station and all behind it to where the instrument stood before.
