@@ -201,21 +201,9 @@ fn take_out(changes: &[Change], arm: &mut [ArmDwell]) {
 
 /// The step that the edges of paired dwells show: the largest change of the offset beside the drift of the session.
 fn short(dwells: Dwells, pairs: &[Pair]) -> Vec<Change> {
-    let seen: Vec<[f64; 2]> = pairs
-        .iter()
-        .map(|pair| {
-            let at_s = dwells.arm[pair.arm].span.middle_s();
-            [at_s, dwells.target[pair.target].span.middle_s() - at_s]
-        })
-        .collect();
-    let between = |own: &[[f64; 2]]| {
-        let (before, behind) = own.split_at(BESIDE);
-        [0, 1].map(|place| {
-            let sum = |own: &[[f64; 2]]| own.iter().map(|own| own[place]).sum::<f64>();
-            (sum(behind) - sum(before)) / BESIDE as f64
-        })
-    };
-    let sides: Vec<[f64; 2]> = seen.windows(2 * BESIDE).map(between).collect();
+    let seen =
+        pairs.iter().map(|&pair| [dwells.arm[pair.arm].span.middle_s(), ahead_s(dwells, pair)]);
+    let seen: Vec<[f64; 2]> = seen.collect();
     // A step is in few of these stretches.
     let slopes = seen.iter().zip(seen.iter().skip(BESIDE / 2));
     let slopes = slopes.map(|(first, last)| (last[1] - first[1]) / (last[0] - first[0]));
@@ -223,23 +211,31 @@ fn short(dwells: Dwells, pairs: &[Pair]) -> Vec<Change> {
     let next = seen.windows(2).map(|pair| (pair[1][1] - pair[0][1]).abs());
     let scatter_s = median(&next.collect::<Vec<_>>());
     let (Some(drift), Some(scatter_s)) = (drift, scatter_s) else { return Vec::new() };
-    let changes = sides
-        .iter()
-        .zip(pairs.iter().skip(BESIDE))
-        .map(|([on_s, by_s], pair)| Change { arm: pair.arm, by_s: by_s - drift * on_s });
+    let level_s: Vec<f64> = seen.iter().map(|[at_s, ahead_s]| ahead_s - drift * at_s).collect();
+    let between = |own: &[f64]| {
+        let (before, behind) = own.split_at(BESIDE);
+        (behind.iter().sum::<f64>() - before.iter().sum::<f64>()) / BESIDE as f64
+    };
+    let by_s = level_s.windows(2 * BESIDE).map(between);
+    let changes = by_s.zip(pairs.iter().skip(BESIDE));
+    let changes = changes.map(|(by_s, pair)| Change { arm: pair.arm, by_s });
     let largest = changes.max_by(|a, b| a.by_s.abs().total_cmp(&b.by_s.abs()));
     let is_step = |own: &Change| own.by_s.abs() >= LEAST_S.max(SCATTERS * scatter_s);
     largest.into_iter().filter(is_step).collect()
 }
 
+/// By how much the tracker's clock is ahead in a pair, s.
+fn ahead_s(dwells: Dwells, pair: Pair) -> f64 {
+    dwells.target[pair.target].span.middle_s() - dwells.arm[pair.arm].span.middle_s()
+}
+
 /// What is left of each change once it is taken out: by how much more the tracker is ahead in the pairs next behind it than in those next
 /// before it, s. Over so few the clocks do not drift.
 fn left(changes: &[Change], dwells: Dwells, pairs: &[Pair]) -> Vec<Change> {
-    let ahead_s = |pair: &Pair| {
-        dwells.target[pair.target].span.middle_s() - dwells.arm[pair.arm].span.middle_s()
+    let usual_s = |pairs: &[Pair]| {
+        let ahead: Vec<f64> = pairs.iter().map(|&pair| ahead_s(dwells, pair)).collect();
+        median(&ahead).unwrap_or(0.0)
     };
-    let usual_s =
-        |pairs: &[Pair]| median(&pairs.iter().map(ahead_s).collect::<Vec<f64>>()).unwrap_or(0.0);
     let of_change = |change: &Change| {
         let at = pairs.partition_point(|pair| pair.arm < change.arm);
         let before = &pairs[at.saturating_sub(BESIDE)..at];

@@ -202,7 +202,11 @@ impl Ranked {
     /// Whether most of its pairs are those of another.
     fn pairs_as(&self, other: &Self) -> bool {
         let [own, others] = [self, other].map(|ranked| &ranked.candidate.pairs);
-        2 * own.iter().filter(|pair| others.contains(pair)).count() > own.len()
+        let is_theirs = |pair: &&Pair| {
+            let place = others.binary_search_by_key(&pair.arm, |other| other.arm);
+            place.is_ok_and(|place| others[place] == **pair)
+        };
+        2 * own.iter().filter(is_theirs).count() > own.len()
     }
 
     fn is_believable(&self) -> bool {
