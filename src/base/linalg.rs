@@ -378,15 +378,17 @@ fn add_products(
 
 /// The transpose, some columns at a time, so that a line of the cache is written at once.
 pub fn transposed(matrix: &DMatrixView<'_, f64>) -> DMatrix<f64> {
-    let mut transposed = DMatrix::zeros(matrix.ncols(), matrix.nrows());
+    let mut transposed = DMatrix::default();
     transpose(matrix, &mut transposed);
     transposed
 }
 
-/// Writes the [`transposed`] matrix into one of its shape.
+/// Writes the [`transposed`] matrix into another, whose memory is kept where it has the shape.
 pub fn transpose(matrix: &DMatrixView<'_, f64>, transposed: &mut DMatrix<f64>) {
     let (height, width) = matrix.shape();
-    assert_eq!(transposed.shape(), (width, height), "the transpose has the other shape");
+    if transposed.shape() != (width, height) {
+        *transposed = DMatrix::zeros(width, height);
+    }
     let into = transposed.as_mut_slice();
     for first in (0..width).step_by(TILE) {
         let count = TILE.min(width - first);

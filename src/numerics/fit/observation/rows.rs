@@ -324,10 +324,6 @@ impl BlockRows {
     /// `Aᵀ A` of all columns A, the residual's last.
     pub fn gram(&mut self) -> DMatrix<f64> {
         let columns = DMatrixView::from_slice(&self.values, self.rows, self.unknowns.len() + 1);
-        let shape = (columns.ncols(), columns.nrows());
-        if self.across.shape() != shape {
-            self.across = DMatrix::zeros(shape.0, shape.1);
-        }
         transpose(&columns, &mut self.across);
         gram_of_columns(&self.across)
     }
