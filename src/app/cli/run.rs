@@ -211,8 +211,6 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    // On object storage no browser follows the links.
-    let own = lake.folder().is_some().then(|| lake.clone());
     let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
@@ -229,11 +227,8 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
             Printable(&error.to_string())
         );
     }
-    let has_result = endings.iter().any(|own| matches!(own, work::Ending::Done(_)));
-    let is_new = endings.iter().any(work::Ending::changes_the_current_run);
-    let stale = own.filter(|own| is_new || has_result && !own.has_pages());
-    if let Some(own) = stale.filter(|_| stop.exit_code().is_none()) {
-        history::refresh_pages(&own, bars);
+    if stop.exit_code().is_none() && has_stale_pages(known.lake(), &endings) {
+        history::refresh_pages(known.lake(), bars);
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
@@ -250,6 +245,13 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     };
     let written = messages::result(summary, bars);
     after_summary(code, written, &stop)
+}
+
+/// Whether the pages of all nights lack what a batch did; on object storage no browser follows their links.
+fn has_stale_pages(lake: &Lake, endings: &[work::Ending]) -> bool {
+    let has_result = || endings.iter().any(|own| matches!(own, work::Ending::Done(_)));
+    let is_new = || endings.iter().any(work::Ending::changes_the_current_run);
+    lake.folder().is_some() && (is_new() || has_result() && !lake.has_pages())
 }
 
 fn jobs(args: &RunArgs) -> NonZeroUsize {

@@ -87,6 +87,10 @@ impl Known {
         Self { listed: None, ..Self::nothing(lake) }
     }
 
+    pub const fn lake(&self) -> &Lake {
+        &self.lake
+    }
+
     pub fn nothing(lake: Lake) -> Self {
         Self {
             lake,
