@@ -430,18 +430,17 @@ pub fn walk(
     }
     let blocks = Vec::new();
     let mut walk = Walk { summaries, motions, any_time, state: entry.clone(), blocks };
-    // What holds before every jump, and what may happen between that and a label.
+    let mut before_jumps = entry.clone();
     let behind = summaries.effects(&routine.steps[first_jump..], walk.motions);
-    let mut jumps = (entry.clone(), behind);
     for (place, step) in routine.steps.iter().enumerate() {
         if place == first_jump {
-            jumps.0 = walk.state.clone();
+            before_jumps = walk.state.clone();
         }
         match step {
             Step::Loop => walk.open_loop(loops.get(&place)),
             Step::Label | Step::Handler => {
-                walk.state = jumps.0.clone();
-                walk.state.after(&jumps.1);
+                walk.state = before_jumps.clone();
+                walk.state.after(&behind);
             }
             step => walk.step(step),
         }
