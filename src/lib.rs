@@ -38,6 +38,7 @@
 //!
 //! ```text
 //!  base  ←  arm  ←  numerics  ←  io  ←  app  ←  posegrid
+//!    ↖────── files ──────────↙
 //! ```
 //!
 //! Cargo holds the arrows. A crate stands in `src/` under its own name, and this one, `posegrid`, is the command and one door to
@@ -48,7 +49,8 @@
 //! | `base` | [`units`], [`linalg`], [`figures`], [`at`], [`progress`], [`manifest`] | units, stamps, matrices, figures of samples, provenance |
 //! | `arm` | [`geometry`], [`kinematics`] | frames and chains |
 //! | `numerics` | the stages above, [`judgement`], [`simulate`], [`plan`], [`history`], [`method`] | a stage uses those before it in the order of the data |
-//! | `io` | [`io`] | logs, messages, station tables, targets, robot files, Parquet tables, schemas, the lake |
+//! | `files` | [`files`] | messages, measured tables, Parquet tables, schemas, stores: files whatever they hold |
+//! | `io` | [`io`] | logs, station tables, targets, robot files, rows of tables, the lake |
 //! | `app` | [`page`], [`pipeline`], [`cli`] | rows become pages, a pipeline file becomes runs, arguments become exit codes |
 //!
 //! `tests/house` holds the modules inside a crate against the same order, and names the circles that there are inside a room.
@@ -118,18 +120,19 @@
 //!   `schemas/` (`accuracy`, `residuals`, `estimate_residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
 //!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
-//! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
+//! - *A log format*: an encoding of messages is a reader in [`files::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
 //! - *A key of a pipeline or robot file*: a field of its section's struct ([`pipeline::file`]), and its entry in
 //!   `src/app/pipeline/keys/`, from which `posegrid schema pipeline` and the messages of missing keys are made ([`pipeline::keys`]). A
 //!   test names the key where one of both is forgotten.
-//! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a
+//! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::rows::Row`]), which a
 //!   test holds against the schema.
 
 pub use posegrid_app::{cli, page, pipeline};
 pub use posegrid_arm::{geometry, kinematics};
 pub use posegrid_base::{at, figures, linalg, manifest, progress, units};
+pub use posegrid_files as files;
 pub use posegrid_io as io;
 pub use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, judgement, method, plan, report, setup,

@@ -33,7 +33,7 @@ use std::process::ExitCode;
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory as _, Parser, Subcommand};
 
-use crate::io::memory::keep_what_is_freed;
+use crate::files::memory::keep_what_is_freed;
 use messages::LogFormat;
 use progress::Bars;
 use streams::Undelivered;

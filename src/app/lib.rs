@@ -10,6 +10,7 @@ pub mod pipeline;
 // Names of the crates below, as if they were modules here.
 use posegrid_arm::{geometry, kinematics};
 use posegrid_base::{at, figures, manifest, nearest, progress, units};
+use posegrid_files as files;
 use posegrid_io as io;
 use posegrid_numerics::{
     compensation, fit, grid, history, ingest, join, judgement, plan, report, setup, similarity,

@@ -9,8 +9,6 @@ use thiserror::Error;
 
 use super::common::{self, CommonError};
 use super::lake::read_given;
-use super::schema::{self, SchemaError};
-use super::table::{FileError, Row as _, Table, Word as _};
 use super::tables::calibrations::{ArmColumns, CalibrationRow};
 use super::tables::words::TableVerdict;
 use crate::at::At;
@@ -22,6 +20,9 @@ use crate::fit::{FramePair, Model};
 use crate::geometry::Transform;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
+use crate::rows::{Row as _, Word as _};
+use crate::schema::{self, SchemaError};
+use crate::table::{FileError, Table};
 
 #[derive(Debug)]
 pub struct PublishedArm {

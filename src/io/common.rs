@@ -6,11 +6,12 @@ use arrow_array::Array as _;
 use nalgebra::{Isometry3, UnitQuaternion};
 use thiserror::Error;
 
-use super::table::{Field, Table, columns, values};
 use super::tables::validity::ValidFor;
 use crate::at::At;
 use crate::geometry::Transform;
 use crate::manifest::RunKey;
+use crate::rows::{Field, columns};
+use crate::table::{Table, values};
 
 /// A quaternion further from unit norm than this is none.
 const UNIT_NORM: f64 = 1e-6;

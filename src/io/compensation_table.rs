@@ -11,8 +11,6 @@ use thiserror::Error;
 
 use super::common::{self, CommonError};
 use super::lake::read_given;
-use super::schema::{self, SchemaError};
-use super::table::{FileError, Row as _};
 use super::tables::compensation::{NodeRow, TableColumns};
 use super::tables::validity::ValidFor;
 pub use super::tables::words::TableVerdict;
@@ -22,6 +20,9 @@ use crate::geometry::{Flange, Position};
 use crate::ingest::AngleUnit;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
+use crate::rows::Row as _;
+use crate::schema::{self, SchemaError};
+use crate::table::FileError;
 use crate::targets::JointUnits;
 
 #[derive(Debug, Clone, PartialEq)]

@@ -22,11 +22,11 @@ use super::calibrations_table::CalibrationsTableError;
 use super::common::CommonError;
 use super::compensation_table::CompensationTableError;
 use super::lake::LakeError;
-use super::schema::SchemaError;
-use super::table::FileError;
-use super::whole_file::told;
 use crate::at::At;
 use crate::kinematics::RestateError;
+use crate::schema::SchemaError;
+use crate::table::FileError;
+use crate::whole_file::told;
 use origins::OriginsError;
 use urdf_chain::UrdfChainError;
 

@@ -23,7 +23,6 @@ mod name;
 mod parts;
 mod rows;
 mod run;
-pub mod temporary;
 mod vouch;
 
 use std::fs::{self, File};
@@ -31,13 +30,13 @@ use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::schema::{self, TableSchema};
-use super::store::{self, Folder, Place, Store};
-use super::table::{self, Table};
 use crate::manifest::RunKey;
+use crate::schema::{self, TableSchema};
+use crate::store::{self, Folder, Place, Store};
+use crate::table::{self, Table};
+use crate::temporary::{self, Temporary};
 use error::folder_error;
 use run::into_io;
-use temporary::Temporary;
 
 pub use asked::{ASKED, Asked, AskedRow, request_key, request_of};
 pub use cache::{INDEX, alone_key, figures_key, summary_key};

@@ -28,13 +28,13 @@ mod summary;
 
 use std::io;
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::at::At;
 use crate::ingest::{IngestError, Mapping};
 use crate::message::SchemaError;
 
+pub use crate::input::Limits;
 pub use block::Extent;
 pub use packed::{Packed, PackedFault};
 pub use peeked::{has_no_end, session_record};
@@ -47,34 +47,6 @@ pub use session::{SessionLogs, read_metadata};
 pub use streams::{Glance, Layout, Suggestible, Suggestion, json_fields, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
-
-/// `[limits]`: the largest sizes that a log may have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// The longest record, bytes; attachments, which are not read, may be longer.
-    pub record_bytes: u64,
-    /// The largest chunk, bytes as stored and decompressed together.
-    pub chunk_bytes: u64,
-    /// Bytes worked on at once, as stored and decompressed; a single chunk may be larger.
-    pub batch_bytes: u64,
-    /// The largest log that is stored in zstd as a whole, bytes after decompression.
-    pub unpacked_bytes: u64,
-    /// The largest other file of a session; Parquet values take up to sixteen times as much in memory.
-    pub file_bytes: u64,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            record_bytes: 256 << 20,
-            chunk_bytes: 256 << 20,
-            batch_bytes: 32 << 20,
-            unpacked_bytes: 64 << 30,
-            file_bytes: 64 << 20,
-        }
-    }
-}
 
 pub type FileError = At<FileFault>;
 

@@ -13,9 +13,9 @@ use std::path::Path;
 
 use thiserror::Error;
 
-use super::input::{self, Bound, toml_problem};
-use super::measured_table::decode;
+use crate::input::{self, Bound, toml_problem};
 use crate::kinematics::RobotFile;
+use crate::measured_table::decode;
 use urdf::UrdfError;
 
 pub use urdf::LeftOut;

@@ -14,12 +14,12 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::input::Bound;
-use super::measured_table::{self, Cell, Form, MeasuredTable};
 use crate::at::At;
 use crate::ingest::StationsSettings;
 use crate::ingest::covariances::CovarianceCounts;
+use crate::input::Bound;
 use crate::join::tabled::Rows;
+use crate::measured_table::{self, Cell, Form, MeasuredTable};
 use columns::Columns;
 
 pub use error::{StationTableError, StationTableErrorKind};

@@ -45,8 +45,6 @@ pub mod words;
 use thiserror::Error;
 
 use super::lake::LakeError;
-use super::schema::SchemaError;
-use super::table::{Row, Rows, Table, TableError};
 use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
@@ -57,6 +55,9 @@ use crate::judgement::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::report::compared::{Compared, Pairs};
+use crate::rows::{Row, Rows};
+use crate::schema::SchemaError;
+use crate::table::{Table, TableError};
 use accuracy::AccuracyRow;
 use calibrations::CalibrationRow;
 use clocks::ClockRow;

@@ -8,11 +8,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use posegrid::files::schema::{self, ColumnType};
+use posegrid::files::table::{Columns, Table, write};
 use posegrid::fit::saved::SavedCalibration;
 use posegrid::fit::{self, FitSettings, Freedom, Noise, Source, TrackerUncertainty};
 use posegrid::io::lake::Lake;
-use posegrid::io::schema::{self, ColumnType};
-use posegrid::io::table::{Columns, Table, write};
 use posegrid::io::tables::runs::{self, Ending};
 use posegrid::io::tables::words::{TableVerdict, VerdictOf};
 use posegrid::join::ReadingKind;

@@ -7,8 +7,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use posegrid::files::table::{Table, write};
 use posegrid::io::lake::{Lake, figures_key};
-use posegrid::io::table::{Row as _, Table, write};
+use posegrid::io::rows::Row as _;
 use posegrid::io::tables::accuracy::AccuracyRow;
 use posegrid::io::tables::runs::{Ending, RunRow, row_digest};
 use posegrid::io::tables::stage_results::{FileColumns, InputColumns};

@@ -7,9 +7,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use posegrid::files::input::Bound;
+use posegrid::files::measured_table::{Form, read};
 use posegrid::ingest::StationsSettings;
-use posegrid::io::input::Bound;
-use posegrid::io::measured_table::{Form, read};
 use posegrid::io::station_table::{self, Whose};
 use posegrid::join::JoinSettings;
 use posegrid::join::tabled::tabled;

@@ -7,10 +7,10 @@ use std::process::Command;
 use std::thread;
 use std::time::Instant;
 
+use posegrid::files::memory::keep_what_is_freed;
 use posegrid::io::inspect::inspect;
 use posegrid::io::lake::Lake;
 use posegrid::io::log::{JointSink, Limits, SessionLogs, SessionRead, read_session};
-use posegrid::io::memory::keep_what_is_freed;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::join::JoinSettings;
 use posegrid::manifest::RunKey;

@@ -34,23 +34,23 @@ const MAY_USE: &[(&str, &str)] = &[
     ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
     ("history", "compensation figures fit kinematics report units"),
     // What reads and writes.
+    ("files", "at manifest units"),
     ("programs", "geometry kinematics"),
     ("manifest", ""),
     (
         "io",
-        "at compensation figures fit geometry grid history ingest join judgement kinematics manifest plan progress report setup similarity \
+        "at compensation figures files fit geometry grid history ingest join judgement kinematics manifest plan progress report setup similarity \
          units",
     ),
     ("page", "figures fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",
-        "at compensation figures fit geometry grid history ingest io join judgement kinematics manifest page plan progress report \
-         setup similarity simulate units",
+        "at compensation figures files fit geometry grid history ingest io join judgement kinematics manifest page plan progress report setup similarity simulate units",
     ),
     (
         "cli",
-        "at compensation geometry grid history ingest io kinematics manifest page pipeline plan programs progress simulate units",
+        "at compensation files geometry grid history ingest io kinematics manifest page pipeline plan programs progress simulate units",
     ),
 ];
 
@@ -62,11 +62,10 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
         &["identified", "pose"],
         "the identified arm is solved for a target, a target's answer names the arm",
     ),
-    ("io", &["input", "log", "table"], "inputs are bounded by what logs and tables take"),
     (
         "io",
-        &["lake", "store", "tables"],
-        "a store keeps a lake's temporaries, a lake stands in a store and goes by the rows of table runs",
+        &["lake", "tables"],
+        "a lake goes by the rows of table runs, which are one of its tables",
     ),
     (
         "pipeline",
@@ -148,7 +147,7 @@ fn circles(edges: &BTreeSet<(String, String)>) -> BTreeSet<Vec<String>> {
 
 /// Whether a crate is one room.
 fn is_crate(room: &str) -> bool {
-    matches!(room, "io" | "programs")
+    matches!(room, "files" | "io" | "programs")
 }
 
 /// Every path in `src` from a module to another place in the crate.
@@ -159,11 +158,12 @@ fn uses() -> Uses {
         let text = fs::read_to_string(&file).expect("a source file");
         for path in paths(&production(&text)) {
             let base = match path.up {
-                // Inside a crate that is a room its root is the room.
-                None if is_crate(&module[0])
-                    && all.contains(&[module[0].clone(), path.names[0].clone()][..]) =>
-                {
-                    vec![module[0].clone()]
+                // Inside a crate that is a room its root is the room; `io` names the modules of `files` there too.
+                None if is_crate(&module[0]) => {
+                    let rooms = [module[0].clone(), "files".to_owned()];
+                    let is_of =
+                        |room: &String| all.contains(&[room.clone(), path.names[0].clone()][..]);
+                    rooms.into_iter().find(is_of).into_iter().collect()
                 }
                 None => Vec::new(),
                 Some(levels) => module[..module.len().saturating_sub(levels)].to_vec(),

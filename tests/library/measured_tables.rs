@@ -10,8 +10,8 @@ mod fuzz;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use posegrid::io::input::Bound;
-use posegrid::io::measured_table::{Cell, Form, MeasuredTable, read};
+use posegrid::files::input::Bound;
+use posegrid::files::measured_table::{Cell, Form, MeasuredTable, read};
 
 fn python() -> Option<PathBuf> {
     let stated = std::env::var_os("POSEGRID_PYTHON").map(PathBuf::from);

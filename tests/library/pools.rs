@@ -10,9 +10,9 @@ use std::process::{Command, Output};
 use common::pool::{MeasuredArm, Truth, frames, of_session, trained};
 use common::position;
 use nalgebra::Vector3;
+use posegrid::files::{schema, table};
 use posegrid::fit::Observation;
 use posegrid::fit::full::{Day, FullModel, FullSettings, Query, Repair};
-use posegrid::io::{schema, table};
 use posegrid::units::WallTime;
 
 /// Coarse curves, as those of the simulated arm are: training takes a second.

@@ -8,15 +8,16 @@ use std::sync::{Arc, Barrier};
 
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
+use posegrid::files::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
+use posegrid::files::store::Listed;
+use posegrid::files::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::geometry::PoseCovariance;
 use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use posegrid::io::lake::{
     ASKED, CORRECTIONS, Commit, Correction, ESTIMATES, GRIDS, JOINED, Lake, OpenRun, rows_of,
 };
 use posegrid::io::log::JointSink as _;
-use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
-use posegrid::io::store::Listed;
-use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Row as _, Table};
+use posegrid::io::rows::Row as _;
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::estimates::EstimateRow;
 use posegrid::io::tables::grids;

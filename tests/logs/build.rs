@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
+use posegrid::files::table::ROW_GROUP_ROWS;
 use posegrid::ingest::{
     AngleUnit, CommandSamples, CommandedSettings, ControllerSettings, JointAngles, JointFields,
     JointSamples, LengthUnit, LogReject, Mapping, PoseFields, TargetReadings, TemperatureSamples,
     TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{JointSink, Limits, LogError, SessionLogs, SessionRead, read_session};
-use posegrid::io::table::ROW_GROUP_ROWS;
 use posegrid::join::stationary::Stationary;
 use posegrid::join::{JoinInput, JoinSettings};
 use posegrid::progress::{Progress, Quiet};

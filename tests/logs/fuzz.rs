@@ -13,9 +13,9 @@ use std::fs;
 use std::path::Path;
 
 use mcap::Compression;
+use posegrid::files::message::{FieldPath, MessageSchema, Row};
 use posegrid::io::inspect::inspect;
 use posegrid::io::log::{Limits, SessionLogs, suggest};
-use posegrid::io::message::{FieldPath, MessageSchema, Row};
 use posegrid::pipeline::configuration::{Configuration, Overrides};
 use posegrid::progress::Quiet;
 

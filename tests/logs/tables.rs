@@ -5,11 +5,11 @@ use std::fs;
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
+use posegrid::files::schema;
+use posegrid::files::table::Table;
 use posegrid::ingest::{CommandSamples, Mapping, PoseSamples, TargetReadings, TemperatureSamples};
 use posegrid::io::lake::Lake;
 use posegrid::io::log::{Limits, SessionLogs, read_session};
-use posegrid::io::schema;
-use posegrid::io::table::Table;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::join::stationary::Stationary;
 use posegrid::join::{JoinInput, JoinSettings};

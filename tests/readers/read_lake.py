@@ -246,7 +246,7 @@ def check_sql(lake, documents):
     blocks = [(document, sql) for document in documents for sql in re.findall(r"```sql\n(.*?)```", document.read_text(), re.DOTALL)]
     # What is kept by month is read by read_compact.py.
     blocks = [(document, sql) for document, sql in blocks if "'lake/compact/" not in sql and "-- runs newer" not in sql]
-    views = "".join((pathlib.Path(__file__).parents[2] / "src/io/schema" / name).read_text() for name in ("views.sql", "sessions.sql"))
+    views = "".join((pathlib.Path(__file__).parents[2] / "src/files/schema" / name).read_text() for name in ("views.sql", "sessions.sql"))
     of_views = re.findall(r"^CREATE (?:VIEW|MACRO) (\w+)", views, re.MULTILINE)
     takes_views = lambda sql: "CREATE VIEW" not in sql and re.search(rf"FROM ({'|'.join(of_views)})\b", sql)
     blocks = [(document, views + sql if takes_views(sql) else sql) for document, sql in blocks]

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Table};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Table};
 
 /// An arm, and how it is measured.
 struct Case {

@@ -6,8 +6,8 @@ use std::thread::{self, sleep};
 use std::time::Duration;
 
 use arrow::array::Array as _;
+use posegrid::files::store::Listed;
 use posegrid::io::lake::{ASKED, Lake};
-use posegrid::io::store::Listed;
 use posegrid::manifest::RunKey;
 use serde_json::Value;
 

@@ -208,8 +208,8 @@ fn rows_from_before_they_had_digests_are_verified_and_said_to_be_so() {
     let replaced = fs::read_dir(row.parent().expect("a folder")).expect("there");
     let mut digests = replaced.filter_map(|entry| {
         let path = entry.expect("readable").path();
-        let schema = posegrid::io::schema::find("runs").expect("a table");
-        let table = posegrid::io::table::read(&path, schema).expect("a row");
+        let schema = posegrid::files::schema::find("runs").expect("a table");
+        let table = posegrid::files::table::read(&path, schema).expect("a row");
         let digest = table.text("replaced_row_digest").iter().flatten().next();
         digest.map(str::to_owned)
     });

@@ -10,8 +10,8 @@ use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant, SystemTime};
 
 use assert_cmd::Command;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Table};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Table};
 
 /// The quickstart's pipeline file, made quick: three steps, and joint curves of a tenth of the harmonics.
 const CHANGES: [(&str, &str); 5] = [

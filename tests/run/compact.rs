@@ -7,8 +7,9 @@ use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
 use assert_cmd::Command;
+use posegrid::files::table::Table;
 use posegrid::io::lake::{CompactFile, KEYS, Lake};
-use posegrid::io::table::{Row as _, Table};
+use posegrid::io::rows::Row as _;
 use posegrid::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use posegrid::io::tables::runs::{self, Ending};
 use posegrid::io::tables::words::{Role, TableVerdict, Unit, VerdictOf};
@@ -192,7 +193,7 @@ fn steps_and_one_go_give_the_same_bytes_and_only_months_with_new_runs_are_writte
     assert_eq!(done.files.iter().filter(same).count(), 6);
     // A run that is removed goes from it too.
     let gone = lake.path(
-        posegrid::io::schema::find("runs").expect("a table"),
+        posegrid::files::schema::find("runs").expect("a table"),
         &publish(&lake, "a", "thu", Some(3)),
     );
     assert_eq!(compacted(&lake).added, 1);

@@ -18,10 +18,10 @@ use arrow::array::{Array as _, StringArray};
 use nalgebra::{Point3, Vector3};
 use posegrid::cli::compensate::UsedWithArgs;
 use posegrid::compensation::{Exception, Term};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Columns};
 use posegrid::geometry::Position;
 use posegrid::io::compensation_table::{self, TableVerdict};
-use posegrid::io::schema;
-use posegrid::io::table::{self, Columns};
 use posegrid::manifest::RunKey;
 
 use cell::{COUNTS, Cell, REFUSED, SAMPLE, STEP_MM, Sample, field};

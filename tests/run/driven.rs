@@ -5,7 +5,7 @@ use std::fs;
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
-use posegrid::io::table::Table;
+use posegrid::files::table::Table;
 
 use super::cell::{Cell, ended, posegrid};
 

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use posegrid::io::table::Row as _;
+use posegrid::io::rows::Row as _;
 use posegrid::io::tables::residuals::{EstimateResidualRow, ResidualRow};
 use posegrid::report::{Model, Split};
 

@@ -48,7 +48,7 @@ fn nodes_as_csv_are_the_table_to_the_nanometre() {
     assert_eq!(said["tool"], "\"reflector holder\"");
     assert_eq!(said["payload_kg"], "null");
     // The units of joints are null where all turn.
-    let columns = posegrid::io::schema::find("compensation").unwrap().columns.iter();
+    let columns = posegrid::files::schema::find("compensation").unwrap().columns.iter();
     for column in columns.filter(|column| column.name != "joint_units") {
         let of_nodes =
             headers.iter().any(|name| name == column.name) || column.name == "joints_rad";

@@ -10,8 +10,8 @@ use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Opened, Seal};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Opened, Seal};
 use posegrid::io::tables::runs::row_digest;
 use posegrid::manifest::digest;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use posegrid::io::table::Row as _;
+use posegrid::io::rows::Row as _;
 use posegrid::io::tables::grid_steps::StepRow;
 use posegrid::io::tables::grids::GridErrorRow;
 use posegrid::io::tables::residuals::ResidualRow;

@@ -8,8 +8,8 @@ use std::fs;
 use std::path::Path;
 
 use cell::{Cell, Ended, ended, files, posegrid};
-use posegrid::io::schema;
-use posegrid::io::table::{self, Table};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Table};
 
 /// Three sessions with the same logs, so that nothing can have moved; their names give the order.
 fn three() -> Cell {

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use posegrid::io::schema;
-use posegrid::io::table;
+use posegrid::files::schema;
+use posegrid::files::table;
 
 use super::cell::{Ended, ended, posegrid};
 

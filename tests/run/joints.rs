@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use posegrid::files::table::Table;
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::io::table::Table;
 use posegrid::kinematics::{Arm, InverseSettings, RobotFile, inverse};
 
 use super::cell::{Ended, alone, ended, posegrid, undisturbed};

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 use arrow::array::Array as _;
-use posegrid::io::table::Table;
+use posegrid::files::table::Table;
 
 use super::cell::{Cell, Ended, files};
 

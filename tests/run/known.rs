@@ -5,8 +5,8 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use posegrid::files::store::Place;
 use posegrid::io::lake::{Lake, request_key};
-use posegrid::io::store::Place;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::configuration::Overrides;
 use posegrid::pipeline::fleet::Fleet;

@@ -150,7 +150,7 @@ fn assert_left_row_by_row(cell: &Cell, sources: &[Row]) {
 }
 
 /// Rows of the full error model that are held out: the only ones with a standard deviation.
-fn full_held_out(table: &posegrid::io::table::Table) -> usize {
+fn full_held_out(table: &posegrid::files::table::Table) -> usize {
     let is = |row: &usize| {
         table.text("model").value(*row) == "full" && table.text("role").value(*row) == "held_out"
     };

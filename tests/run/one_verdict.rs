@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use arrow::array::Array as _;
-use posegrid::io::table::Table;
+use posegrid::files::table::Table;
 use roxmltree::{Document, ParsingOptions};
 
 use super::cell::{Cell, Ended, files};

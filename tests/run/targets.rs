@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use arrow::array::Array as _;
-use posegrid::io::table::Table;
+use posegrid::files::table::Table;
 
 use super::cell::{alone, ended, posegrid, undisturbed};
 

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
-use posegrid::io::schema::{self, Role};
-use posegrid::io::table;
+use posegrid::files::schema::{self, Role};
+use posegrid::files::table;
 
 use super::cell::{Cell, ended, posegrid, undisturbed};
 use super::{conventions, damaged, driven, iso_9283, planned};

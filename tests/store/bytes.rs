@@ -2,7 +2,7 @@
 
 use std::process::Stdio;
 
-use posegrid::io::{schema, table};
+use posegrid::files::{schema, table};
 
 use crate::cell::{Ended, files};
 use crate::server::{Remote, in_folders};

@@ -9,8 +9,8 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
+use crate::files::store::Place;
 use crate::io::lake::{COMPACT, KEYS, Lake, LakeError};
-use crate::io::store::Place;
 use crate::pipeline::compact::{CompactError, Compacted, TABLES, compact};
 
 /// Keep the tables for people by month, so that years of runs are read in seconds.

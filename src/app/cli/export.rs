@@ -12,14 +12,14 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::at::At;
+use crate::files::table;
+use crate::files::whole_file::write_whole;
 use crate::io::export::corrected_urdf::GivenUrdf;
 use crate::io::export::urdf_chain::Ends;
 use crate::io::export::{
     ExportError, ExportErrorKind, acceptance, corrected_urdf, nodes_csv, parameters_csv,
     ur_calibration, urdf,
 };
-use crate::io::table;
-use crate::io::whole_file::write_whole;
 use crate::kinematics::Convention;
 use crate::page;
 

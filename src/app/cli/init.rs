@@ -14,11 +14,11 @@ use super::inspect::{Form, files, files_in, sections, toml_text};
 use super::progress::Bars;
 use super::robot::ArmFlags;
 use crate::at::At;
-use crate::io::input::Bound;
+use crate::files::input::Bound;
+use crate::files::measured_table::MeasuredTableError;
 use crate::io::inspect::table::{Guess, inspect as inspect_table};
 use crate::io::inspect::{Inspection, inspect};
 use crate::io::log::{FileError, Limits};
-use crate::io::measured_table::MeasuredTableError;
 use crate::io::robot::ready::{ReadyRobot, arms as ready_arms};
 
 /// Write a pipeline file for logs or tables of stations

@@ -15,7 +15,7 @@ use super::progress::Bars;
 use super::robot::ArmFlags;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, messages};
-use crate::io::input::Bound;
+use crate::files::input::Bound;
 use crate::io::inspect::table::{Arms, Guess, inspect as inspect_table};
 use crate::io::inspect::{Inspection, inspect};
 use crate::io::log::Limits;

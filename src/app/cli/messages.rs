@@ -12,7 +12,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use super::progress::Bars;
 use super::streams::{Stream, Undelivered};
-use crate::io::store::without_secrets;
+use crate::files::store::without_secrets;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {

@@ -17,11 +17,11 @@ use super::progress::Bars;
 use super::run::near;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
+use crate::files::whole_file::{self, write_whole};
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::targets::{JointUnits, write_csv};
-use crate::io::whole_file::{self, write_whole};
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
 use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 

@@ -11,7 +11,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use thiserror::Error;
 
 use crate::at::At;
-use crate::io::input::{self, Bound};
+use crate::files::input::{self, Bound};
 use crate::io::robot::poses::{self, PosesError};
 use crate::io::robot::ready::{READY, ReadyRobot};
 use crate::io::robot::{self, LeftOut, Selection, written};

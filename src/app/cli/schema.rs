@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use clap::{Args, ValueEnum};
 use thiserror::Error;
 
-use crate::io::schema::{self, ColumnSchema, Role, SchemaError, TableSchema};
+use crate::files::schema::{self, ColumnSchema, Role, SchemaError, TableSchema};
 use crate::pipeline::keys::{self, KeyReference};
 
 /// Show the tables, the contract of one, or every key of pipeline and robot files

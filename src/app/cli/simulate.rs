@@ -13,12 +13,12 @@ use thiserror::Error;
 
 use super::robot::ArmFlags;
 use crate::at::At;
+use crate::files::whole_file::told;
 use crate::ingest::{Recording, StandsOn, TargetReadings};
 use crate::io::log_writer::{LogWriteError, TrackerLog, write_controller_log};
 use crate::io::robot::{self, Selection};
 use crate::io::station_table::{self, LengthColumn};
 use crate::io::targets::{self, TargetsError};
-use crate::io::whole_file::told;
 use crate::kinematics::Arm;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 use crate::simulate::{

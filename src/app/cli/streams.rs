@@ -5,7 +5,7 @@
 use std::io::{self, Write as _};
 
 use super::{DONE, NO_RESULT};
-use crate::io::system;
+use crate::files::system;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {

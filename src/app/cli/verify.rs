@@ -16,8 +16,8 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
+use crate::files::store::Place;
 use crate::io::lake::Lake;
-use crate::io::store::Place;
 use crate::pipeline::verify::{
     PastRun, Register, Selected, Selection, Sought, StageVerified, StageVerifier, Verdict,
     Verified, VerifyError, account, clean, select, verify,

@@ -13,7 +13,7 @@ use super::{accuracy, iso_9283, verdict, words};
 use crate::fit::Uncertainty;
 use crate::grid::Tolerance;
 use crate::io::export::acceptance::AcceptanceRows;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::calibrations::ArmColumns;
 use crate::io::tables::runs::RunRow;

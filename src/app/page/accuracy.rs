@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::content::{Content, Session, Statements};
 use crate::grid::Tolerance;
 use crate::io::lake::{Lake, page_over_time};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};

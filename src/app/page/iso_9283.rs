@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::words::Unit;
 use crate::report::iso_9283::Characteristic;

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::content::{Content, Session};
 use super::words;
 use crate::figures::expanded;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::stations::PairingVerdict;
 use crate::units::NS_PER_S;
 

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::content::Content;
 use super::words;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::semivariograms::SemivariogramRow;
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Series};

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::content::Content;
 use super::words;
 use crate::grid::{Judgement, Source};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::words::TableVerdict;
 use crate::report::Split;

@@ -7,7 +7,7 @@ use super::shell::address;
 use super::words;
 use crate::grid::Verdict;
 use crate::io::lake::{FLEET, OVER_TIME};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::compared::Compared;
 use crate::report::verdict::{self, Applied, Judge};

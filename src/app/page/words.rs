@@ -2,7 +2,7 @@ use maud::{Markup, html};
 
 use crate::fit::{Identifiability, Mounted, Uncertainty};
 use crate::grid::Interpolation;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::plan_figures::{CorrectedBy, FigureRow};
 use crate::io::tables::sampling_plan::VisitPurpose;
 use crate::io::tables::words::TableVerdict;

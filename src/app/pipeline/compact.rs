@@ -18,9 +18,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::files::store::{Listed, Place};
+use crate::files::table::TableError;
 use crate::io::lake::{ASKED, CompactFile, CompactState, KEYS, Lake, LakeError, runs_among};
-use crate::io::store::{Listed, Place};
-use crate::io::table::TableError;
 use crate::progress::Progress;
 use month::{Month, NewRun, row};
 

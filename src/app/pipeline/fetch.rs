@@ -12,8 +12,8 @@ use tempfile::TempDir;
 use thiserror::Error;
 
 use super::configuration::{SessionFiles, Tree, WorkPiece};
-use crate::io::lake::temporary;
-use crate::io::store::StoreError;
+use crate::files::store::StoreError;
+use crate::files::temporary;
 
 const COPIES: &str = "posegrid-logs";
 

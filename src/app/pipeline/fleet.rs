@@ -19,7 +19,7 @@ use super::configuration::{
     Why, WorkPiece,
 };
 use super::file::RobotsBy;
-use crate::io::store::Place;
+use crate::files::store::Place;
 
 use recorded::{ByRobot, Within};
 

@@ -27,8 +27,8 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use crate::files::store::Place;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::store::Place;
 use crate::io::tables::past::PastSession;
 use crate::manifest::RunKey;
 use crate::progress::Progress;

@@ -6,7 +6,7 @@
 
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::table::Row as _;
+use crate::io::rows::Row as _;
 use crate::io::tables::sampling_plan::{VisitRow, promise};
 use crate::judgement::{JoinedSession, Outcome};
 use crate::manifest::RunKey;

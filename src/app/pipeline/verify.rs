@@ -8,7 +8,7 @@
 //! 3. the other runs that it depends on, and their tables that are left (`cited`);
 //! 4. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
 //! 5. where those are the same, the run is recomputed by the code of `posegrid run` into a temporary lake, and every file
-//!    compared: bytes first, then values (`again`, [`crate::io::table::compare`]).
+//!    compared: bytes first, then values (`again`, [`crate::files::table::compare`]).
 //!
 //! Results of stages, which runs start from, are verified by themselves ([`StageVerifier`]). The row of a run is held against those that
 //! it names (`chain`).
@@ -33,8 +33,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::files::store::Place;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::store::Place;
 use crate::progress::Progress;
 
 use super::configuration::ConfigurationError;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use crate::lake::read_given;
 use crate::report::{Angles, Model, Split};
+use crate::rows::Row as _;
 use crate::schema;
-use crate::table::Row as _;
 use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::tables::words::Role;
 

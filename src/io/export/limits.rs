@@ -9,8 +9,8 @@ use crate::figures::expanded;
 use crate::fit::Identifiability;
 use crate::lake::read_given;
 use crate::report::Model;
+use crate::rows::Row as _;
 use crate::schema;
-use crate::table::Row as _;
 use crate::tables::parameters::{BelongsTo, ParameterRow};
 use crate::tables::words::Unit;
 

@@ -8,8 +8,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{Lake, LakeError, RUNS, session_key};
 use crate::manifest::{Replaced, RunKey};
+use crate::rows::{Row as _, row};
 use crate::store::Listed;
-use crate::table::{self, Row as _, row};
+use crate::table::{self};
 use crate::tables::runs::row_digest;
 use crate::units::WallTime;
 

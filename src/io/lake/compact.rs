@@ -23,11 +23,11 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::error::folder_error;
-use super::temporary::{Owner, Temporary};
 use super::{Lake, LakeError, request_of};
 use crate::schema;
 use crate::store::Listed;
 use crate::table::{self, Table};
+use crate::temporary::{Owner, Temporary};
 
 pub const COMPACT: &str = "compact";
 const STATES: &str = "compact/states";

@@ -7,9 +7,10 @@ use std::time::SystemTime;
 
 use super::{Lake, LakeError, encoded, file_key};
 use crate::manifest::RunKey;
+use crate::rows::{Row as _, Word as _, row};
 use crate::schema::{self, KEY_COLUMNS};
 use crate::store::Place;
-use crate::table::{self, Row as _, Table, TableError, Word as _, row};
+use crate::table::{self, Table, TableError};
 use crate::tables::words::{CorrectedForm, CorrectingTable};
 
 pub const CORRECTIONS: &str = "corrections";

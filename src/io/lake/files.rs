@@ -5,11 +5,11 @@
 use std::fs::File;
 
 use super::compact::{self, COMPACT};
-use super::temporary::Owner;
 use super::{Lake, LakeError, OVER_TIME, PAGES, file_key, is_correction, name, request_of};
 use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
+use crate::temporary::Owner;
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LakeFile {

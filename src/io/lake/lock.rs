@@ -7,8 +7,8 @@ use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::temporary::host;
 use super::{Lake, LakeError, folder_error};
+use crate::temporary::host;
 
 /// The locked file; its dot hides it from readers.
 const FILE: &str = ".lock";

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use super::LakeError;
 use super::error::folder_error;
 use super::run::{OpenRun, into_io};
-use super::temporary::Temporary;
 use crate::manifest::Written;
 use crate::table::{Encoder, PartsFile, RowGroups, Table};
+use crate::temporary::Temporary;
 
 /// Most parts of a table that are in memory at the same time: each takes some 20 MB.
 const PARTS_AT_ONCE: usize = 4;

@@ -6,11 +6,11 @@ use parquet::errors::ParquetError;
 
 use super::error::folder_error;
 use super::parts::WholeTable;
-use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES, file_key};
 use crate::manifest::{RunKey, Written, digest};
 use crate::store::Tag;
 use crate::table::Table;
+use crate::temporary::Temporary;
 
 #[derive(Debug)]
 pub struct OpenRun<'a> {

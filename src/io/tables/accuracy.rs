@@ -13,7 +13,7 @@ use crate::manifest::RunKey;
 use crate::report::iso_9283::{Characteristic, Iso9283};
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, Moment, Point, Split, Subject};
-use crate::table::{row, words};
+use crate::rows::{row, words};
 use crate::units::WallTime;
 
 row! {

@@ -16,7 +16,7 @@ use crate::judgement::Outcome;
 use crate::kinematics::Convention;
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
-use crate::table::{columns, row, words};
+use crate::rows::{columns, row, words};
 
 row! {
     /// An identified model, its determinacy, and the conditions that it is valid for.

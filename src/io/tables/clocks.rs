@@ -1,7 +1,7 @@
 //! `clocks`: the relation of the two clocks of a session.
 
 use crate::join::ClockEstimate;
-use crate::table::row;
+use crate::rows::row;
 
 const PPM: f64 = 1e6;
 

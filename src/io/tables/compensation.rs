@@ -14,7 +14,8 @@ use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
 use crate::report::Angles;
-use crate::table::{Columns, Field, FieldColumn, Table, columns, row};
+use crate::rows::{Field, FieldColumn, columns, row};
+use crate::table::{Columns, Table};
 
 row! {
     pub struct NodeRow of "compensation" {

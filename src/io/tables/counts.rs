@@ -9,7 +9,7 @@ use crate::join::{Pairing, ReadingCounts};
 use crate::judgement::{JoinedSession, Outcome};
 use crate::manifest::StageCount;
 use crate::report::Model;
-use crate::table::Word as _;
+use crate::rows::Word as _;
 
 /// The counts of a run, over all its sessions.
 pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {

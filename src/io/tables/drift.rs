@@ -5,7 +5,7 @@ use super::words::Unit;
 use crate::history::compare::{ChiSquare, Shift};
 use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
 use crate::manifest::RunKey;
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     /// The result of a session for one hypothesis: a test, or the shift of a component.

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::report::frame::StatedFrame;
-use crate::table::{columns, words};
+use crate::rows::{columns, words};
 
 /// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,7 +8,8 @@ use crate::judgement::StoredTrainings;
 use crate::lake::Lake;
 use crate::manifest::{Input, ROBOT, RunKey, Work, Written};
 use crate::report::ResidualSet;
-use crate::table::{Row as _, Table, row};
+use crate::rows::{Row as _, row};
+use crate::table::Table;
 
 row! {
     pub struct EstimateRow of "estimates" {

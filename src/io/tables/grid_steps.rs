@@ -7,7 +7,7 @@ use crate::grid::{Covered, Interpolation, Judged, Judgement, Picked, Refusal, So
 use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::report::{Angles, Model, Split};
-use crate::table::row;
+use crate::rows::row;
 
 row! {
     pub struct StepRow of "grid_steps" {

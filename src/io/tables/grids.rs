@@ -11,7 +11,8 @@ use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
 use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, Work, Written};
-use crate::table::{Row as _, Table, row};
+use crate::rows::{Row as _, row};
+use crate::table::Table;
 
 /// The name of the estimate among the inputs of grids.
 pub const ESTIMATE: &str = "estimate";

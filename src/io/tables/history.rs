@@ -5,7 +5,7 @@
 use super::past::{Figure, Kind, PastSession};
 use super::words::Unit;
 use crate::manifest::RunKey;
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     pub struct HistoryRow of "history" {

@@ -14,7 +14,8 @@ use crate::join::{ClockEstimate, JoinReject, Joined, ReadingCounts, RowReject, T
 use crate::judgement::{DrivenBy, JoinedSession};
 use crate::lake::Lake;
 use crate::manifest::{Input, RunKey, Work, Written};
-use crate::table::{Row, Rows, Table, row};
+use crate::rows::{Row, Rows, row};
+use crate::table::Table;
 use crate::units::WallTime;
 
 row! {

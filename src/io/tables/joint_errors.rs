@@ -8,7 +8,7 @@ use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::curves::JointError;
 use crate::judgement::Outcome;
-use crate::table::row;
+use crate::rows::row;
 
 /// Distance beyond the measured angles at which the curve ends, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;

@@ -4,7 +4,7 @@ use super::words::Role;
 use crate::join::ReadingKind;
 use crate::judgement::LengthResidual;
 use crate::report::Model;
-use crate::table::row;
+use crate::rows::row;
 
 row! {
     /// Measured minus predicted length of one reading by one model.

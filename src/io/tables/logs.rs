@@ -14,8 +14,9 @@ use crate::join::JoinInput;
 use crate::lake::{OpenRun, OpenTable, WholeTable};
 use crate::log::JointSink;
 use crate::manifest::RunKey;
+use crate::rows::{Word as _, words};
 use crate::schema;
-use crate::table::{Columns, ROW_GROUP_ROWS, Table, Word as _, words};
+use crate::table::{Columns, ROW_GROUP_ROWS, Table};
 use crate::units::Stamp;
 
 /// Columns of positions, orientations and stated covariances.
@@ -244,7 +245,7 @@ fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4
 pub(super) mod tests {
     use super::*;
     use crate::geometry::{PoseCovariance, TurnCovariance};
-    use crate::table::{Row as _, row};
+    use crate::rows::{Row as _, row};
     use crate::units::{Controller, Tracker};
 
     row! {

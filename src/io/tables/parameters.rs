@@ -11,7 +11,7 @@ use crate::fit::{Calibration, Freedom, Identifiability, Unknown};
 use crate::judgement::Outcome;
 use crate::kinematics::{Arm, Axis, Element, GaugePart, LinkQuantity, Motion, Parameter};
 use crate::report::Model;
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     pub struct ParameterRow of "parameters" {

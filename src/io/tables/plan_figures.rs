@@ -5,7 +5,7 @@ use crate::plan::compare::Expected;
 use crate::plan::outcomes::RobotFigures;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, Outcomes, PlanSettings, Purpose, SamplingPlan};
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     /// Accuracy after compensation over many simulated robots, for one setting of one study.

@@ -9,7 +9,7 @@ use crate::join::{
     Command, MeanLength, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Value,
 };
-use crate::table::row;
+use crate::rows::row;
 use crate::units::Stamp;
 
 row! {

@@ -9,7 +9,7 @@ use crate::join::references::{Event, Motion, Place};
 use crate::join::tabled::ReferenceCourse;
 use crate::judgement::{JoinedSession, Outcome};
 use crate::report::Model;
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     pub struct ReferenceRow of "references" {

@@ -4,7 +4,7 @@ use super::stations::Unpaired;
 use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::join::{JoinReject, RejectCode, RowItem, RowReject, Station, Unmeasured};
 use crate::judgement::JoinedSession;
-use crate::table::{Word, row, words};
+use crate::rows::{Word, row, words};
 
 row! {
     /// Items left out for one reason at one place.

@@ -9,7 +9,7 @@ use super::words::Role;
 use crate::geometry::{symmetric, upper};
 use crate::join::TargetId;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::table::{columns, row};
+use crate::rows::{columns, row};
 
 row! {
     /// Measured minus predicted at one station under one model, base frame.

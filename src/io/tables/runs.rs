@@ -5,7 +5,8 @@ pub use super::stage_results::row_digest;
 use super::stage_results::{FileColumns, InputColumns, MadeColumns, signed};
 use super::words::{TableVerdict, VerdictOf};
 use crate::manifest::{Replaced, StageCount, Work, Written};
-use crate::table::{Table, columns, row};
+use crate::rows::{columns, row};
+use crate::table::Table;
 use crate::units::WallTime;
 
 row! {

@@ -10,7 +10,7 @@ use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
 use crate::report::promise::{PlanPromise, Promise};
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     /// A planned visit, with the promise of the whole plan.

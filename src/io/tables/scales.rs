@@ -1,7 +1,7 @@
 //! `scales`: whether each session's length unit agrees with the arm's lengths.
 
 use crate::fit::scale::{ScaleVerdict, SessionScale};
-use crate::table::row;
+use crate::rows::row;
 
 row! {
     /// The estimate of one session's scale.

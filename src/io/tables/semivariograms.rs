@@ -2,8 +2,8 @@
 
 use super::words::Unit;
 use crate::report::Model;
+use crate::rows::{row, words};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
-use crate::table::{row, words};
 
 row! {
     /// A bin of a semivariogram, or a model fitted to its bins: the columns of the other are absent.

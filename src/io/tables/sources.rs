@@ -5,7 +5,7 @@ use crate::fit::{Gauge, sources};
 use crate::join::{ReadingKind, SourceId};
 use crate::judgement::Source;
 use crate::report::Model;
-use crate::table::{row, words};
+use crate::rows::{row, words};
 
 row! {
     /// The part of one source in one model.

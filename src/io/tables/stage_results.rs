@@ -5,7 +5,8 @@ use thiserror::Error;
 use super::readings::NoStations;
 use crate::lake::{Lake, LakeError};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
-use crate::table::{Row, Table, TableError, columns, row};
+use crate::rows::{Row, columns, row};
+use crate::table::{Table, TableError};
 
 /// The reason why the result of a stage cannot be read back.
 #[derive(Debug, Error)]

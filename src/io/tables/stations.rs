@@ -9,7 +9,7 @@ use crate::fit::commanded::SettlingError;
 use crate::join::{Pairing, Reading, Station, Unmeasured};
 use crate::judgement::JoinedSession;
 use crate::kinematics::Arm;
-use crate::table::{Word, columns, row, words};
+use crate::rows::{Word, columns, row, words};
 
 row! {
     /// A dwell of the arm.

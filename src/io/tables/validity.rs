@@ -18,7 +18,7 @@ use crate::join::Station;
 use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::report::{ResidualSet, Split};
-use crate::table::columns;
+use crate::rows::columns;
 
 columns! {
     /// Columns of `calibrations` and `compensation`, the same in every row.

@@ -12,8 +12,8 @@ use crate::ingest::SpanClock;
 use crate::kinematics::Joint;
 use crate::report::verdict::Applied;
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
+use crate::rows::{Word, words};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
-use crate::table::{Word, words};
 use crate::units::SLIDE_MM_PER_RAD;
 
 /// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.

@@ -7,7 +7,8 @@ use crate::fit::Gap;
 use crate::geometry::upper;
 use crate::kinematics::InverseError;
 use crate::manifest::RunKey;
-use crate::table::{Row as _, Table, TableError, Word as _, row, words};
+use crate::rows::{Row as _, Word as _, row, words};
+use crate::table::{Table, TableError};
 use crate::tables::words::{CorrectingTable, xyzw};
 
 row! {

@@ -12,8 +12,9 @@ use crate::input::Bound;
 pub use crate::judgement::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
+use crate::rows::{Row as _, Word as _};
 use crate::schema::{self, KEY_COLUMNS};
-use crate::table::{self, Row as _, Word as _};
+use crate::table::{self};
 
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
 

@@ -6,8 +6,9 @@ use super::{Place, Row, RowProblem, Rows, TargetsError};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
+use crate::rows::{Row as _, row};
 use crate::schema;
-use crate::table::{self, Row as _, Table, row};
+use crate::table::{self, Table};
 
 row! {
     /// A target as stated in another program's file; missing parts of a position or a quaternion are reported later.

@@ -1,6 +1,6 @@
 //! Bytes from anywhere: no decoder and no reader of schemas panics, whatever it is given.
 
-use posegrid::io::message::{FieldReader, MessageSchema, Row};
+use posegrid::files::message::{FieldReader, MessageSchema, Row};
 use proptest::prelude::*;
 
 use super::messages::reader;
@@ -37,7 +37,7 @@ fn readers() -> Vec<(FieldReader, Vec<u8>, usize)> {
 }
 
 fn schema_has(schema: &MessageSchema, path: &str) -> bool {
-    schema.has(&posegrid::io::message::FieldPath::parse(path).expect("a sound path"))
+    schema.has(&posegrid::files::message::FieldPath::parse(path).expect("a sound path"))
 }
 
 /// Reads a message and looks at everything that is lent out of it.

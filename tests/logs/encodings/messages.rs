@@ -1,6 +1,6 @@
 //! Protobuf and JSON, down to the rules for what is missing, doubled or unknown.
 
-use posegrid::io::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
+use posegrid::files::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
 
 use super::proto::{Field, Proto, describe, file, set};
 

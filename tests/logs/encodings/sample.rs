@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use mcap::Compression;
-use posegrid::io::message::{FieldPath, MessageSchema, Row, Value};
+use posegrid::files::message::{FieldPath, MessageSchema, Row, Value};
 
 use super::proto::{Field, Proto, describe, file, set};
 use crate::build::Log;

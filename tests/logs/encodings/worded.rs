@@ -1,7 +1,7 @@
 //! A row that has read messages like this one reads it as a new one does: what is kept of the message before is never
 //! mistaken for what this one says.
 
-use posegrid::io::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
+use posegrid::files::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
 
 use super::messages::reader;
 use super::sample::{

@@ -8,8 +8,8 @@ use posegrid::cli::compensate::{
     self, CompensateArgs, CompensateCommandError, Compensated, UsedWithArgs,
 };
 use posegrid::compensation::Exception;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Columns, Table};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Columns, Table};
 use posegrid::manifest::RunKey;
 
 pub const COUNTS: [usize; 3] = [4, 3, 3];

@@ -8,8 +8,8 @@ use std::sync::OnceLock;
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
 use assert_cmd::Command;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Table};
+use posegrid::files::schema;
+use posegrid::files::table::{self, Table};
 
 use super::cell::{Cell, SAMPLE, Sample, field};
 

@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use posegrid::io::schema;
-use posegrid::io::table;
+use posegrid::files::schema;
+use posegrid::files::table;
 use posegrid::io::targets;
 
 use super::cell::{Cell, SAMPLE, Sample, field};

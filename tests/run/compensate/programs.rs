@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use posegrid::io::lake::Lake;
-use posegrid::io::table::Word as _;
+use posegrid::io::rows::Word as _;
 
 use super::commands::{Ended, compensate, file_of, lake, text_of};
 

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::PathBuf;
 
 use posegrid::cli::compensate::{CompensateCommandError, UsedWithArgs};
+use posegrid::files::table::{self};
 use posegrid::io::lake::{Correction, Lake, is_correction};
-use posegrid::io::table::{self, Word as _};
+use posegrid::io::rows::Word as _;
 
 use super::cell::{Cell, SAMPLE, Sample, field};
 

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use nalgebra::Vector3;
-use posegrid::io::schema;
-use posegrid::io::table;
+use posegrid::files::schema;
+use posegrid::files::table;
 
 use super::cell::field;
 use super::quickstart::{quickstart, sh};

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use arrow::array::Array as _;
 use arrow::array::StringArray;
+use posegrid::files::schema;
+use posegrid::files::table::{self, Table};
 use posegrid::io::lake::Lake;
-use posegrid::io::schema;
-use posegrid::io::table::{self, Table};
 
 use crate::cell::published;
 

@@ -10,13 +10,13 @@ use crate::at::At;
 use crate::cli::folder_given::FolderGiven;
 use crate::compensation::Exception;
 use crate::compensation::validity::Outside;
+use crate::files::store::Place;
+use crate::files::table::{self, FileError, TableError};
+use crate::files::whole_file;
 use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
 use crate::io::lake::LakeError;
-use crate::io::store::Place;
-use crate::io::table::{self, FileError, TableError};
 use crate::io::targets::TargetsError;
-use crate::io::whole_file;
 use crate::pipeline::history::HistoryError;
 
 /// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.

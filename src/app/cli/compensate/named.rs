@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::{CompensateArgs, CompensateCommandError};
 use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
+use crate::files::store::Place;
 use crate::io::lake::Lake;
-use crate::io::store::Place;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Form, Targets};
 use crate::manifest::RunKey;

@@ -7,10 +7,10 @@ use crate::compensation::slips::Slip;
 use crate::compensation::{
     Corrected, Covariances, Exception, Refused, Target, Term, Validity, compensate,
 };
+use crate::files::table;
 use crate::ingest::AngleUnit;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
-use crate::io::table;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{CorrectedBy, JointUnits, Targets};
 

@@ -4,7 +4,7 @@ use std::fmt;
 use super::Compensated;
 use crate::compensation::Validity;
 use crate::compensation::validity::{Held, Term};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::targets::RefusedFor;
 
 const REFUSALS_SHOWN: usize = 20;

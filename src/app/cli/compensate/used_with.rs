@@ -4,7 +4,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use crate::compensation::{Conditions, Exception, Term, UsedWith};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::words::CorrectingTable;
 
 /// The conditions that targets will be run with; one that is not given is not checked.

@@ -1,9 +1,9 @@
 use std::io::Write;
 
 use super::{CompensateArgs, CompensateCommandError, WriteCause};
-use crate::io::table::{self, Table};
+use crate::files::table::{self, Table};
+use crate::files::whole_file::write_whole;
 use crate::io::targets::{self, Form, JointUnits};
-use crate::io::whole_file::write_whole;
 
 impl CompensateArgs {
     /// The form of the result, known before anything is read.

@@ -7,12 +7,13 @@ use rayon::prelude::*;
 
 use super::HistoryCommandError;
 use crate::cli::messages::Printable;
+use crate::files::table::{Table, write};
+use crate::files::whole_file::replace_whole;
 use crate::io::lake::{FLEET, Lake, LakeError, page_over_time};
-use crate::io::table::{Row as _, Table, write};
+use crate::io::rows::Row as _;
 use crate::io::tables::drift::{self, DriftRow};
 use crate::io::tables::history::{self, HistoryRow};
 use crate::io::tables::past::{Figure, PastSession};
-use crate::io::whole_file::replace_whole;
 use crate::pipeline::history::{RobotHistory, figures, figures_of_ends, fleet, trend};
 use crate::units::WallTime;
 

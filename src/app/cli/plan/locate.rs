@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::io::Write;
 
 use super::{CsvCause, PlanArgs, PlanCommandError, new_csv};
-use crate::io::whole_file::write_whole;
+use crate::files::whole_file::write_whole;
 use crate::kinematics::Joint;
 use crate::pipeline::planning::Located;
 use crate::plan::compare::Expected;

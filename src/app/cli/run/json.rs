@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use super::summary::{Totals, in_order};
 use super::work::Ending;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::table::{Row as _, Word as _};
+use crate::io::rows::{Row as _, Word as _};
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{RunKey, VERSION};

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use crate::cli::messages::Printable;
+use crate::files::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::io::lake::Stage;
-use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
     Anew, ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, Left, Output,

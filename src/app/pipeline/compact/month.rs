@@ -5,13 +5,14 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 use super::{CompactError, Compacted, TABLES, UNDATED};
+use crate::files::schema::{self, TableSchema};
+use crate::files::store::Listed;
+use crate::files::table::{self, Table, together};
 use crate::io::lake::{
     ASKED, AskedRow, CompactFile, CompactState, Lake, LakeError, request_key, request_of,
     runs_among,
 };
-use crate::io::schema::{self, TableSchema};
-use crate::io::store::Listed;
-use crate::io::table::{self, Row as _, Table, together};
+use crate::io::rows::Row as _;
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;

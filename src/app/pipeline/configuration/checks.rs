@@ -8,11 +8,11 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::{ConfigurationError, ConfigurationErrorKind, lengths};
+use crate::files::message;
 use crate::fit::Uncertainty;
 use crate::grid::{GridSettings, Lattice, WorkBox};
 use crate::ingest::{StationsSettings, WrongFields};
 use crate::io::lake;
-use crate::io::message;
 use crate::kinematics::Arm;
 use crate::pipeline::file::{PipelineFile, Pool};
 

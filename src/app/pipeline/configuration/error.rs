@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::at::At;
+use crate::files::store::StoreError;
 use crate::io::lake::LakeError;
-use crate::io::store::StoreError;
 use crate::manifest::ManifestError;
 use crate::nearest::did_you_mean;
 use crate::pipeline::robot_file::NoRobotFile;

@@ -9,8 +9,8 @@ use super::tree::Tree;
 use super::{
     ConfigurationError, ConfigurationErrorKind, checks, folder_of, placed_at, read_arm, resolved,
 };
-use crate::io::input::{self, Bound, toml_problem};
-use crate::io::store::Place;
+use crate::files::input::{self, Bound, toml_problem};
+use crate::files::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
 use crate::pipeline::keys::{KeyReference, door};

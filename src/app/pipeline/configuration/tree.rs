@@ -10,7 +10,7 @@ use std::ops::{Bound, RangeInclusive};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::io::store::{self, Listed, Place, Store, StoreError};
+use crate::files::store::{self, Listed, Place, Store, StoreError};
 
 /// Depth of a log: in its session's folder, or a few folders below it.
 const LEVELS: RangeInclusive<usize> = 1..=8;
@@ -94,7 +94,7 @@ fn below<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::store::Folder;
+    use crate::files::store::Folder;
 
     #[test]
     fn what_was_listed_is_a_tree_of_its_own() {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::history::control::Charted;
 use crate::io::lake::Lake;
-use crate::io::table::Row;
+use crate::io::rows::Row;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::past::{Figure, Kind, PastSession};

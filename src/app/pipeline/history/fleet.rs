@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Reason, RobotHistory, RunResult};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::past::PastSession;
 use crate::io::tables::words::TableVerdict;
 use crate::manifest::VERSION;

@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::rows::Fact;
+use crate::files::table::Table;
 use crate::fit::TargetId;
 use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
@@ -16,7 +17,7 @@ use crate::history::estimate::Estimate;
 use crate::history::notice::Noticed;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
 use crate::io::lake::{Lake, LakeError, figures_key};
-use crate::io::table::{Row as _, Table, Word as _};
+use crate::io::rows::{Row as _, Word as _};
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::clocks::ClockRow;

@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::order::CurrentRow;
 use super::rows::Fact;
+use crate::files::store::Listed;
 use crate::history::{Judged, SessionHistory};
 use crate::io::lake::{Lake, LakeError, summary_key};
-use crate::io::store::Listed;
 
 #[derive(Debug, Clone, Default)]
 pub(super) struct Summary {

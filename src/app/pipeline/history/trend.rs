@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{RobotHistory, RunResult};
 use crate::history::FALSE_ALARM;
 use crate::io::lake::{Lake, LakeError, PAGES};
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::past::{Figure, Kind, PastSession};
 use crate::io::tables::words::{TableVerdict, Unit};
 use crate::manifest::VERSION;

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::compensation::IdentifiedArm;
+use crate::files::schema::{self, SchemaError};
+use crate::files::store::Place;
 use crate::fit::full::FullModel;
 use crate::fit::full::next::{Mounted, Mounting, Placed};
 use crate::fit::{Sees, SourceId, TargetId};
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
 use crate::io::lake::{Lake, LakeError};
-use crate::io::schema::{self, SchemaError};
-use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;

@@ -9,8 +9,8 @@ use nalgebra::Isometry3;
 
 use super::known::{self, KnownError};
 use super::{PlanningError, Stated};
+use crate::files::store::Place;
 use crate::io::lake::Lake;
-use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::files::Files;

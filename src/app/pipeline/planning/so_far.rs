@@ -17,7 +17,7 @@ use super::{Planning, PlanningError, SESSION};
 use crate::fit::full::FullModel;
 use crate::fit::{self, FitError, Observation, Purpose, SourceId, TrainingSettings};
 use crate::io::lake::Lake;
-use crate::io::table::Row as _;
+use crate::io::rows::Row as _;
 use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::join::{Pairing, Station};
 use crate::judgement::JoinedSession;

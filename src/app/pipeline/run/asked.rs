@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Done;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::table::{Row as _, Word as _};
+use crate::io::rows::{Row as _, Word as _};
 use crate::io::tables::runs::RunRow;
 use crate::manifest::{ROBOT, RunKey};
 use crate::pipeline::verify::changed_settings;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::RunError;
-use crate::io::input::{self, Bound};
+use crate::files::input::{self, Bound};
 use crate::io::log::{SessionLogs, read_metadata};
 use crate::io::station_table::{self, Whose};
 use crate::manifest::{self, Input, ROBOT, Work};

@@ -16,10 +16,10 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::{Done, Took};
-use crate::io::input::{self, Bound};
+use crate::files::input::{self, Bound};
+use crate::files::store::Listed;
 use crate::io::lake::{INDEX, Lake, LakeError, alone_key, request_key};
-use crate::io::store::Listed;
-use crate::io::table::Word as _;
+use crate::io::rows::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};

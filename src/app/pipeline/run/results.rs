@@ -7,8 +7,8 @@
 use super::inputs::is_of_session;
 use super::session::{of_joined, session};
 use super::{RunError, StageDone, work};
+use crate::files::table::Table;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, OpenRun, Stage};
-use crate::io::table::Table;
 use crate::io::tables::stage_results::NotRestored;
 use crate::io::tables::{PublishError, estimates, grids, joined_sessions};
 use crate::judgement::{self, Estimate, JoinedSession, Outcome, StageError};

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use nalgebra::Isometry3;
 
 use super::{RunError, mounting};
+use crate::files::input::Bound;
 use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::knocks;
 use crate::fit::report_steps;
 use crate::ingest::covariances::CovarianceCounts;
 use crate::ingest::{Mapping, StationsSettings};
-use crate::io::input::Bound;
 use crate::io::lake::OpenRun;
 use crate::io::log::{JointSink, SessionLogs, SessionRead, read_session};
 use crate::io::station_table;

@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use super::altered::{KNOWN_ARM, is_gone};
 use super::claim::{Claim, Register};
 use crate::io::lake::Lake;
-use crate::io::table::Row as _;
+use crate::io::rows::Row as _;
 use crate::io::tables::stations::StationRow;
 use crate::manifest::{RunKey, Written};
 

@@ -2,8 +2,9 @@
 
 use std::mem::take;
 
-use crate::io::schema::KEY_COLUMNS;
-use crate::io::table::{Row as _, Table};
+use crate::files::schema::KEY_COLUMNS;
+use crate::files::table::Table;
+use crate::io::rows::Row as _;
 use crate::io::tables::runs::{RunRow, row_digest};
 use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platform};
 

@@ -13,11 +13,11 @@ use rayon::prelude::*;
 
 use super::VerifyError;
 use super::selection::Selected;
+use crate::files::store::Place;
+use crate::files::table::{self, Head};
 use crate::io::lake::{
     ASKED, Lake, LakeError, LakeFile, PAGES, Stands, is_correction, request_key,
 };
-use crate::io::store::Place;
-use crate::io::table::{self, Head};
 use known::{Judged, Known, Scope, rows_now};
 
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

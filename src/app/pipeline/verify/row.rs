@@ -6,10 +6,10 @@ use serde_json::Value;
 
 use super::claim::{Claim, Register};
 use super::selection::PastRun;
+use crate::files::schema;
+use crate::files::store::Place;
+use crate::files::table::{self, Seal};
 use crate::io::lake::{Lake, LakeError};
-use crate::io::schema;
-use crate::io::store::Place;
-use crate::io::table::{self, Seal};
 use crate::io::tables::{estimates, grids, joined_sessions};
 use crate::manifest::{Input, ROBOT, RunKey, VERSION, canonical};
 use crate::pipeline::keys::{estimate_settings, grids_settings, join_settings};

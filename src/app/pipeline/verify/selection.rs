@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use super::VerifyError;
 use super::claim::{Claim, Register};
 use super::verdict::Verdict;
+use crate::files::store::Place;
+use crate::files::table::Seal;
 use crate::io::lake::{Lake, LakeError, RunRow, Stands};
-use crate::io::store::Place;
-use crate::io::table::Seal;
 use crate::pipeline::configuration::files;
 
 #[derive(Debug, Clone, Default)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::altered::Lost;
 use super::claim::Claim;
-use crate::io::input::Bound;
+use crate::files::input::Bound;
 use crate::io::log::read_metadata;
 use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};

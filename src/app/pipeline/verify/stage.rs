@@ -9,10 +9,11 @@ use std::collections::BTreeSet;
 
 use super::recompute;
 use super::source::Sought;
+use crate::files::store::Place;
+use crate::files::table::Table;
+use crate::files::table::compare::compare;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, RunRow, STAGES, Stage};
-use crate::io::store::Place;
-use crate::io::table::compare::compare;
-use crate::io::table::{Row as _, Table};
+use crate::io::rows::Row as _;
 use crate::io::tables::estimates::{self, EstimateRow};
 use crate::io::tables::grids::{self, GridsRow};
 use crate::io::tables::joined_sessions::{self, JoinedSessionRow};

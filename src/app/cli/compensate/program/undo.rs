@@ -11,7 +11,7 @@ use super::{ProgramError, read};
 use crate::at::At;
 use crate::cli::compensate::error::CompensateCommandError;
 use crate::cli::messages::Printable;
-use crate::io::input::{self, Bound};
+use crate::files::input::{self, Bound};
 use crate::programs::record::{RECORD, Record, UndoError};
 
 /// For a record, which has some fifty bytes for each number that was replaced.

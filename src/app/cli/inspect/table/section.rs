@@ -277,7 +277,7 @@ fn placement(placed: &Isometry3<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::input::Bound;
+    use crate::files::input::Bound;
     use crate::io::inspect::table::{Arms, inspect};
 
     /// Rows of joints and of a position, with names that TOML and terminals must not act on.

@@ -9,7 +9,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::StatedRobot;
-use crate::io::input::{self, Bound};
+use crate::files::input::{self, Bound};
 use crate::pipeline::keys::KeyReference;
 use crate::pipeline::robot_entry::RobotEntry;
 

@@ -9,8 +9,8 @@ mod tables;
 
 use super::growing::growing;
 use super::{LeftOut, POOLED, Recorded, SessionTable, Tree, Why, logs};
+use crate::files::input::Bound;
 use crate::ingest::StationsSettings;
-use crate::io::input::Bound;
 use crate::io::lake;
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};

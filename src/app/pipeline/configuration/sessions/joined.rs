@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::found::Session;
 use super::{JoinedBefore, LeftOut, Recorded, Why};
 use crate::io::lake::{JOINED, Lake, LakeError};
-use crate::io::table::Row as _;
+use crate::io::rows::Row as _;
 use crate::io::tables::joined_sessions::JoinedSessionRow;
 use crate::manifest::{Input, ROBOT, RunKey, VERSION};
 

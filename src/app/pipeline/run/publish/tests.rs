@@ -11,14 +11,15 @@ use arrow_array::types::Float64Type;
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::publish;
+use crate::files::table::Table;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{SourceId, TargetId, ToolErrors};
 use crate::io::lake::Commit;
 use crate::io::lake::Lake;
-use crate::io::table::Word as _;
-use crate::io::table::{Row, Rows, Table};
+use crate::io::rows::Word as _;
+use crate::io::rows::{Row, Rows};
 use crate::io::tables::validity::learnt_from;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::*;
@@ -118,7 +119,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
 fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let published = table(calibrations::rows(&OUTCOME, &context()).unwrap());
     let file = tempfile::NamedTempFile::new().unwrap();
-    let bytes = crate::io::table::write(&published, Vec::new()).unwrap();
+    let bytes = crate::files::table::write(&published, Vec::new()).unwrap();
     std::fs::write(file.path(), bytes).unwrap();
     let back = crate::io::calibrations_table::read(file.path()).unwrap();
     assert_eq!(back.key, key());
@@ -144,7 +145,7 @@ fn the_same_outcome_gives_the_same_bytes() {
         let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
         let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
         let all = session.tables().chain(run.tables());
-        all.map(|table| crate::io::table::write(table, Vec::new()).unwrap()).collect()
+        all.map(|table| crate::files::table::write(table, Vec::new()).unwrap()).collect()
     };
     assert_eq!(bytes(), bytes());
 }

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::example::{ARM, SESSION, trained};
+use crate::files::schema;
 use crate::fit::model::{At, Query};
 use crate::fit::{Model, PoseModel, SourceId};
-use crate::io::schema;
 
 /// The allowed values of a column.
 fn allowed(table: &str, column: &str) -> BTreeSet<&'static str> {

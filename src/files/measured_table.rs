@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::input::{self, Bound};
 use crate::at::At;
 use cells::Cells;
-pub(crate) use decoded::decode;
+pub use decoded::decode;
 pub use error::{ColumnError, MeasuredTableError, MeasuredTableErrorKind};
 
 /// Settings for a file that does not state them itself; each absent one is found in the file.
@@ -191,7 +191,7 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
     read().map_err(|kind: MeasuredTableErrorKind| At::new(path.display(), kind))
 }
 
-pub(crate) fn of_yaml(text: &str) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub fn of_yaml(text: &str) -> Result<MeasuredTable, MeasuredTableErrorKind> {
     yaml::read(text.as_bytes(), &Form::default())
 }
 

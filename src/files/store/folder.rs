@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
-use crate::lake::temporary::Temporary;
+use crate::temporary::Temporary;
 
 /// Depth of folders above the files of a lake: of the table, the robot and the session.
 const FOLDERS: usize = 3;

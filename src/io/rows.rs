@@ -1,9 +1,8 @@
 //! Rows of a table: one struct of typed fields ↔ whole columns.
 //!
-//! [`row!`](crate::table::row) declares the struct of a table, [`columns!`](crate::table::columns) that of columns which
-//! several tables have alike: it is a field of their rows. A field is the column of its name; one of several numbers
-//! names its columns. Robot, session and run are outside the rows where all have the same.
-//! [`words!`](crate::table::words) pairs the values of an enumeration with its words.
+//! `row!` declares the struct of a table, `columns!` that of columns which several tables have alike: it is a field of their
+//! rows. A field is the column of its name; one of several numbers names its columns. Robot, session and run are outside the rows where all have the same.
+//! `words!` pairs the values of an enumeration with its words.
 
 use std::sync::Arc;
 
@@ -12,9 +11,9 @@ use arrow_array::cast::AsArray;
 use arrow_array::types::{Float64Type, Int64Type, TimestampMicrosecondType};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use super::{Columns, Table, TableError, Value};
 use crate::manifest::RunKey;
 use crate::schema::{self, ColumnType, TableSchema};
+use crate::table::{Columns, Table, TableError, Value};
 use crate::units::WallTime;
 
 pub trait Row: Field {
@@ -302,7 +301,7 @@ impl<W: Word> Stored for W {
 /// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`.
 macro_rules! words {
     ($($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? })+) => {$(
-        impl $crate::table::Word for $enumeration {
+        impl $crate::rows::Word for $enumeration {
             fn word(self) -> &'static str {
                 match self {
                     $(Self::$value $(($of))? => $word,)+
@@ -321,12 +320,12 @@ macro_rules! words {
 pub(crate) use words;
 
 /// The struct of a table's rows: `row! { pub struct ClockRow of "clocks" { offset_ns: f64, … } }`; its fields are those of
-/// [`columns!`](crate::table::columns).
+/// `columns!`.
 macro_rules! row {
     ($(#[$meta:meta])* pub struct $row:ident of $table:literal { $($fields:tt)+ }) => {
-        $crate::table::columns! { $(#[$meta])* pub struct $row { $($fields)+ } }
+        $crate::rows::columns! { $(#[$meta])* pub struct $row { $($fields)+ } }
 
-        impl $crate::table::Row for $row {
+        impl $crate::rows::Row for $row {
             const TABLE: &'static str = $table;
         }
     };
@@ -334,7 +333,7 @@ macro_rules! row {
 pub(crate) use row;
 
 /// A struct of columns. A field is the column of its name, or the columns that it names, as a list or by what it is
-/// ([`names!`](crate::table::names)): `at as [x_mm, y_mm, z_mm]`, `error as point`, `shift_mm as [shift: point]`. A struct that stands
+/// (`names!`): `at as [x_mm, y_mm, z_mm]`, `error as point`, `shift_mm as [shift: point]`. A struct that stands
 /// elsewhere gets its columns by `columns! { of Conditions { … } }`.
 macro_rules! columns {
     (
@@ -348,18 +347,18 @@ macro_rules! columns {
         pub struct $group {
             $($(#[$doc])* pub $field: $kind,)+
         }
-        $crate::table::columns! { of $group { $($field $(as $names)? : $kind,)+ } }
+        $crate::rows::columns! { of $group { $($field $(as $names)? : $kind,)+ } }
     };
     (of $group:ident { $($field:ident $(as $names:tt)? : $kind:ty,)+ }) => {
-        impl $crate::table::Field for $group {
+        impl $crate::rows::Field for $group {
             fn put<'v>(
                 columns: $crate::table::Columns,
                 _: &'static [&'static str],
                 values: impl Iterator<Item = &'v Self> + Clone,
             ) -> $crate::table::Columns {
-                $(let columns = <$kind as $crate::table::Field>::put(
+                $(let columns = <$kind as $crate::rows::Field>::put(
                     columns,
-                    $crate::table::names!($field $(, $names)?),
+                    $crate::rows::names!($field $(, $names)?),
                     values.clone().map(|own| &own.$field),
                 );)+
                 columns
@@ -369,17 +368,17 @@ macro_rules! columns {
                 table: &$crate::table::Table,
                 _: &'static [&'static str],
             ) -> impl Iterator<Item = Self> {
-                $(let mut $field = <$kind as $crate::table::Field>::all(
+                $(let mut $field = <$kind as $crate::rows::Field>::all(
                     table,
-                    $crate::table::names!($field $(, $names)?),
+                    $crate::rows::names!($field $(, $names)?),
                 );)+
                 (0..table.rows()).map_while(move |_| Some(Self { $($field: $field.next()?,)+ }))
             }
 
-            fn columns(_: &'static [&'static str]) -> Vec<$crate::table::FieldColumn> {
+            fn columns(_: &'static [&'static str]) -> Vec<$crate::rows::FieldColumn> {
                 let mut columns = Vec::new();
-                $(columns.extend(<$kind as $crate::table::Field>::columns(
-                    $crate::table::names!($field $(, $names)?),
+                $(columns.extend(<$kind as $crate::rows::Field>::columns(
+                    $crate::rows::names!($field $(, $names)?),
                 ));)+
                 columns
             }
@@ -398,19 +397,19 @@ macro_rules! names {
         &[$(stringify!($column)),+]
     };
     ($field:ident, [$prefix:ident: $kind:ident]) => {
-        $crate::table::names!($prefix, $kind)
+        $crate::rows::names!($prefix, $kind)
     };
     ($field:ident, point) => {
-        $crate::table::names!($field + "_x_mm" "_y_mm" "_z_mm")
+        $crate::rows::names!($field + "_x_mm" "_y_mm" "_z_mm")
     };
     ($field:ident, turn) => {
-        $crate::table::names!($field + "_qx" "_qy" "_qz" "_qw")
+        $crate::rows::names!($field + "_qx" "_qy" "_qz" "_qw")
     };
     ($field:ident, placement) => {
-        $crate::table::names!($field + "_x_mm" "_y_mm" "_z_mm" "_qx" "_qy" "_qz" "_qw")
+        $crate::rows::names!($field + "_x_mm" "_y_mm" "_z_mm" "_qx" "_qy" "_qz" "_qw")
     };
     ($field:ident, covariance) => {
-        $crate::table::names!(
+        $crate::rows::names!(
             $field + "_xx_mm2" "_xy_mm2" "_xz_mm2" "_yy_mm2" "_yz_mm2" "_zz_mm2"
         )
     };

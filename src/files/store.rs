@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use super::lake::temporary::Temporary;
+use super::temporary::Temporary;
 pub use error::{BucketTrouble, StoreError, advice};
 pub use folder::Folder;
 pub use place::{Place, without_secrets};

@@ -10,7 +10,7 @@ use std::path::Path;
 const ERROR_PIPE_NOT_CONNECTED: i32 = 233;
 
 /// Reads bytes at a place of a file, as many as one call gives; on Windows the file's own position moves too.
-pub(crate) fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
+pub fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
     #[cfg(unix)]
     return std::os::unix::fs::FileExt::read_at(file, bytes, start);
     #[cfg(windows)]
@@ -18,7 +18,7 @@ pub(crate) fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<u
 }
 
 /// Fills `bytes` from a place of a file, as [`read_at`] does; an error where the file ends before.
-pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
+pub fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
     let mut filled = 0;
     while filled < bytes.len() {
         match read_at(file, &mut bytes[filled..], start + filled as u64) {
@@ -31,7 +31,7 @@ pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Re
     Ok(())
 }
 
-pub(crate) fn special(kind: FileType) -> &'static str {
+pub fn special(kind: FileType) -> &'static str {
     #[cfg(unix)]
     {
         use std::os::unix::fs::FileTypeExt as _;
@@ -74,7 +74,7 @@ pub fn write_stdout(bytes: &[u8]) -> io::Result<()> {
 
 /// Makes the names in a folder last: on Unix a new name is permanent only once its folder is synced; NTFS keeps a
 /// journal of names.
-pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
     #[cfg(unix)]
     File::open(folder)?.sync_all()?;
     #[cfg(not(unix))]

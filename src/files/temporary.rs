@@ -69,7 +69,7 @@ impl Disk {
 
 impl Temporary {
     /// Opens a temporary next to `target`, whose folder must exist.
-    pub(crate) fn beside(target: &Path) -> io::Result<Self> {
+    pub fn beside(target: &Path) -> io::Result<Self> {
         let file_name = target.file_name().expect("a lake's files have names").to_string_lossy();
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let name = format!(".{file_name}.tmp-{}-{number}", Owner::this_process().suffix());
@@ -81,16 +81,16 @@ impl Temporary {
     }
 
     #[cfg(feature = "s3")]
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
-    pub(crate) fn bytes(&self) -> io::Result<u64> {
+    pub fn bytes(&self) -> io::Result<u64> {
         Ok(self.path.metadata()?.len())
     }
 
     /// Syncs everything to the disk, still under the temporary name, and returns the BLAKE3 digest, hexadecimal.
-    pub(crate) fn sync(&mut self) -> io::Result<String> {
+    pub fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;
         let Digested { file, hasher, disk } = self.file.get_mut();
         disk.finish()?;
@@ -99,13 +99,13 @@ impl Temporary {
     }
 
     /// Renames it to `target`, whether or not that exists.
-    pub(crate) fn replace(self, target: &Path) -> io::Result<()> {
+    pub fn replace(self, target: &Path) -> io::Result<()> {
         fs::rename(&self.path, target)?;
         sync_folder(target)
     }
 
     /// Becomes `target` if that does not exist yet; of several that try at once exactly one succeeds.
-    pub(crate) fn create(self, target: &Path) -> io::Result<bool> {
+    pub fn create(self, target: &Path) -> io::Result<bool> {
         match fs::hard_link(&self.path, target) {
             Ok(()) => sync_folder(target).map(|()| true),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
@@ -149,7 +149,7 @@ fn sync_folder(target: &Path) -> io::Result<()> {
 }
 
 /// Removes temporaries whose process on this host is gone, and old ones of processes of which that is unknown.
-pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
+pub fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -201,7 +201,7 @@ pub fn clean_folders(of: &str) {
 }
 
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Owner {
+pub struct Owner {
     host: String,
     pid: u32,
     start: u64,
@@ -217,7 +217,7 @@ impl Owner {
         format!("{}-{}-{}", self.host, self.pid, self.start)
     }
 
-    pub(super) fn of_temporary(file_name: &str) -> Option<Self> {
+    pub fn of_temporary(file_name: &str) -> Option<Self> {
         let (_, suffix) = file_name.strip_prefix('.')?.rsplit_once(".tmp-")?;
         let parts: Vec<&str> = suffix.split('-').collect();
         let [host, pid, start, _number] = parts[..] else { return None };
@@ -236,7 +236,7 @@ impl Owner {
 }
 
 /// The name of this host, letters and digits only.
-pub(super) fn host() -> String {
+pub fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.chars().filter(char::is_ascii_alphanumeric).take(24).collect()
 }

@@ -28,7 +28,7 @@ use tempfile::TempDir;
 use tokio::runtime::{Builder, Runtime};
 
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
-use crate::lake::temporary::{self, Temporary};
+use crate::temporary::{self, Temporary};
 use patience::{Clients, RETRIES, noted};
 use trouble::Secrets;
 use whole::Digest;

@@ -5,10 +5,38 @@ use std::fs::{File, FileType};
 use std::io::{self, Read as _};
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::log::Limits;
-use super::system;
+use crate::system;
+
+/// `[limits]`: the largest sizes that a log may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// The longest record, bytes; attachments, which are not read, may be longer.
+    pub record_bytes: u64,
+    /// The largest chunk, bytes as stored and decompressed together.
+    pub chunk_bytes: u64,
+    /// Bytes worked on at once, as stored and decompressed; a single chunk may be larger.
+    pub batch_bytes: u64,
+    /// The largest log that is stored in zstd as a whole, bytes after decompression.
+    pub unpacked_bytes: u64,
+    /// The largest other file of a session; Parquet values take up to sixteen times as much in memory.
+    pub file_bytes: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            record_bytes: 256 << 20,
+            chunk_bytes: 256 << 20,
+            batch_bytes: 32 << 20,
+            unpacked_bytes: 64 << 30,
+            file_bytes: 64 << 20,
+        }
+    }
+}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bound {
@@ -45,7 +73,7 @@ impl Bound {
 
     /// For the values of a Parquet file in memory; the file takes a tenth of them or less on the disk.
     #[must_use]
-    pub(super) const fn of_values(self) -> Self {
+    pub const fn of_values(self) -> Self {
         Self { bytes: self.bytes.saturating_mul(16), ..self }
     }
 }

@@ -9,7 +9,6 @@ pub mod compare;
 mod digest;
 mod error;
 mod read;
-mod row;
 mod same;
 mod together;
 pub mod values;
@@ -25,8 +24,6 @@ pub use error::{FileError, FileErrorKind, TableError, plain};
 pub use read::{
     Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
 };
-pub use row::{Field, FieldColumn, Row, Rows, Stored, Word};
-pub(crate) use row::{columns, names, row, words};
 pub use together::together;
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
@@ -57,7 +54,7 @@ impl Table {
     }
 
     /// The digest of all columns except `except`, hexadecimal; it does not depend on the file.
-    pub(super) fn digest_without(&self, except: &[&str]) -> String {
+    pub fn digest_without(&self, except: &[&str]) -> String {
         digest::of_columns(self, except)
     }
 
@@ -90,7 +87,7 @@ impl Table {
         self.array(column).as_list()
     }
 
-    fn array(&self, column: &str) -> &dyn arrow_array::Array {
+    pub fn array(&self, column: &str) -> &dyn arrow_array::Array {
         let found = self.batch.column_by_name(column);
         found.unwrap_or_else(|| panic!("table {} has no column {column}", self.schema.table))
     }

@@ -101,7 +101,7 @@ pub(super) fn plain_values(error: &ArrowError) -> String {
 }
 
 impl FileErrorKind {
-    pub(crate) fn at(self, path: &Path) -> FileError {
+    pub fn at(self, path: &Path) -> FileError {
         FileError { path: path.to_owned(), kind: self }
     }
 

@@ -3,14 +3,14 @@ use std::borrow::Cow;
 use super::MeasuredTableErrorKind;
 
 /// A text, and what was found about its encoding where it is not UTF-8 without a mark.
-pub(crate) struct Decoded<'b> {
-    pub(crate) text: Cow<'b, str>,
-    pub(crate) remark: Option<&'static str>,
+pub struct Decoded<'b> {
+    pub text: Cow<'b, str>,
+    pub remark: Option<&'static str>,
 }
 
 /// Decodes UTF-8, UTF-16 with or without a byte-order mark, and otherwise Latin-1, which has a character for every
 /// byte.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
+pub fn decode(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
     let (little, big) = (u16::from_le_bytes, u16::from_be_bytes);
     match bytes {
         [0xef, 0xbb, 0xbf, rest @ ..] => eight(rest),

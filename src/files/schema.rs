@@ -306,7 +306,7 @@ impl ColumnType {
     }
 
     /// Whether it holds one value, not a list.
-    pub(super) const fn is_scalar(self) -> bool {
+    pub const fn is_scalar(self) -> bool {
         !matches!(self, Self::ListFloat64 | Self::ListInt64 | Self::ListString)
     }
 }

@@ -70,7 +70,7 @@ pub struct Head {
 ///
 /// ```
 /// # use posegrid_base::manifest::RunKey;
-/// # use posegrid_io::{schema, table::{self, Columns}};
+/// # use posegrid_files::{schema, table::{self, Columns}};
 /// # let folder = tempfile::tempdir()?;
 /// # let path = folder.path().join("curve.parquet");
 /// # let curve = Columns::new(schema::find("joint_errors")?, 1)

@@ -21,7 +21,7 @@ const AT_ONCE: u64 = 64 << 20;
 const NUMBER: u64 = 12;
 
 /// Checks that the schema of a file has not too many levels. Damage is left to the reader to tell.
-pub(crate) fn check_levels(file: &impl ChunkReader) -> Result<()> {
+pub fn check_levels(file: &impl ChunkReader) -> Result<()> {
     let levels = || {
         let end = file.get_bytes(file.len().checked_sub(8)?, 8).ok()?;
         let footer = u64::from(u32::from_le_bytes(end.get(..4)?.try_into().ok()?));
@@ -70,11 +70,7 @@ fn levels(footer: &[u8]) -> usize {
 }
 
 /// Bytes that the values of a file take in memory, or more than `bound` where they may take more; `again` is the same file.
-pub(crate) fn decoded_bytes<R: ChunkReader + 'static>(
-    file: &R,
-    again: R,
-    bound: u64,
-) -> Result<u64> {
+pub fn decoded_bytes<R: ChunkReader + 'static>(file: &R, again: R, bound: u64) -> Result<u64> {
     let reader = SerializedFileReader::new(again)?;
     let mut sum = 0_u64;
     for group in 0..reader.num_row_groups() {

@@ -11,7 +11,7 @@ use crate::schema::{ColumnType, KEY_COLUMNS, TableSchema};
 ///
 /// ```
 /// # use posegrid_base::manifest::RunKey;
-/// # use posegrid_io::{schema, table::Columns};
+/// # use posegrid_files::{schema, table::Columns};
 /// # let key = RunKey::new("ur10", "2020-11-09", "00ff");
 /// let curve = [(-0.5, 1.0e-4), (0.5, -1.2e-4)];
 /// let table = Columns::new(schema::find("joint_errors")?, curve.len())
@@ -139,7 +139,7 @@ impl Columns {
     }
 
     /// The table with each row's place in the order given, `None` where the order is the same.
-    pub(super) fn finish_in_order(self) -> Result<(Table, Option<Vec<usize>>), TableError> {
+    pub fn finish_in_order(self) -> Result<(Table, Option<Vec<usize>>), TableError> {
         if let Some(error) = self.error {
             return Err(error);
         }
