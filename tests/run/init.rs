@@ -24,6 +24,26 @@ fn logs_give_a_pipeline_file_that_checks_with_the_ready_robot_of_their_metadata(
     ended(posegrid().arg("check").arg(&out)).expect(0, &["quickstart: learns from quickstart"]);
     init().expect(2, &["is there already, and is not replaced"]);
     assert_eq!(fs::read_to_string(&out).expect("there"), written);
+
+    let of_robot = folder.path().join("kr210-r2700-extra.toml");
+    fs::remove_file(&of_robot).expect("the ready robot");
+    let logs = Path::new("tests/recordings/quickstart");
+    ended(posegrid().arg("init").arg(logs).arg("--out").arg(&of_robot))
+        .expect(2, &["is to be the file of the ready robot"]);
+    assert!(!of_robot.exists());
+}
+
+#[test]
+fn a_folder_of_sessions_beside_the_pipeline_file_moves_with_it() {
+    let cell = Cell::new().with_quickstart("mon");
+    let session = cell.session("mon");
+    let sessions = session.parent().expect("a folder of sessions");
+    let beside = sessions.parent().expect("a folder of the cell");
+    let name = sessions.file_name().expect("a name");
+    let init = ["--out", "new.toml"];
+    ended(posegrid().current_dir(beside).arg("init").arg(name).args(init)).expect(0, &["written"]);
+    let written = fs::read_to_string(beside.join("new.toml")).expect("written");
+    assert!(written.contains(&format!("folder = \"{}\"", name.to_string_lossy())), "{written}");
 }
 
 #[test]

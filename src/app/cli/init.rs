@@ -66,6 +66,10 @@ pub enum InitError {
     Write(At<io::Error>),
     #[error("{0} is there already, and is not replaced: write another file with --out")]
     There(PathBuf),
+    #[error(
+        "{0} is to be the file of the ready robot, beside the pipeline file: write another file with --out"
+    )]
+    OfRobot(PathBuf),
 }
 
 const HEAD: &str = "# Written by posegrid init. `posegrid schema pipeline` has every key.\n\n";
@@ -110,7 +114,8 @@ impl InitArgs {
     fn seen_from_out(&self, path: &Path) -> Result<PathBuf, InitError> {
         let is_bare =
             |path: &Path| path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
-        if is_bare(&self.out) && (is_table(path) || !is_bare(path)) {
+        let is_folder = path.is_dir() && path.file_name().is_some();
+        if is_bare(&self.out) && (is_table(path) || is_folder || !is_bare(path)) {
             return Ok(path.to_owned());
         }
         path.canonicalize().map_err(|error| InitError::Write(At::new(path.display(), error)))
@@ -194,6 +199,9 @@ impl InitArgs {
         let mut told = String::new();
         if let Some(robot) = sections.ready.as_deref().and_then(ReadyRobot::find) {
             let path = self.out.with_file_name(robot.file);
+            if path == self.out {
+                return Err(InitError::OfRobot(path));
+            }
             if path.exists() {
                 writeln!(told, "{} was there already, and is kept", path.display())
                     .expect("a string");
