@@ -7,8 +7,8 @@ use crate::common;
 
 use std::fmt::Write as _;
 use std::fs;
+use std::process::Command;
 
-use assert_cmd::Command;
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Rotation3, UnitQuaternion, Vector3, Vector6};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::problem::{Prior, Problem};
@@ -493,7 +493,7 @@ lake = "lake"
 "#
     );
     fs::write(path("eye.toml"), pipeline).expect("writable");
-    let mut command = Command::cargo_bin("posegrid").expect("built");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let output = command.args(["run", "eye.toml", "--verbose"]).current_dir(folder.path()).output();
     let output = output.expect("it runs");
     let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

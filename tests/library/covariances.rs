@@ -8,8 +8,8 @@ use crate::common;
 
 use std::fmt::Write as _;
 use std::fs;
+use std::process::Command;
 
-use assert_cmd::Command;
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix3, Matrix6, Quaternion, UnitQuaternion, Vector3,
 };
@@ -433,7 +433,7 @@ confidence = 0.95
 lake = "lake"
 "#;
     fs::write(path("scan.toml"), pipeline).expect("writable");
-    let mut command = Command::cargo_bin("posegrid").expect("built");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let output = command
         .args(["run", "scan.toml", "--verbose"])
         .current_dir(folder.path())

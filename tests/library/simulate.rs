@@ -227,7 +227,7 @@ fn pipeline(folder: &Path, session: &str, tracker: &str, from_table: bool, poses
 
 /// What `posegrid run --verbose` says of the size of the noise: the factor on what is stated, and its standard error, half of what stands behind ±.
 fn size(pipeline: &Path) -> (f64, f64) {
-    let run = assert_cmd::Command::new(env!("CARGO_BIN_EXE_posegrid"))
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .args(["run", "--verbose"])
         .arg(pipeline)
         .output()

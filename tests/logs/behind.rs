@@ -67,8 +67,7 @@ fn inspected(bytes: &[u8]) -> Inspection {
 /// Exit code and words of `posegrid inspect`.
 fn shown(bytes: &[u8]) -> (Option<i32>, String) {
     let folder = Folder::new();
-    let output = assert_cmd::Command::cargo_bin("posegrid")
-        .expect("built")
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .arg("inspect")
         .arg(folder.file("log.mcap", bytes))
         .output()
@@ -397,7 +396,7 @@ fn a_pipe_or_a_device_is_reported_at_once() {
         (pipe.as_path(), "a pipe (FIFO), not a file"),
         ("/dev/zero".as_ref(), "a device, not a file"),
     ] {
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"))
+        let mut child = Command::new(env!("CARGO_BIN_EXE_posegrid"))
             .arg("inspect")
             .arg(path)
             .stdout(Stdio::null())

@@ -1,6 +1,7 @@
 //! `posegrid inspect` on sound, damaged and foreign logs.
 
-use assert_cmd::Command;
+use std::process::Command;
+
 use mcap::Compression;
 use posegrid::ingest::{CommandedSettings, ControllerSettings, TimeSource, TrackerSettings};
 
@@ -8,8 +9,7 @@ use crate::build::{Cdr, Folder, Log, session_log, stamp};
 
 /// Exit code, stdout and stderr.
 fn inspect(files: &[&std::path::Path]) -> (i32, String, String) {
-    let output = Command::cargo_bin("posegrid")
-        .expect("built")
+    let output = Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .arg("inspect")
         .args(files)
         .output()
@@ -167,7 +167,7 @@ fn clocks_are_compared_and_gaps_placed() {
 fn a_reader_that_goes_away_is_no_error() {
     let folder = Folder::new();
     let log = folder.file("log.mcap", &session_log(None, 20));
-    let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin!("posegrid"))
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .arg("inspect")
         .args(vec![&log; 300])
         .stdout(std::process::Stdio::piped())
@@ -185,8 +185,7 @@ fn a_log_in_zstd_without_room_to_decompress_it_is_reported() {
     let folder = Folder::new();
     let packed = zstd::stream::encode_all(&session_log(None, 20)[..], 1).expect("memory");
     let log = folder.file("log.mcap.zst", &packed);
-    let output = Command::cargo_bin("posegrid")
-        .expect("built")
+    let output = Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .arg("inspect")
         .arg(&log)
         .env("TMPDIR", folder.path().join("missing"))

@@ -4,8 +4,8 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use assert_cmd::Command;
 use posegrid::files::schema;
 use posegrid::files::table::{self, Table};
 
@@ -50,7 +50,7 @@ struct Ended {
 }
 
 fn posegrid(arguments: &[&str]) -> Ended {
-    let mut command = Command::cargo_bin("posegrid").expect("built with the tests");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let output = command.args(arguments).output().expect("started");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     Ended {

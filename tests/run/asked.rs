@@ -11,7 +11,7 @@ use posegrid::io::lake::{ASKED, Lake};
 use posegrid::manifest::RunKey;
 use serde_json::Value;
 
-use super::cell::{Cell, Ended, ended, posegrid};
+use super::cell::{Cell, Ended, ended, ended_with, posegrid};
 use super::verify::verify;
 
 /// Longer than a file that changed is taken to change again at a time that is stated alike.
@@ -166,7 +166,7 @@ fn two_tasks_at_once_have_a_request_each_and_the_later_one_is_current() {
     let own = cell.pipeline();
     let both = [&own, &other].map(|pipeline| (pipeline, task(pipeline)));
     let done = |pipeline: &Path, task: &str| -> Value {
-        let done = ended(posegrid().arg("task").arg(pipeline).write_stdin(task));
+        let done = ended_with(posegrid().arg("task").arg(pipeline), task);
         done.expect(0, &["\"ended\":\"done"]);
         serde_json::from_str(&done.results).expect("a line of JSON")
     };

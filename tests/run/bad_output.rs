@@ -25,7 +25,7 @@ fn run_on(cell: &Cell, options: &str) -> Ended {
     let script = "mount -t tmpfs -o \"$1\" none \"$2\" && \"$3\" run \"$4\"; code=$?; find \"$2\" -type f; exit $code";
     let output = Command::new("unshare")
         .args(["-rm", "sh", "-c", script, "sh", options])
-        .args([lake.as_path(), Path::new(assert_cmd::cargo::cargo_bin!("posegrid"))])
+        .args([lake.as_path(), Path::new(env!("CARGO_BIN_EXE_posegrid"))])
         .arg(cell.pipeline())
         .output();
     Ended::from(output.expect("started"))

@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Read;
+use std::io::{Read, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, OnceLock};
 use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant, SystemTime};
 
-use assert_cmd::Command;
 use posegrid::files::schema;
 use posegrid::files::table::{self, Table};
 
@@ -223,12 +222,22 @@ pub fn alone(table: &str) -> PathBuf {
 
 /// The command, not started yet.
 pub fn posegrid() -> Command {
-    Command::cargo_bin("posegrid").expect("built with the tests")
+    Command::new(env!("CARGO_BIN_EXE_posegrid"))
 }
 
 /// Runs a command to its end.
 pub fn ended(command: &mut Command) -> Ended {
     Ended::from(command.output().expect("started"))
+}
+
+/// Runs a command that reads a text from standard input to its end.
+pub fn ended_with(command: &mut Command, input: &str) -> Ended {
+    let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = piped.spawn().expect("started");
+    let mut stdin = child.stdin.take().expect("piped");
+    stdin.write_all(input.as_bytes()).expect("read");
+    drop(stdin);
+    Ended::from(child.wait_with_output().expect("our own child"))
 }
 
 /// Waits for the end of a command, which has to come, and reads what it tells.

@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
-use assert_cmd::Command;
 use posegrid::files::table::Table;
 use posegrid::io::lake::{CompactFile, KEYS, Lake};
 use posegrid::io::rows::Row as _;
@@ -270,7 +270,7 @@ fn what_cannot_be_read_is_left_out_and_a_damaged_generation_is_made_again() {
     let middle = damaged.len() / 2;
     damaged[middle] ^= 0x10;
     fs::write(&accuracy, damaged).expect("writable");
-    let posegrid = || Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+    let posegrid = || Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let told = posegrid().arg("compact").arg(folder.path()).output().expect("started");
     let messages = String::from_utf8_lossy(&told.stderr).into_owned();
     assert_eq!(told.status.code(), Some(3), "{messages}");

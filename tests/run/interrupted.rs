@@ -82,7 +82,7 @@ fn killed(cell: &Cell, now: impl Fn(Duration, usize) -> bool) {
 }
 
 fn started(cell: &Cell) -> Child {
-    Command::new(assert_cmd::cargo::cargo_bin!("posegrid"))
+    Command::new(env!("CARGO_BIN_EXE_posegrid"))
         .arg("run")
         .arg(cell.pipeline())
         .stdout(Stdio::null())

@@ -279,7 +279,7 @@ fn a_reader_that_goes_away_ends_it_quietly() {
     let rows: Vec<String> = (0..2000).map(|row| format!("n{row},{joints}\n")).collect();
     let targets = undisturbed().path("many.csv");
     fs::write(&targets, format!("target,{RADIANS}\n{}", rows.concat())).expect("writable");
-    let program = assert_cmd::cargo::cargo_bin("posegrid");
+    let program = env!("CARGO_BIN_EXE_posegrid");
     let mut child = Command::new(program)
         .arg("compensate")
         .arg(arm_file())

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::cell::{Cell, Ended, ended, posegrid, undisturbed};
+use super::cell::{Cell, Ended, ended, ended_with, posegrid, undisturbed};
 use super::same_work::assert_same;
 
 /// Longer than a file that changed is taken to change again at a time that is stated alike.
@@ -21,7 +21,7 @@ fn listed(cell: &Cell) -> Vec<String> {
 
 /// Does a task that comes on standard input.
 fn done(cell: &Cell, task: &str) -> Ended {
-    ended(posegrid().arg("task").arg(cell.pipeline()).write_stdin(task.to_owned() + "\n"))
+    ended_with(posegrid().arg("task").arg(cell.pipeline()), &(task.to_owned() + "\n"))
 }
 
 fn value(line: &str) -> Value {

@@ -20,13 +20,13 @@ fn text(first: &str) -> String {
 /// A command line of the guide with our own binary and pipeline file in it.
 fn ours(line: &str, cell: &Cell) -> String {
     assert!(line.contains(BINARY) && line.contains(PIPELINE), "{line}");
-    line.replace(BINARY, assert_cmd::cargo::cargo_bin!("posegrid").to_str().expect("UTF-8"))
+    line.replace(BINARY, env!("CARGO_BIN_EXE_posegrid"))
         .replace(PIPELINE, cell.pipeline().to_str().expect("UTF-8"))
 }
 
 /// Runs a command line as a scheduler does: with hardly any environment, from `/`.
 fn bare(line: &str) -> Ended {
-    let mut command = assert_cmd::Command::new("env");
+    let mut command = std::process::Command::new("env");
     ended(command.args(["-i", "PATH=/usr/bin:/bin", "sh", "-c", line]).current_dir("/"))
 }
 

@@ -61,7 +61,7 @@ impl From<Output> for Told {
 }
 
 fn posegrid(arguments: &[&str]) -> Command {
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     command.args(arguments).env_remove("RUST_LOG");
     command
 }
@@ -236,7 +236,7 @@ fn closed_streams_change_nothing() {
         let usual = told(&mut posegrid(&arguments), Stream::Read, Stream::Read);
         let mut closed = Command::new("sh");
         closed.args(["-c", "exec \"$@\" 2>&-", "sh"]);
-        closed.arg(assert_cmd::cargo::cargo_bin!("posegrid")).args(arguments);
+        closed.arg(env!("CARGO_BIN_EXE_posegrid")).args(arguments);
         let found = told(&mut closed, Stream::Read, Stream::Read);
         assert_eq!((found.code, found.results), (usual.code, usual.results));
     }
@@ -248,7 +248,7 @@ fn a_file_that_may_not_grow_refuses_and_does_not_kill() {
     let file = folder.path().join("results");
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -f 0; exec \"$@\"", "sh"]);
-    limited.arg(assert_cmd::cargo::cargo_bin!("posegrid")).arg("schema");
+    limited.arg(env!("CARGO_BIN_EXE_posegrid")).arg("schema");
     let child =
         limited.stdout(File::create(&file).expect("writable")).stderr(Stdio::piped()).spawn();
     let found = Told::from(in_time(child.expect("started")));
@@ -257,7 +257,7 @@ fn a_file_that_may_not_grow_refuses_and_does_not_kill() {
     // The same for messages: what is told is told.
     let mut limited = Command::new("sh");
     limited.args(["-c", "ulimit -f 0; exec \"$@\"", "sh"]);
-    limited.arg(assert_cmd::cargo::cargo_bin!("posegrid")).arg("schema");
+    limited.arg(env!("CARGO_BIN_EXE_posegrid")).arg("schema");
     let child = limited
         .env("RUST_LOG", "posegrid=loudly")
         .stdout(Stdio::piped())

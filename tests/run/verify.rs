@@ -337,7 +337,7 @@ fn what_an_interrupted_verify_leaves_is_removed_by_the_next() {
     let temporary = undisturbed().path("temporary of an interrupted one");
     fs::create_dir(&temporary).expect("writable");
     let command = || {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
         command.env("TMPDIR", &temporary).arg("verify").arg(undisturbed().path("lake"));
         command.arg("--pipeline").arg(undisturbed().pipeline()).arg("mon");
         command.stdout(Stdio::null()).stderr(Stdio::null());

@@ -232,7 +232,7 @@ impl Remote {
 
     /// Any command of posegrid that knows how to reach the server.
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
         command
             .args(arguments)
             .envs(self.server.environment())

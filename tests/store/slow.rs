@@ -69,7 +69,7 @@ impl Slow {
     }
 
     fn command(&self, name: &str) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
         command.arg(name).arg(self.cell.pipeline()).envs(self.memory.environment());
         command
     }

@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::OnceLock;
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
-use assert_cmd::Command;
 use posegrid::files::schema;
 use posegrid::files::table::{self, Table};
 
@@ -31,7 +31,7 @@ impl Ended {
 }
 
 pub(super) fn compensate(args: &[&str]) -> Ended {
-    let mut command = Command::cargo_bin("posegrid").expect("the program");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let output = command.arg("compensate").args(args).output();
     let output = output.expect("started");
     Ended {
@@ -44,7 +44,7 @@ pub(super) fn compensate(args: &[&str]) -> Ended {
 /// The lake of a run of a pipeline file.
 fn run(pipeline: &Path) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut command = Command::cargo_bin("posegrid").expect("the program");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let output = command.arg("run").arg(pipeline).arg("--lake");
     let output = output.arg(folder.path()).output().expect("started");
     assert_ne!(output.status.code(), Some(1), "the run has a result");
@@ -264,7 +264,7 @@ fn a_flipped_sign_in_the_tool_leaves_no_table_to_correct_with() {
     let pipeline = folder.path().join("flipped.toml");
     fs::write(&pipeline, text).expect("writable");
     let lake = folder.path().join("lake");
-    let mut command = Command::cargo_bin("posegrid").expect("the program");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posegrid"));
     let done = command.arg("run").arg(&pipeline).arg("--lake").arg(&lake);
     let done = done.output().expect("started");
     let results = String::from_utf8(done.stdout).expect("text");

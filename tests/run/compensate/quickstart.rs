@@ -3,9 +3,8 @@
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::OnceLock;
-
-use assert_cmd::Command;
 
 /// A folder with what the quickstart reads, and the lake that its run wrote.
 pub struct Quickstart {
@@ -38,16 +37,17 @@ impl Quickstart {
 
 /// The lines of a shell run in a folder, with our program on the path; what they print on stdout. They have to succeed.
 pub fn sh(folder: &Path, lines: &str) -> String {
-    let program = assert_cmd::cargo::cargo_bin!("posegrid");
+    let program = Path::new(env!("CARGO_BIN_EXE_posegrid"));
     let mut path = OsString::from(program.parent().expect("in a folder"));
     path.push(":/usr/bin:/bin");
     let done = Command::new("sh")
         .args(["-e", "-c", lines])
         .env("PATH", path)
         .current_dir(folder)
-        .assert()
-        .success();
-    String::from_utf8_lossy(&done.get_output().stdout).into_owned()
+        .output()
+        .expect("started");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    String::from_utf8_lossy(&done.stdout).into_owned()
 }
 
 /// The quickstart's run.

@@ -64,7 +64,7 @@ fn on_a_disk_of(kib: usize) {
     let size = kib.to_string();
     let output = Command::new("unshare")
         .args(["-rm", "sh", "-c", SCRIPT, "sh", &size, text(&disk)])
-        .arg(Path::new(assert_cmd::cargo::cargo_bin!("posegrid")))
+        .arg(Path::new(env!("CARGO_BIN_EXE_posegrid")))
         .args([&small().pipeline(), &trial.folder.path().to_owned()])
         .output();
     let ended = Ended::from(output.expect("started"));

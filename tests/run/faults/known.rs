@@ -21,7 +21,7 @@ fn run_with(cell: &Cell, arguments: &[&str]) -> (String, usize) {
     let trace = cell.path("trace");
     let mut command = strace::strace(&["trace=openat"], text(&trace));
     let output = command
-        .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
+        .arg(env!("CARGO_BIN_EXE_posegrid"))
         .arg("run")
         .arg(cell.pipeline())
         .args(arguments)

@@ -85,7 +85,7 @@ pub fn strace(expressions: &[&str], to: &str) -> Command {
 /// Adds a run into the trial's lake, on one thread so that calls have the same numbers each time.
 pub fn posegrid<'c>(command: &'c mut Command, trial: &Trial) -> &'c mut Command {
     command
-        .arg(assert_cmd::cargo::cargo_bin!("posegrid"))
+        .arg(env!("CARGO_BIN_EXE_posegrid"))
         .arg("run")
         .arg(small().pipeline())
         .args(["--lake", text(&trial.lake())])

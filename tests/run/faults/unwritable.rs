@@ -47,7 +47,7 @@ impl Trial {
         let calls = self.folder.path().join("calls");
         let mut command = strace::strace(&[&["trace=write"], expressions].concat(), text(&calls));
         command.args(["-P", text(&streams[stream as usize])]);
-        command.arg(assert_cmd::cargo::cargo_bin!("posegrid")).args(arguments);
+        command.arg(env!("CARGO_BIN_EXE_posegrid")).args(arguments);
         command.env("RAYON_NUM_THREADS", "1").env_remove("RUST_LOG");
         let started = command.stdout(results).stderr(messages).spawn();
         let code = in_time(started.expect("started")).status.code();
