@@ -260,3 +260,16 @@ fn the_commands_of_the_first_night_run_as_they_stand() {
         assert!(printed.contains(told), "{told}: {printed}");
     }
 }
+
+#[test]
+fn the_commands_of_other_chapters_run_as_they_stand() {
+    let done = quickstart();
+    for chapter in ["pipeline_file", "simulate"] {
+        let text = fs::read_to_string(format!("src/guide/{chapter}.md")).expect("part of it");
+        let pieces: Vec<&str> = text.split("```sh\n").skip(1).collect();
+        assert!(!pieces.is_empty(), "{chapter} has commands");
+        for piece in pieces {
+            done.sh(piece.split("```").next().expect("fenced"));
+        }
+    }
+}
