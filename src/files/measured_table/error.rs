@@ -73,8 +73,11 @@ pub enum MeasuredTableErrorKind {
     LongName { counted: &'static str, line: u64 },
     #[error("it cannot be read as a spreadsheet: {0}")]
     Spreadsheet(String),
-    #[error("no sheet that is shown holds a table; hidden ones are read where sheet = … names them: {}", .0.join(", "))]
-    Hidden(Vec<String>),
+    #[error(
+        "no sheet that is shown has a row with two numbers, as numbers or as text; sheet = … reads another one, also a hidden one{}",
+        hidden(.0)
+    )]
+    NoTable(Vec<String>),
     #[error("it is {0}, which is not read; save it as .xlsx or .csv")]
     OtherBook(&'static str),
     #[error("unpacked it has more than {limit} bytes, the limit; {advice}")]
@@ -104,6 +107,10 @@ pub enum ColumnError {
         listed(columns)
     )]
     Ambiguous { name: String, columns: Vec<usize> },
+}
+
+fn hidden(names: &[String]) -> String {
+    if names.is_empty() { String::new() } else { format!(": {}", names.join(", ")) }
 }
 
 fn quoted(names: &[String]) -> String {

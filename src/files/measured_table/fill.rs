@@ -3,6 +3,7 @@ use std::borrow::Cow;
 use super::cells::Cells;
 use super::head::Head;
 use super::number::{Contrary, Numbers};
+use super::separator::Marks;
 use super::split::comment;
 use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, RowLeftOut};
 
@@ -18,6 +19,20 @@ struct Found {
     line: u64,
     text: String,
     kind: Contrary,
+}
+
+/// The rows by the decimal mark that is stated, otherwise by that of most numbers of the sample of texts, or where these have none by
+/// that of a later row.
+pub(super) fn filled<'h, 's>(
+    stated: Option<char>,
+    sample: impl Iterator<Item = &'s str>,
+    fill: impl Fn(Numbers) -> Result<Filling<'h>, MeasuredTableErrorKind>,
+) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+    let decimal = stated.or_else(|| Marks::count(sample).decimal());
+    let numbers = Numbers::with(decimal.unwrap_or('.'));
+    let filled = fill(numbers.clone())?;
+    let is_other = decimal.is_none() && filled.has_other_mark();
+    if is_other { fill(numbers.other()) } else { Ok(filled) }
 }
 
 pub(super) struct Filling<'h> {
@@ -125,7 +140,7 @@ impl<'h> Filling<'h> {
     }
 
     /// Whether a cell is a number with the other decimal mark.
-    pub(super) fn has_other_mark(&self) -> bool {
+    fn has_other_mark(&self) -> bool {
         let found = self.contrary.iter().flatten();
         found.into_iter().any(|found| found.kind == Contrary::OtherMark)
     }

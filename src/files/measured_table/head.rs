@@ -77,6 +77,11 @@ impl Head {
     }
 }
 
+/// The texts of all cells of a sample.
+pub(super) fn texts(sample: &[SampleRow]) -> impl Iterator<Item = &str> {
+    sample.iter().flat_map(|row| &row.pieces).map(|piece| piece.text.as_str())
+}
+
 impl SampleRow {
     fn is_blank(&self) -> bool {
         self.count(PieceKind::Blank) == self.pieces.len()

@@ -4,7 +4,7 @@ use std::io::{self, Read as _};
 
 use zip::ZipArchive;
 
-use super::fill::{Filling, Written};
+use super::fill::{self, Filling, Written};
 use super::head::{self, Head, Piece, PieceKind, SampleRow};
 use super::number::Numbers;
 use super::separator::{EitherMark, SAMPLE};
@@ -55,8 +55,15 @@ impl Written for SheetCell<'_> {
 }
 
 impl Sheet<'_> {
-    pub(super) fn has_table(&self) -> bool {
-        let is_number = |cell: &SheetCell| matches!(cell, SheetCell::Number(_));
+    /// Whether a row has two numbers, or where `as_text` two cells that are numbers as a text of any way of writing.
+    pub(super) fn has_table(&self, as_text: bool) -> bool {
+        let point = Numbers::with('.');
+        let is_number = |cell: &SheetCell| match cell {
+            SheetCell::Number(_) => true,
+            _ => {
+                as_text && (cell.number(&point).is_some() || point.contrary(&cell.text()).is_some())
+            }
+        };
         let numbers =
             |row: &[(u32, SheetCell)]| row.iter().filter(|(_, cell)| is_number(cell)).count();
         self.rows.iter().any(|(_, row)| numbers(row) > 1)
@@ -80,25 +87,35 @@ impl Sheet<'_> {
         names: &[String],
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
         let all = self.columns(0);
-        let mut head = self.head(&all, form)?;
+        let head = head::find(&self.sample(&all)?, form.header, false)?;
         // A note beside the title makes no column.
         let columns = self.columns(head.header.unwrap_or(head.above));
-        if columns.len() < all.len() {
-            head = self.head(&columns, form)?;
-        }
-        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
+        let sample = self.sample(&columns)?;
+        let head = head::find(&sample, form.header, false)?;
+        let fill = |numbers| self.fill(&head, &columns, numbers);
+        let mut filling = fill::filled(form.decimal, head::texts(&sample), fill)?;
+        filling.blank(self.absent());
+        let mut remarks = self.remarks(form, names);
+        remarks.extend(head.remark.clone());
+        filling.table(Counted::Row, remarks)
+    }
+
+    fn fill<'h>(
+        &self,
+        head: &'h Head,
+        columns: &[u32],
+        numbers: Numbers,
+    ) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+        let mut filling = Filling::new(head, numbers);
         for (place, (line, row)) in self.rows.iter().enumerate() {
-            let cells = dense(row, &columns);
+            let cells = dense(row, columns);
             if place < head.above {
                 filling.above(&cells);
             } else {
                 filling.record(*line, &cells)?;
             }
         }
-        filling.blank(self.absent());
-        let mut remarks = self.remarks(form, names);
-        remarks.extend(head.remark.clone());
-        filling.table(Counted::Row, remarks)
+        Ok(filling)
     }
 
     /// Number of rows above the last that hold nothing.
@@ -128,7 +145,7 @@ impl Sheet<'_> {
         columns.into_iter().collect()
     }
 
-    fn head(&self, columns: &[u32], form: &Form) -> Result<Head, MeasuredTableErrorKind> {
+    fn sample(&self, columns: &[u32]) -> Result<Vec<SampleRow>, MeasuredTableErrorKind> {
         if columns.len() > MOST_COLUMNS {
             return Err(MeasuredTableErrorKind::TooManyColumns { found: columns.len() });
         }
@@ -139,8 +156,7 @@ impl Sheet<'_> {
             pieces: dense(row, columns).iter().map(|cell| piece(cell, &either)).collect(),
             is_comment: false,
         });
-        let sample: Vec<SampleRow> = sample.collect();
-        head::find(&sample, form.header, false)
+        Ok(sample.collect())
     }
 }
 

@@ -1,7 +1,7 @@
-use super::fill::{Filling, Written as _};
+use super::fill::{self, Filling, Written as _};
 use super::head::{self, Head, Piece, SampleRow};
 use super::number::Numbers;
-use super::separator::{self, EitherMark, Marks, SAMPLE};
+use super::separator::{self, EitherMark, SAMPLE};
 use super::split::{Rows, Separator, comment};
 use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded};
 
@@ -12,15 +12,8 @@ pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredT
     let separator = stated.map_or_else(|| separator::choose(text), Separator::stated);
     let sample = sample(text, separator)?;
     let head = head::find(&sample, form.header, separator == Separator::Sign(b','))?;
-    let cells = sample.iter().flat_map(|row| row.pieces.iter());
-    let found = Marks::count(cells.map(|piece| piece.text.as_str())).decimal();
-    let decimal = form.decimal.or(found);
-    let numbers = Numbers::with(decimal.unwrap_or('.'));
-    let mut filled = fill(text, separator, &head, numbers.clone())?;
-    // The rows of the sample have no decimal mark, and a later one has.
-    if decimal.is_none() && filled.has_other_mark() {
-        filled = fill(text, separator, &head, numbers.other())?;
-    }
+    let fill = |numbers| fill(text, separator, &head, numbers);
+    let filled = fill::filled(form.decimal, head::texts(&sample), fill)?;
     let mark = if filled.numbers().mark() == ',' { "comma" } else { "point" };
     let mut remarks = vec![format!("separator {}, decimal {mark}", separator.name())];
     remarks.extend(decoded.remark.map(str::to_owned));

@@ -33,7 +33,12 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
     let names = book.sheet_names();
     let hidden = book.sheets_metadata().iter().filter(|own| own.visible != SheetVisible::Visible);
     let hidden: Vec<String> = hidden.map(|own| own.name.clone()).collect();
-    for name in sheet::chosen(&names, &hidden, form)? {
+    let chosen = sheet::chosen(&names, &hidden, form)?;
+    // Numbers may be typed into cells that are formatted as text; a sheet of numbers goes before one of such.
+    let tried = [false, true]
+        .into_iter()
+        .flat_map(|as_text| chosen.iter().map(move |name| (*name, as_text)));
+    for (name, as_text) in tried {
         let rows = match rows(&mut book, name) {
             // A chart has a sheet of its own, without cells.
             Err(XlsxError::NotAWorksheet(_)) if form.sheet.is_none() => continue,
@@ -41,14 +46,11 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorK
         };
         let rows = rows.ok_or(MeasuredTableErrorKind::TooManyCells)?;
         let sheet = Sheet { name: name.clone(), rows };
-        if form.sheet.is_some() || sheet.has_table() {
+        if form.sheet.is_some() || sheet.has_table(as_text) {
             return sheet.table(form, &names);
         }
     }
-    if hidden.is_empty() {
-        return Err(MeasuredTableErrorKind::Empty);
-    }
-    Err(MeasuredTableErrorKind::Hidden(hidden))
+    Err(MeasuredTableErrorKind::NoTable(hidden))
 }
 
 fn wrong(error: &XlsxError) -> MeasuredTableErrorKind {

@@ -149,6 +149,39 @@ fn dates_formulas_and_numbers_typed_as_text() {
     assert_eq!(row(&table, 1), [Text("06:00:00"), Text("#DIV/0!"), Text("true")]);
 }
 
+/// Rows of a sheet whose cells are all texts.
+fn texts(rows: &[[&str; 3]]) -> String {
+    let cell = |text: &&str| format!("<c t=\"str\"><v>{text}</v></c>");
+    let row = |cells: &[&str; 3]| cells.iter().map(cell).collect::<String>();
+    rows.iter().map(|cells| format!("<row>{}</row>", row(cells))).collect()
+}
+
+#[test]
+fn numbers_that_are_all_text_are_read_as_those_of_a_csv() {
+    let note = texts(&[["3", "rows", "2"]]);
+    for [one, other] in [["1.5", "-2e1"], ["1,5", "-20"], ["1.5 ", " -20.0"]] {
+        let data = texts(&[["station", "x", "y"], ["P1", one, "7"], ["P2", other, "n/a"]]);
+        let table = read(&workbook(&[("S", &data), ("Note", &note)]), &Form::default()).unwrap();
+        assert_eq!(row(&table, 0), [Text("P1"), Number(1.5), Number(7.0)], "{one}");
+        assert_eq!(row(&table, 1), [Text("P2"), Number(-20.0), Text("n/a")], "{other}");
+        // A sheet of numbers goes before.
+        let numbers = rows_of(&[(1, &["a", "b"]), (2, &["1", "2"])]);
+        let table = read(&workbook(&[("S", &data), ("T", &numbers)]), &Form::default()).unwrap();
+        assert_eq!(table.columns(), ["a", "b"]);
+    }
+    let refused = |cell: &str| {
+        let data = texts(&[["station", "x", "y"], ["P1", cell, "1.5"], ["P2", cell, "2.5"]]);
+        read(&workbook(&[("S", &data)]), &Form::default()).unwrap_err()
+    };
+    let thousands = refused("1,234.5");
+    assert!(
+        thousands.contains("sheet \"S\": line 2, column \"x\": \"1,234.5\" has"),
+        "{thousands}"
+    );
+    let words = read(&workbook(&[("S", &texts(&[["a", "b", "c"]]))]), &Form::default());
+    assert!(words.unwrap_err().starts_with("no sheet that is shown has a row with two numbers"));
+}
+
 #[test]
 fn cells_beyond_the_ends_of_a_sheet_are_refused_before_they_are_read() {
     let refused = |rows: &str| {

@@ -3,7 +3,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use super::{Node, Record};
-use crate::measured_table::fill::{Filling, Written};
+use crate::measured_table::fill::{self, Filling, Written};
 use crate::measured_table::head::Head;
 use crate::measured_table::number::Numbers;
 use crate::measured_table::{
@@ -103,11 +103,25 @@ impl<'d> Flat<'d> {
         remarks: Vec<String>,
     ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
         let head = Head::of(self.names.iter().map(|name| name.trim().to_owned()).collect());
-        let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
+        let texts = self.values.iter().filter_map(|(_, value)| match value {
+            Value::Text(text) => Some(*text),
+            _ => None,
+        });
+        let fill = |numbers| self.fill(&head, records, numbers);
+        fill::filled(form.decimal, texts, fill)?.table(counted, remarks)
+    }
+
+    fn fill<'h>(
+        &self,
+        head: &'h Head,
+        records: &[Record<'_>],
+        numbers: Numbers,
+    ) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+        let mut filling = Filling::new(head, numbers);
         let mut row = vec![Value::Blank; self.names.len()];
         let mut start = 0;
-        for (record, end) in records.iter().zip(self.ends) {
-            let Some(end) = end else {
+        for (record, end) in records.iter().zip(&self.ends) {
+            let Some(end) = *end else {
                 filling.leave_out(record.line, LeftOutFor::NoObject);
                 continue;
             };
@@ -121,7 +135,7 @@ impl<'d> Flat<'d> {
                 row[place] = Value::Blank;
             }
         }
-        filling.table(counted, remarks)
+        Ok(filling)
     }
 }
 

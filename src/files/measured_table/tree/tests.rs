@@ -109,6 +109,14 @@ fn values_keep_their_kind() {
 }
 
 #[test]
+fn numbers_that_are_text_are_read_as_those_of_a_csv() {
+    let table = json(r#"[{"a": "P1", "x": "1,5", "y": 2.5}, {"a": "P2", "x": "3", "y": "-0,5"}]"#);
+    let table = table.unwrap();
+    assert_eq!(row(&table, 0), [Text("P1"), Number(1.5), Number(2.5)]);
+    assert_eq!(row(&table, 1), [Text("P2"), Number(3.0), Number(-0.5)]);
+}
+
+#[test]
 fn records_that_are_none_are_left_out_and_empty_ones_counted() {
     let table = json(r#"[{"a": 1}, 5, null, {"a": null}, [1], {"a": 2}]"#).unwrap();
     let left_out: Vec<u64> = table.left_out().iter().map(|row| row.line).collect();
