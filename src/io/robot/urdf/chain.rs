@@ -35,6 +35,7 @@ pub(super) fn robot_file(
     let mut left = None;
     for step in steps {
         refuse_xacro(step.joint.node)?;
+        step.joint.refuse_unknown()?;
         let kind = step.joint.kind()?;
         let mut joint =
             JointFile { name: step.joint.name.to_owned(), kind, ..JointFile::default() };
@@ -143,7 +144,7 @@ fn move_by(
             joint.limits_deg = Some(limits.map(|limit| (limit.to_degrees() * 1e9).round() / 1e9));
         }
         (None, JointKind::Prismatic) => {
-            return Err(UrdfError::Limits {
+            return Err(UrdfError::Has {
                 line: step.joint.line(),
                 joint: step.joint.name.to_owned(),
                 found: "no limits".to_owned(),

@@ -68,7 +68,7 @@ pub enum UrdfError {
     #[error("line {line}: joint {joint:?}: {problem}")]
     Form { line: u32, joint: String, problem: &'static str },
     #[error("line {line}: joint {joint:?} has {found}; {remedy}")]
-    Limits { line: u32, joint: String, found: String, remedy: &'static str },
+    Has { line: u32, joint: String, found: String, remedy: &'static str },
     #[error(
         "line {line}: joint {joint:?} follows {follows:?}, which {problem}; its position cannot be known from the chain: choose another base or \
          tip, or take <mimic> out and let the controller report it"

@@ -7,7 +7,7 @@ use roxmltree::{Attribute, Node};
 
 use super::error::UrdfError;
 use super::tree::{Joint, expanded};
-use super::{attribute, line};
+use super::{attribute, children, line};
 use crate::geometry::{EulerOrder, Placement};
 use crate::kinematics::JointKind;
 use crate::units::MM_PER_M;
@@ -21,6 +21,23 @@ const MANY_TURNS_RAD: f64 = 31.5;
 /// An angle as near to a right one as this, rad, and not nearer than [`EXACT_RAD`], is one whose digits were cut off.
 const CUT_OFF_RAD: f64 = 5e-3;
 const EXACT_RAD: f64 = 1e-7;
+/// The elements of a joint of URDF, and those of simulators in it that place nothing.
+const ELEMENTS: [&str; 12] = [
+    "origin",
+    "axis",
+    "limit",
+    "mimic",
+    "parent",
+    "child",
+    "dynamics",
+    "calibration",
+    "safety_controller",
+    "gazebo",
+    "physics",
+    "hardwareInterface",
+];
+/// Attributes of a limit beside its ends.
+const OF_DRIVES: [&str; 5] = ["effort", "velocity", "acceleration", "deceleration", "jerk"];
 /// The first version whose origins may state quaternions.
 const WITH_QUATERNIONS: (u32, u32) = (1, 1);
 
@@ -121,7 +138,9 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Its origin; that of its parent link where it states none.
     pub(crate) fn origin(&self) -> Result<Origin, UrdfError> {
-        let Some(origin) = self.part("origin")? else { return Ok(Origin::NOWHERE) };
+        let Some(origin) = self.part("origin", &["xyz", "rpy", "quat_xyzw"])? else {
+            return Ok(Origin::NOWHERE);
+        };
         let xyz_m = self.numbers(origin, "xyz", "three numbers in m")?;
         if let Some(found) = xyz_m.filter(|xyz| xyz.iter().any(|m| m.abs() > FAR_M)) {
             let wanted = "three numbers in m, and this is too far away for an arm; is it in mm?";
@@ -174,9 +193,9 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Direction of its axis in its own frame; x where it states none.
     pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
-        let Some(axis) = self.part("axis")? else { return Ok(Vector3::x()) };
+        let Some(axis) = self.part("axis", &["xyz"])? else { return Ok(Vector3::x()) };
         let wanted = "three numbers that are not all zero";
-        let xyz = self.numbers(axis, "xyz", wanted)?.unwrap_or([1.0, 0.0, 0.0]);
+        let xyz = self.numbers(axis, "xyz", wanted)?.unwrap_or_default();
         let direction = Vector3::from(xyz);
         let norm = direction.norm();
         if norm.is_finite() && norm > 1e-9 {
@@ -188,7 +207,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
     pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
-        let Some(limit) = self.part("limit")? else { return Ok(None) };
+        let Some(limit) = self.part("limit", &["lower", "upper"])? else { return Ok(None) };
         let wanted = "a finite number, in rad or m";
         let [lower] = self.numbers(limit, "lower", wanted)?.unwrap_or_default();
         let [upper] = self.numbers(limit, "upper", wanted)?.unwrap_or_default();
@@ -205,24 +224,44 @@ impl<'a, 'i> Joint<'a, 'i> {
         };
         let (line, joint) = (line(limit), self.name.to_owned());
         let found = format!("limits from {lower} to {upper}");
-        Err(UrdfError::Limits { line, joint, found, remedy })
+        Err(UrdfError::Has { line, joint, found, remedy })
     }
 
-    /// Its element of that name; an error where there are two, or what it says is not written as a URDF has it.
-    fn part(&self, name: &str) -> Result<Option<Node<'a, 'i>>, UrdfError> {
+    /// An error where an element stands in it that no joint has: a misspelled one would be passed over.
+    pub(super) fn refuse_unknown(&self) -> Result<(), UrdfError> {
         let own = self.node.tag_name().namespace();
-        let mut alike = self.node.children().filter(|node| {
-            let tag = node.tag_name();
-            node.is_element() && tag.namespace() == own && tag.name().eq_ignore_ascii_case(name)
-        });
+        let elements =
+            self.node.children().filter(Node::is_element).map(|node| (node, node.tag_name()));
+        let mut unknown =
+            elements.filter(|(_, tag)| tag.namespace() == own && !ELEMENTS.contains(&tag.name()));
+        unknown.next().map_or(Ok(()), |(node, tag)| Err(self.unknown(node, tag.name())))
+    }
+
+    fn unknown(&self, node: Node<'_, '_>, found: &str) -> UrdfError {
+        UrdfError::Has {
+            line: line(node),
+            joint: self.name.to_owned(),
+            found: format!("<{found}>, which is unknown"),
+            remedy: "a URDF has origin (xyz, rpy), axis (xyz), limit (lower, upper) and mimic (joint, multiplier, offset), in small \
+                     letters: write it so, or take it out",
+        }
+    }
+
+    /// Its element of that name with these attributes; an error where there are two, or where it may say something that is not read.
+    fn part(&self, name: &str, keys: &[&str]) -> Result<Option<Node<'a, 'i>>, UrdfError> {
+        let mut alike = children(self.node, name);
         let (Some(node), second) = (alike.next(), alike.next()) else { return Ok(None) };
-        let is_large = |own: Attribute<'_, '_>| {
-            let written = |key: &&str| own.name() != *key && own.name().eq_ignore_ascii_case(key);
-            ["xyz", "rpy", "lower", "upper", "multiplier", "offset"].iter().any(written)
+        let is_unknown = |own: &Attribute<'_, '_>| {
+            own.namespace().is_none()
+                && !keys.contains(&own.name())
+                && !OF_DRIVES.contains(&own.name())
         };
-        let (at, problem) = if node.tag_name().name() != name || node.attributes().any(is_large) {
-            (node, "a URDF writes origin, axis, limit, mimic and their numbers in small letters")
-        } else if let Some(second) = second {
+        // Where no number is left out none is misspelled.
+        let lacks_one = keys.iter().any(|key| attribute(node, key).is_none());
+        if let Some(unknown) = node.attributes().find(is_unknown).filter(|_| lacks_one) {
+            return Err(self.unknown(node, &format!("{name} {}", unknown.name())));
+        }
+        let (at, problem) = if let Some(second) = second {
             (
                 second,
                 "it has two such elements, and a URDF has one of each; take one of the two out",
@@ -242,7 +281,9 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// The joint that it follows; `None` for one that is driven.
     pub(crate) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
-        let Some(mimic) = self.part("mimic")? else { return Ok(None) };
+        let Some(mimic) = self.part("mimic", &["joint", "multiplier", "offset"])? else {
+            return Ok(None);
+        };
         let joint = attribute(mimic, "joint").ok_or_else(|| UrdfError::Incomplete {
             line: line(mimic),
             element: format!("<mimic> of joint {:?}", self.name),

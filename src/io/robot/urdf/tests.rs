@@ -311,7 +311,7 @@ fn numbers_that_are_none_are_refused_with_line_and_joint() {
         (("0 1.5707963267948966 0", "0 90 0"), "line 18: joint \"shoulder\": <origin rpy>"),
         (
             ("rpy=\"0 1.5707963267948966", "RPY=\"0 1.5707963267948966"),
-            "line 18: joint \"shoulder\": a URDF writes origin, axis, limit, mimic and their numbers",
+            "line 18: joint \"shoulder\" has <origin RPY>, which is unknown; a URDF has origin (xyz, rpy)",
         ),
         (("0.6 0 0.8", "0 0 0"), "line 26: joint \"passive\": <axis xyz>"),
         (("upper=\"0.3\"", "upper=\"-0.3\""), "line 14: joint \"lift\" has limits from 0 to -0.3"),
@@ -420,8 +420,18 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
         (
             "<origin xyz=\"0.1 0 0.5\"/>",
             "<Origin xyz=\"0.1 0 0.5\"/>",
-            "line 12: joint \"lift\": a URDF writes origin",
+            "line 12: joint \"lift\" has <Origin>, which is unknown; a URDF has origin",
         ),
+        ("<origin xyz=\"0.1", "<orgin xyz=\"0.1", "line 12: joint \"lift\" has <orgin>, which"),
+        ("rpy=\"0 1.57", "rpyy=\"0 1.57", "line 18: joint \"shoulder\" has <origin rpyy>, which"),
+        ("<axis xyz=\"0 0 2", "<axis xzy=\"0 0 2", "line 13: joint \"lift\" has <axis xzy>, which"),
+        (
+            "<axis xyz=\"0 0 2\"/>",
+            "<axis/>",
+            "line 13: joint \"lift\": <axis xyz> = \"[0.0, 0.0, 0.0]\"",
+        ),
+        ("lower=\"-1.5", "low=\"-1.5", "line 20: joint \"shoulder\" has <limit low>, which"),
+        ("multiplier=", "multiplyer=", "line 23: joint \"passive\" has <mimic multiplyer>, which"),
         (
             "<origin xyz=\"0.1 0 0.5\"/>",
             "<origin/>\n<origin xyz=\"0.1 0 0.5\"/>",
