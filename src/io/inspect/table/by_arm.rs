@@ -36,6 +36,10 @@ const MOST_COLUMNS: usize = 3;
 /// The most readings whose mistakes are searched where none agrees.
 const MOST_SEARCHED: usize = 4;
 
+/// Units in which lengths of a table are tried, the usual ones first.
+pub const LENGTHS: [LengthUnit; 5] =
+    [LengthUnit::Mm, LengthUnit::M, LengthUnit::Cm, LengthUnit::Inch, LengthUnit::Ft];
+
 #[derive(Debug, Clone, Default)]
 pub struct Arms {
     pub known: Vec<KnownArm>,
@@ -173,10 +177,9 @@ impl Bench<'_> {
             values.fold(0.0_f64, |largest, value| largest.max(value.abs())) > LARGEST_RAD;
         let angles =
             if is_degrees { &[AngleUnit::Deg][..] } else { &[AngleUnit::Rad, AngleUnit::Deg] };
-        let lengths = [LengthUnit::Mm, LengthUnit::M];
         // In a unit in which positions hardly move they agree with anything.
         let spread = spread(self.table, &self.choices[choice].targets[0].position);
-        let moving = lengths.into_iter().filter(|unit| unit.to_mm() * spread > gate_mm());
+        let moving = LENGTHS.into_iter().filter(|unit| unit.to_mm() * spread > gate_mm());
         let moving: Vec<LengthUnit> = moving.collect();
         let mut all = Vec::new();
         for (arm, known) in self
@@ -186,7 +189,7 @@ impl Bench<'_> {
             .enumerate()
             .filter(|(_, known)| known.arm.joints().len() == joints)
         {
-            let slides = if known.arm.has_slides() { &lengths[..] } else { &lengths[..1] };
+            let slides = if known.arm.has_slides() { &LENGTHS[..] } else { &LENGTHS[..1] };
             for (&angle, &slide) in
                 angles.iter().flat_map(|angle| slides.iter().map(move |slide| (angle, slide)))
             {

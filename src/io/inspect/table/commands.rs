@@ -6,6 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
+use super::by_arm::LENGTHS;
 use super::roles::Placed;
 use super::sum::position;
 use super::turns::{Turned, turned};
@@ -65,7 +66,7 @@ pub fn commands(
             is_of_base,
         })
     };
-    let found = [LengthUnit::Mm, LengthUnit::M].into_iter().filter_map(of_unit);
+    let found = LENGTHS.into_iter().filter_map(of_unit);
     let found = found.min_by(|a, b| a.median_mm.total_cmp(&b.median_mm))?;
     (found.median_mm <= JoinSettings::default().geometry_gate_mm)
         .then(|| with_turn(table, found, flanges))

@@ -112,6 +112,20 @@ fn a_plain_table_has_no_doubts_about_units_and_finds_its_arm_among_the_ready_one
 }
 
 #[test]
+fn positions_in_any_unit_of_length_are_found() {
+    for unit in by_arm::LENGTHS {
+        let mut text = "q1,q2,q3,q4,q5,q6,x,y,z\n".to_owned();
+        for station in stations(60) {
+            let at = station.measured(0) / unit.to_mm();
+            text += &row(&[&station.joints[..], at.as_slice()].concat());
+        }
+        let guess = guess_of(&text);
+        assert_eq!(guess.settings.measured[0].unit, unit);
+        assert!(!has_doubt(&guess, Key::Unit), "{:?}", guess.doubts);
+    }
+}
+
+#[test]
 fn columns_without_a_header_are_found_by_the_arm_in_degrees_and_metres() {
     let mut text = String::new();
     for station in stations(60) {
