@@ -175,10 +175,10 @@ impl Seen {
 
     /// Without base and target found.
     pub(super) fn unplaced(set_up: &SetUp, evidence: &Evidence) -> Self {
-        let measured = evidence.measured(set_up.reading_rows[0]).into_iter();
+        let measured = evidence.of_row(set_up.rows[1]).into_iter();
         Self {
             flanges: set_up.flanges(evidence),
-            measured: measured.map(|(measured, _)| set_up.reading_map * measured).collect(),
+            measured: measured.map(|own| set_up.reading_map * own.measured).collect(),
             placement: None,
         }
     }
@@ -227,15 +227,15 @@ impl Seen {
             let commanded = set_up.commanded_turn(command)?;
             Some((self.flanges[place].rotation * tool).angle_to(&commanded))
         };
-        median(&evidence.commands().filter_map(turn).collect::<Vec<_>>())
+        median(&evidence.commands(set_up.rows[3]).filter_map(turn).collect::<Vec<_>>())
     }
 
     /// `None` of reflected readings too, which state no orientation.
     fn orientations(&self, set_up: &SetUp, evidence: &Evidence) -> Option<f64> {
         let base = self.placement?.tracker_from_base.rotation;
-        let measured = evidence.measured(set_up.reading_rows[1]).into_iter().zip(&self.flanges);
-        let targets = measured.filter_map(|((_, orientation), flange)| {
-            let measured = set_up.reading_turns.of(&orientation?);
+        let measured = evidence.of_row(set_up.rows[2]).into_iter().zip(&self.flanges);
+        let targets = measured.filter_map(|(own, flange)| {
+            let measured = set_up.reading_turns.of(&own.orientation?);
             Some(flange.rotation.inverse() * base.inverse() * measured)
         });
         let targets: Vec<UnitQuaternion<f64>> = targets.collect();
@@ -252,7 +252,7 @@ impl Seen {
         let tool = |(place, command): (usize, &crate::join::Command)| {
             Some(self.flanges[place].rotation.inverse() * set_up.commanded_turn(command)?)
         };
-        middle(&evidence.commands().filter_map(tool).collect::<Vec<_>>())
+        middle(&evidence.commands(set_up.rows[3]).filter_map(tool).collect::<Vec<_>>())
     }
 
     /// Flange and commanded position in the base frame of each station with a command.
@@ -265,7 +265,7 @@ impl Seen {
             let position = Point3::from(command.position.coords * set_up.command_scale);
             (self.flanges[place], set_up.base_from_command * position)
         };
-        evidence.commands().map(placed).collect()
+        evidence.commands(set_up.rows[3]).map(placed).collect()
     }
 
     /// The target at each flange, in the base frame.

@@ -21,15 +21,12 @@ pub struct Dwelt {
     pub command: Option<Command>,
 }
 
-/// A measured position, mm, and orientation in the instrument's frame; the latter absent for a reflector.
-type Measured = (Vector3<f64>, Option<UnitQuaternion<f64>>);
-
 /// The measured stations of one session, at most 250.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Evidence {
     pub stations: Vec<Dwelt>,
-    /// Measured positions and orientations at the stations before and behind each of them; of the first and the last their own.
-    beside: Vec<[Measured; 2]>,
+    /// The stations before and behind each of them; beside the first and the last they themselves.
+    beside: Vec<[Dwelt; 2]>,
 }
 
 impl Evidence {
@@ -52,10 +49,9 @@ impl Evidence {
 
     /// At most 250 of `stations`, evenly spread.
     pub fn spread(stations: Vec<Dwelt>) -> Self {
-        let of = |own: &Dwelt| (own.measured, own.orientation);
-        let at = |place: usize| stations.get(place).map(of);
         let beside = stations.iter().enumerate().map(|(place, own)| {
-            [place.checked_sub(1).and_then(at), at(place + 1)].map(|at| at.unwrap_or(of(own)))
+            let [before, behind] = [place.saturating_sub(1), place + 1];
+            [before, behind].map(|at| stations.get(at).unwrap_or(own).clone())
         });
         let beside = beside.collect();
         Self { stations, beside }.thinned(MOST)
@@ -65,20 +61,20 @@ impl Evidence {
     pub(super) fn thinned(&self, most: usize) -> Self {
         let stride = self.stations.len().div_ceil(most).max(1);
         let stations = self.stations.iter().step_by(stride).cloned().collect();
-        Self { stations, beside: self.beside.iter().step_by(stride).copied().collect() }
+        Self { stations, beside: self.beside.iter().step_by(stride).cloned().collect() }
     }
 
-    /// What was measured at each station, or in the row before (−1) or behind it (1).
-    pub(super) fn measured(&self, row: i8) -> Vec<Measured> {
+    /// Each station, or that in the row before (−1) or behind it (1).
+    pub(super) fn of_row(&self, row: i8) -> Vec<&Dwelt> {
         match row {
-            0 => self.stations.iter().map(|own| (own.measured, own.orientation)).collect(),
-            _ => self.beside.iter().map(|beside| beside[usize::from(row > 0)]).collect(),
+            0 => self.stations.iter().collect(),
+            _ => self.beside.iter().map(|beside| &beside[usize::from(row > 0)]).collect(),
         }
     }
 
-    /// The commanded positions with the places of their stations.
-    pub(super) fn commands(&self) -> impl Iterator<Item = (usize, &Command)> {
-        let stations = self.stations.iter().enumerate();
+    /// The commands of [`Self::of_row`] with the places of their stations.
+    pub(super) fn commands(&self, row: i8) -> impl Iterator<Item = (usize, &Command)> {
+        let stations = self.of_row(row).into_iter().enumerate();
         stations.filter_map(|(place, station)| Some((place, station.command.as_ref()?)))
     }
 }

@@ -160,6 +160,9 @@ impl<'a> Search<'a> {
     /// Every mistake of kind, and every frame moved.
     fn of_kind(&self) -> Vec<Hypothesis> {
         let mut all = hypotheses::all(self.stated, self.alternatives);
+        // Where nothing is commanded, joints a row off are readings a row off.
+        let is_commanded = self.evidence.commands(0).next().is_some();
+        all.retain(|own| is_commanded || own.set_up.rows[0] == self.stated.rows[0]);
         all.extend(shifts::frames(self.stated, self.evidence, &self.seen));
         all
     }

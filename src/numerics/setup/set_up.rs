@@ -21,8 +21,8 @@ pub struct SetUp {
     pub reading_turns: Reread,
     /// The form of measured orientations; `None` of quaternions in a log.
     pub reading_form: Option<OrientationForm>,
-    /// The rows whose measured position and orientation belong to a row's joints, counted from that row; 0 as stated.
-    pub reading_rows: [i8; 2],
+    /// The rows, counted from a row, whose joints, measured position, measured orientation and command belong to it; 0 as stated.
+    pub rows: [i8; 4],
     /// Factor on commanded positions; 1 as stated.
     pub command_scale: f64,
     pub command_turns: Reread,
@@ -74,7 +74,7 @@ impl SetUp {
             reading_map: Matrix3::identity(),
             reading_turns: Reread::AsStated,
             reading_form: None,
-            reading_rows: [0; 2],
+            rows: [0; 4],
             command_scale: 1.0,
             command_turns: Reread::AsStated,
             command_form: None,
@@ -95,7 +95,7 @@ impl SetUp {
 
     /// The nominal flange at each station, in the base frame, mm.
     pub(super) fn flanges(&self, evidence: &Evidence) -> Vec<Isometry3<f64>> {
-        let stations = evidence.stations.iter();
+        let stations = evidence.of_row(self.rows[0]).into_iter();
         stations.map(|station| self.flange(&station.reported)).collect()
     }
 
@@ -108,7 +108,7 @@ impl SetUp {
     /// Whether arm, reported angles or readings differ from another set-up's: commands and stated frames play no part in the join.
     pub(super) fn joins_otherwise(&self, other: &Self) -> bool {
         self.reading_map != other.reading_map
-            || self.reading_rows != other.reading_rows
+            || self.rows != other.rows
             || self.joints_from_reported != other.joints_from_reported
             || self.arm != other.arm
     }

@@ -47,6 +47,15 @@ const MIRRORS: [([usize; 3], usize, &str); 6] = [
 ];
 const NONE: usize = usize::MAX;
 
+/// What a table may have a row off: which of joints, measured position, measured orientation and command.
+const ROWS: [(&str, [i8; 4]); 5] = [
+    ("readings", [0, 1, 1, 0]),
+    ("positions alone", [0, 1, 0, 0]),
+    ("orientations alone", [0, 0, 1, 0]),
+    ("joints alone", [1, 0, 0, 0]),
+    ("commands alone", [0, 0, 0, 1]),
+];
+
 const AXES: [&str; 4] = ["x", "y", "z", "w"];
 
 pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
@@ -55,16 +64,17 @@ pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
     all.extend(mirrored(stated));
     all.extend(orientations(stated));
     if stated.is_of_tables() {
-        let whole = [("readings", [1, 1])];
-        let parts = [("positions alone", [1, 0]), ("orientations alone", [0, 1])];
-        let parts = parts.into_iter().filter(|_| stated.reading_form.is_some());
-        for (what, own) in whole.into_iter().chain(parts) {
+        for (what, own) in ROWS {
+            // Without orientations positions alone are the readings.
+            if own[1] != own[2] && stated.reading_form.is_none() {
+                continue;
+            }
             all.extend([(-1, "high", "down"), (1, "low", "up")].map(|(row, place, way)| {
                 let mistake = format!("the {what} stand one row too {place}");
                 let edit =
                     format!("the table with the columns of the {what} one row further {way}");
-                let reading_rows = own.map(|own| row * own);
-                Hypothesis::new(mistake, edit, SetUp { reading_rows, ..stated.clone() })
+                let rows = own.map(|own| row * own);
+                Hypothesis::new(mistake, edit, SetUp { rows, ..stated.clone() })
             }));
         }
     }
@@ -223,13 +233,18 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
+    use nalgebra::{Isometry3, Point3};
 
     use super::*;
     use crate::geometry::{RotationOrder, isometry_from_rpy};
     use crate::ingest::AngleUnit;
+    use crate::join::Command;
     use crate::kinematics::RobotFile;
     use crate::setup::{Alternatives, Dwelt, Evidence, UnitKeys, check};
+
+    fn tracker_from_base() -> Isometry3<f64> {
+        isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, 0.0, 1.0])
+    }
 
     /// The mistake that is found in a table of poses once its stations are changed.
     fn found(change: impl Fn(&mut Vec<Dwelt>)) -> String {
@@ -241,7 +256,7 @@ mod tests {
         let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
         let reading_form = form.cloned();
         let stated = SetUp { unit_keys: UnitKeys::TABLES, reading_form, ..SetUp::of_arm(arm) };
-        let tracker_from_base = isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, 0.0, 1.0]);
+        let tracker_from_base = tracker_from_base();
         let dwelt = |k: i32| {
             let turned = |joint: i32| (f64::from(k * (joint + 2)) * 0.7).sin() * 0.8;
             let reported: Vec<f64> = (0..6).map(turned).collect();
@@ -329,5 +344,25 @@ mod tests {
             }
         });
         assert!(words.contains("the positions alone stand one row too low; write"), "{words}");
+    }
+
+    #[test]
+    fn joints_or_commands_in_the_row_of_another_station_are_named() {
+        let shifted = |shift: fn(&mut Dwelt, &Dwelt)| {
+            found(|all| {
+                for own in all.iter_mut() {
+                    let position = tracker_from_base().inverse() * Point3::from(own.measured);
+                    own.command = Some(Command { position, orientation: None });
+                }
+                for place in (1..all.len()).rev() {
+                    let before = all[place - 1].clone();
+                    shift(&mut all[place], &before);
+                }
+            })
+        };
+        let words = shifted(|own, before| own.reported.clone_from(&before.reported));
+        assert!(words.contains("the joints alone stand one row too low; write"), "{words}");
+        let words = shifted(|own, before| own.command.clone_from(&before.command));
+        assert!(words.contains("the commands alone stand one row too low; write"), "{words}");
     }
 }

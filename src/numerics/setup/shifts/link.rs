@@ -125,7 +125,9 @@ impl Search<'_> {
         if let Some(tool) = set_up.flange_from_tool {
             let tool = point(&tool.translation.vector);
             let commanded = here.commanded(&set_up, self.evidence);
-            for ((flange, at), (place, _)) in commanded.iter().zip(self.evidence.commands()) {
+            for ((flange, at), (place, _)) in
+                commanded.iter().zip(self.evidence.commands(set_up.rows[3]))
+            {
                 let mut jacobian = SMatrix::<f64, 3, UNKNOWNS>::zeros();
                 jacobian.set_column(PLACED, &slope(place, &tool));
                 rows.push((jacobian, at - flange * tool));
