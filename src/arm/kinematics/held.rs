@@ -87,6 +87,22 @@ impl HeldChain {
         (frame.isometry(), self.joint_twists(&axes, &frame.origin))
     }
 
+    /// By how much the links between the joints together fall short of an end, mm; at most 0 for one that the chain may have, and where a
+    /// joint slides.
+    pub(super) fn beyond_links(&self, end: &Isometry3<f64>) -> f64 {
+        let slides = |own: &Segment| matches!(own.joint, Some((Motion::Translation(_), ..)));
+        let [base, first, others @ .., last] = self.segments.as_slice() else { return 0.0 };
+        let Some((motion, ..)) = base.joint.filter(|_| !self.segments.iter().any(slides)) else {
+            return 0.0;
+        };
+        // What lies along the first axis does not turn about it.
+        let along = motion.axis() * motion.axis().dot(&first.origin);
+        let centre = base.origin + base.rotation * along;
+        let last_joint = end * Point3::from(-last.rotation.tr_mul(&last.origin));
+        let links_mm: f64 = others.iter().map(|own| own.origin.norm()).sum();
+        (last_joint.coords - centre).norm() - (first.origin - along).norm() - links_mm
+    }
+
     pub fn view(&self, q: &[f64]) -> ChainView {
         self.view_of(q, &Vector3::zeros())
     }

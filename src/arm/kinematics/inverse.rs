@@ -57,8 +57,8 @@ impl Default for InverseSettings {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum InverseError {
     #[error(
-        "the pose is not reachable from the seed: the nearest found is off by {position_mm:.3} mm and {orientation_rad:.6} rad; \
-         use a seed nearer to the pose, or check that the pose lies in the working space"
+        "the pose is out of reach by {position_mm:.3} mm and {orientation_rad:.6} rad; check that it lies in the working space, and the \
+         frame and the tool that it is stated in"
     )]
     NotReachable { position_mm: f64, orientation_rad: f64 },
     #[error(
@@ -73,12 +73,12 @@ pub enum InverseError {
     )]
     LimitReached { joint: String, value: f64, lower: f64, upper: f64, unit: &'static str },
     #[error(
-        "the pose was reached only in arm configuration {found}, but the seed has {seed}; \
-         use a seed in the wanted arm configuration"
+        "the pose is reached only in arm configuration {found}, and {seed} is asked for; move the pose, or ask for the other"
     )]
     ConfigurationChanged { seed: Configuration, found: Configuration },
     #[error(
-        "the pose was reached only across a singularity or far from the seed, on another branch; use a seed nearer to it"
+        "the pose is reached only across a singularity or far from the joint angles asked for, on another branch; give joint angles nearer \
+         to it"
     )]
     BranchChanged,
     #[error(
@@ -166,6 +166,7 @@ impl<'a> Inverse<'a> {
         seed: &[f64],
     ) -> Result<Vec<f64>, InverseError> {
         let search = &self.search;
+        search.within_links(base_from_end)?;
         let held = self.held.as_ref();
         let held = held.and_then(|held| by_approaches(held, base_from_end, seed).ok());
         match held.map_or_else(|| by_approaches(search, base_from_end, seed), Ok) {
@@ -174,6 +175,11 @@ impl<'a> Inverse<'a> {
                 .and_then(|joints| search.checked(seed, joints, false)),
             outcome => outcome,
         }
+    }
+
+    /// Refuses a pose that the links of the arm together do not reach, whatever the joint angles.
+    pub fn within_links(&self, base_from_end: &Isometry3<f64>) -> Result<(), InverseError> {
+        self.search.within_links(base_from_end)
     }
 
     /// Singularity factors at reported joint angles (rad); `None` for an arm that has none.
@@ -314,6 +320,28 @@ mod tests {
         match refused {
             Err(InverseError::NotReachable { position_mm, .. }) => assert!(position_mm > 100.0),
             other => panic!("expected NotReachable, got {other:?}"),
+        }
+    }
+
+    #[test]
+    fn links_fall_short_of_no_pose_that_an_arm_has() {
+        for file in [
+            include_str!("../../../pipelines/robots/kr210-r2700-extra.toml"),
+            include_str!("../../../pipelines/robots/r2000ic-165f.toml"),
+            include_str!("../../../pipelines/robots/ur10e.toml"),
+            include_str!("../../../pipelines/robots/lbr-iiwa14-r820.toml"),
+        ] {
+            let arm = arm(file);
+            let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
+            let settings = InverseSettings::default();
+            let search = Search::new(&arm, &arm.no_offsets(), tool, settings);
+            let limits = arm.joints().iter().map(|joint| [joint.lower, joint.upper]);
+            let limits: Vec<[f64; 2]> = limits.collect();
+            for number in 0..500 {
+                assert_eq!(search.within_links(&search.end(&spread(number, &limits))), Ok(()));
+            }
+            let far = isometry_from_rpy([9000.0, 0.0, 0.0], [0.0; 3]);
+            assert!(search.within_links(&far).is_err());
         }
     }
 

@@ -169,6 +169,7 @@ impl<'a> Poses<'a> {
     /// Joint angles of a pose, in the wanted arm configuration. An arm without configurations takes, of the ways that the search
     /// finds, one within the ranges measured.
     fn solution(&self, pose: &Isometry3<f64>, wanted: Option<&str>) -> Result<Vec<f64>, Reason> {
+        self.reach.within_links(pose)?;
         let (mut first, mut beyond) = (None, None);
         for seed in self.nearest(wanted, pose)? {
             match self.reach.solve(pose, &seed.joints) {

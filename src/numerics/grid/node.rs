@@ -135,6 +135,11 @@ impl<'a> Reach<'a> {
         self.inverse.joints(pose, seed)
     }
 
+    /// Refuses a tool pose that the links of the arm together do not reach.
+    pub fn within_links(&self, pose: &Isometry3<f64>) -> Result<(), InverseError> {
+        self.inverse.within_links(pose)
+    }
+
     /// Joint angles for a tool pose that `accepts`, from seeds all over the joint limits.
     pub fn anywhere(
         &self,

@@ -82,6 +82,7 @@ impl<'a> Anywhere<'a> {
         accepts: impl Fn(&[f64]) -> bool,
     ) -> Result<Vec<f64>, InverseError> {
         let search = &self.search;
+        search.within_links(base_from_end)?;
         let mut nearest: Option<InverseError> = None;
         for seed in self.order(base_from_end) {
             match search.tried(base_from_end, &seed.joints, near) {

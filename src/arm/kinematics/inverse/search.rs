@@ -15,6 +15,8 @@ const LONGEST_STEP: f64 = 0.5;
 const FAR: f64 = 1.5;
 /// A residual below this share of the tolerances is rounding.
 const ROUNDING: f64 = 0.01;
+/// Links that fall short of a pose by less, mm, may reach it but for rounding.
+const LINKS_MM: f64 = 1e-3;
 /// Tolerances within which a pose on the way is passed: a µm, since the next search only starts there.
 const WAYPOINT: f64 = 1e6;
 
@@ -203,6 +205,15 @@ impl<'a> Search<'a> {
         let (position_mm, orientation_rad) = self.parts(residual);
         position_mm <= tolerances * self.settings.position_tolerance_mm
             && orientation_rad <= tolerances * self.settings.orientation_tolerance_rad
+    }
+
+    /// Refuses a pose that is further away than the links; not of an arm that may turn the end from it.
+    pub(super) fn within_links(&self, target: &Isometry3<f64>) -> Result<(), InverseError> {
+        let position_mm = self.chain.beyond_links(&(target * self.flange_from_end.inverse()));
+        if self.scales.len() < 6 || position_mm <= LINKS_MM {
+            return Ok(());
+        }
+        Err(InverseError::NotReachable { position_mm, orientation_rad: 0.0 })
     }
 
     pub(super) fn not_reachable(&self, target: &Isometry3<f64>, joints: &[f64]) -> InverseError {

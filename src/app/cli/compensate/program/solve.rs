@@ -79,7 +79,7 @@ fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<
     let found = found.into_inner();
     if found.is_empty() {
         let why = ended.err().map_or_else(String::new, |why| why.to_string());
-        return Err(format!("its pose is out of reach; is it of another arm? {why}"));
+        return Err(format!("{why}; is it of another arm?"));
     }
     Ok(found)
 }
