@@ -207,9 +207,14 @@ fn numbers(value: &Value, kind: &str) -> Result<Shape, Refusal> {
     };
     let kind = own.as_deref().unwrap_or(kind);
     let all = |names: &[&str], what| -> Result<Vec<Number>, Refusal> {
-        let found: Option<Vec<Number>> =
-            names.iter().map(|name| value.number_of(name).cloned()).collect();
-        found.ok_or(Refusal::Partial { what })
+        let number = |name: &&str| match value.field(name) {
+            Some(Value::Number(number)) => Ok(number.clone()),
+            Some(_) => Err(Refusal::Other(format!(
+                "its {name} is worked out when the program runs; write it as a plain number"
+            ))),
+            None => Err(Refusal::Partial { what }),
+        };
+        names.iter().map(number).collect()
     };
     let is_joints = fields.iter().any(|(name, _)| name == "A1") || kind.ends_with("AXIS");
     if is_joints {

@@ -253,18 +253,19 @@ fn a_spline_has_the_frames_that_follow_its_with() {
 #[test]
 fn the_sum_is_what_motions_use() {
     let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XHOME\r\nPTP $AXIS_ACT\r\nLIN_REL {X 10}\r\nPTP P[1]\r\nPTP P[I]\r\n\
-                  LIN NOWHERE\r\nPTP F(1)\r\nCIRC P[2], P[1], CA 90\r\nPTP {X 5}";
+                  LIN NOWHERE\r\nPTP F(1)\r\nCIRC P[2], P[1], CA 90\r\nPTP {X 5}\r\nLIN {X A1,Y 1,Z 1,A 0,B 0,C 0}";
     let data = "DECL POS P[2]\r\nP[1]={X 1,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2}\r\nP[2]={X 2,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2}\r\n\
                 P[3]={X 2,Y 1,Z 1,A 0,B 0,C 0,S 2,T 2,E1 5.0}";
     let programs = programs(source, data);
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
-    assert_eq!(names, ["XHOME", "P[1]", "P[2]", "P[3]", "NOWHERE", "PTP"]);
+    assert_eq!(names, ["XHOME", "P[1]", "P[2]", "P[3]", "NOWHERE", "PTP", "LIN"]);
     let computed: Vec<&str> = programs.computed.iter().map(|own| own.text.as_str()).collect();
     assert_eq!(computed, ["$AXIS_ACT", "{X 10}", "F(1)"]);
     let told = verdicts(source, data);
     assert!(told[0].contains("stands in $config.dat"), "{}", told[0]);
     assert!(told[3].contains("E1 is at 5"), "{}", told[3]);
     assert!(told[5].contains("it states no X, Y and Z"), "{}", told[5]);
+    assert!(told[6].contains("its X is worked out when the program runs"), "{}", told[6]);
 }
 
 #[test]

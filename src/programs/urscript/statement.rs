@@ -1,9 +1,11 @@
-//! Lines of a script → statements: one goes on where a bracket is open.
+//! Lines of a script → statements: one goes on where a bracket is open, and the head of a block and its `end` are statements of their own,
+//! wherever they stand in a line.
 
 use std::ops::Range;
 
 use super::URSCRIPT;
-use crate::lex::{Kind, Token, tokens};
+use super::steps::is_function;
+use crate::lex::{Kind, Token, capitals, tokens};
 use crate::value::Cursor;
 
 pub(super) struct Statements<'f> {
@@ -25,12 +27,25 @@ impl<'f> Statements<'f> {
                 kind => {
                     depth += i32::from(matches!(kind, Kind::Sign(b'(' | b'[' | b'{')));
                     depth -= i32::from(matches!(kind, Kind::Sign(b')' | b']' | b'}')));
+                    let text = if depth == 0 { &bytes[token.span()] } else { b"" };
+                    if matches!(text, b"end" | b"else" | b"elif") {
+                        own.end(&mut start);
+                    }
                     own.tokens.push(token);
+                    if text == b"end" || text == b":" && own.is_head(start) {
+                        own.end(&mut start);
+                    }
                 }
             }
         }
         own.end(&mut start);
         own
+    }
+
+    /// Whether the statement that begins at a token is the head of a block.
+    fn is_head(&self, start: usize) -> bool {
+        let word = capitals(&self.bytes[self.tokens[start].span()]);
+        is_function(&word) || matches!(word.as_str(), "IF" | "WHILE" | "ELIF" | "ELSE")
     }
 
     fn end(&mut self, start: &mut usize) {

@@ -47,7 +47,7 @@ pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
 }
 
-fn is_function(word: &str) -> bool {
+pub(super) fn is_function(word: &str) -> bool {
     matches!(word, "DEF" | "THREAD" | "SEC")
 }
 
@@ -140,28 +140,14 @@ impl Reading<'_> {
         }
     }
 
+    /// The head of a block, its end or any other statement.
     fn statement(&mut self, walked: &mut Walked<'_, '_>, statement: Cursor<'_>, line: u32) {
         let mut rest = statement;
-        while !rest.is_empty() {
-            rest = self.part(walked, rest, line);
-        }
-    }
-
-    /// The head of a block or a whole statement; what stands behind it in its line.
-    fn part<'t>(
-        &mut self,
-        walked: &mut Walked<'_, '_>,
-        statement: Cursor<'t>,
-        line: u32,
-    ) -> Cursor<'t> {
-        let mut rest = statement;
         let word = rest.take_name().unwrap_or_default();
-        let none = Cursor { tokens: &[], ..rest };
         match word.as_str() {
             own if is_function(own) => {
                 let block = if word == "THREAD" { Block::Thread(line) } else { Block::Function };
                 self.open_function(walked, rest, block);
-                return none;
             }
             "IF" | "WHILE" | "ELIF" => {
                 let condition = rest.take_part(b':').unwrap_or(rest);
@@ -174,22 +160,15 @@ impl Reading<'_> {
                 walked.push(step);
                 walked.blocks.extend(block);
             }
-            "ELSE" => {
-                rest.take_sign(b':');
-                walked.push(Step::Else { is_last: true });
-            }
+            "ELSE" => walked.push(Step::Else { is_last: true }),
             "END" => match walked.blocks.pop() {
                 Some(Block::Function) => self.close_function(walked, None),
                 Some(Block::Thread(line)) => self.close_function(walked, Some(line)),
                 Some(Block::Loop) => walked.push(Step::EndLoop),
                 Some(Block::If) | None => walked.push(Step::EndIf),
             },
-            _ => {
-                self.plain(walked, statement, line);
-                return none;
-            }
+            _ => self.plain(walked, statement, line),
         }
-        rest
     }
 
     fn open_function(&mut self, walked: &mut Walked<'_, '_>, head: Cursor<'_>, block: Block) {

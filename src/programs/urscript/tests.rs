@@ -141,6 +141,10 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
             &format!("{BEGIN}\nif x > 1:\n  set_tcp(p[0,0,0.2,0,0,0])\nend\nmovel(Part_p)"),
             "the tool is another by the way",
         ),
+        (
+            &format!("{BEGIN}\nif x > 1: Part_p = p[0,0,0,0,0,0.1] end\nmovel(Part_p)"),
+            "PART_P has two values (part.script, line 7; part.script, line 11)",
+        ),
     ];
     for (statements, expected) in cases {
         let found = verdicts(&programs(statements));
@@ -156,6 +160,15 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
         let programs = programs(computed);
         assert_eq!(programs.computed.len(), 1, "{computed}: {:?}", programs.computed);
     }
+}
+
+#[test]
+fn blocks_of_one_line_are_those_of_several() {
+    let block = "if x > 1: movel(Part_p) elif x: set_tcp(p[0,0,0.15,0,0,0]) else: movel(Part_p) end movel(Part_p)";
+    let programs = programs(&format!("{BEGIN}\nwhile (x): {block} end"));
+    assert_eq!(verdicts(&programs), ["ok", "ok"]);
+    assert_eq!(programs.positions[1].uses.len(), 3);
+    assert!(programs.computed.is_empty());
 }
 
 #[test]
