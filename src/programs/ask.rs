@@ -8,7 +8,7 @@ use crate::flow::{Known, Setting};
 use crate::frame::{Cell, Chain};
 use crate::krl::abc;
 use crate::program::{Position, Programs, Shape, Stated, Turn, Use};
-use crate::rapid::{is_module, quaternion};
+use crate::rapid::{RAPID, quaternion};
 use crate::refusal::Refusal;
 use crate::taught::{Taught, TaughtFrame};
 use crate::value::{Letters, Number};
@@ -119,7 +119,7 @@ impl Programs {
             }
         };
         for own in self.positions.iter().flat_map(|position| &position.uses) {
-            let is_rapid = is_module(&self.files[own.file]);
+            let is_rapid = self.files[own.file].is_of(&RAPID);
             let mut of = |known: &Known, from: Isometry3<f64>, kind: Taught| {
                 let Ok(chain) = chain(known) else {
                     return;

@@ -13,7 +13,7 @@
 //! three singularities, and its turns those of joints 4, 5 and 6 ([`Stated::Config`](crate::program::Stated)).
 
 mod listing;
-pub(crate) mod mark;
+mod mark;
 mod motion;
 mod position;
 mod steps;
@@ -21,7 +21,7 @@ mod steps;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::flow::{Known, Others, SLOTS, Setting, Slot, State, known, unknown};
-use crate::frame::{Chain, not_given};
+use crate::frame::{Cell, Chain, not_given};
 use crate::kinematics::Arm;
 use crate::lex::Dialect;
 use crate::postures::counts_from_horizontal;
@@ -32,21 +32,23 @@ use listing::Listing;
 use position::Listed;
 
 pub const FANUC: Dialect = Dialect {
-    name: "FANUC TP",
+    name: "fanuc",
+    endings: &["ls"],
+    read,
+    marks: mark::marks,
+    comment: '!',
+    statement_end: "",
     // `!` is a comment at the head of a statement only, and elsewhere the negation.
     comments: &[],
     header: None,
     text_quote: b'"',
     number_quote: None,
+    comments_elements: true,
     in_names: b"_$",
 };
 
 /// FANUC prints three decimals, and is not known to take more.
 const DECIMALS: [usize; 2] = [3, 3];
-
-pub(crate) fn is_listing(file: &File) -> bool {
-    file.ending() == "ls"
-}
 
 pub(crate) struct Reading<'f> {
     common: Common<'f>,
@@ -60,9 +62,9 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions and motions of the listings among `files`, behind those that are found already, and the arm's base.
-pub(crate) fn read(files: &[File], found: Used) -> (Used, Chain) {
-    let own = files.iter().enumerate().filter(|(_, file)| is_listing(file));
-    let listings: Vec<Listing<'_>> = own.map(|(place, file)| Listing::new(place, file)).collect();
+fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+    let own = FANUC.files(files).map(|(place, file)| Listing::new(place, file));
+    let listings: Vec<Listing<'_>> = own.collect();
     let mut reading = Reading {
         common: Common::new(files, found, no_shape, "the whole listing"),
         positions: BTreeMap::new(),
@@ -176,7 +178,7 @@ impl Programs {
                      has it, or write the position as X, Y, Z, W, P, R";
         for position in &mut self.positions {
             let is_joints = matches!(position.shape, Ok(Shape::Joints(_)));
-            if is_joints && is_listing(&self.files[position.file]) {
+            if is_joints && self.files[position.file].is_of(&FANUC) {
                 position.shape = Err(Refusal::Other(words.to_owned()));
             }
         }

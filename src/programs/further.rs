@@ -9,6 +9,7 @@ use nalgebra::Isometry3;
 
 use crate::edit::{Edit, line_end};
 use crate::geometry::typed::number as decimal;
+use crate::lex::Dialect;
 use crate::program::{Path, Position, Programs, Shape, Stated, Turn};
 use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
 use crate::write::{QUATERNION_DECIMALS, abc_near, quaternion_near};
@@ -60,8 +61,7 @@ impl Programs {
         let split = path.split.as_ref().ok()?;
         let [_, end] = self.ends(path)?;
         let bytes = &self.files[path.file].bytes;
-        let is_rapid = crate::rapid::is_module(&self.files[path.file]);
-        let (close, comment) = if is_rapid { (";", '!') } else { ("", ';') };
+        let Dialect { statement_end, comment, .. } = self.files[path.file].dialect()?;
         let target = split.target.clone();
         let piece = |span| std::str::from_utf8(&bytes[span]).ok();
         let indent = piece(split.line_start..split.statement.start)?;
@@ -71,7 +71,9 @@ impl Programs {
         let line = |points: &[Further]| {
             let values = points.iter().map(|point| self.literal(end, point));
             let value = values.collect::<Option<Vec<_>>>()?.join(",");
-            Some(format!("{indent}{before}{value}{behind}{close} {comment} {ADDED}{line_end}"))
+            Some(format!(
+                "{indent}{before}{value}{behind}{statement_end} {comment} {ADDED}{line_end}"
+            ))
         };
         let each = path.through.as_ref().map_or(1, Vec::len).max(1);
         let lines: Vec<String> = points.chunks(each).map(line).collect::<Option<_>>()?;

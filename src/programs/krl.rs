@@ -18,21 +18,28 @@ mod steps;
 use std::collections::BTreeSet;
 
 use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
-use crate::frame::Chain;
+use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
 use crate::program::File;
 use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
+use crate::write::behind_head_marks;
 
 pub(crate) use frames::abc;
 
 pub const KRL: Dialect = Dialect {
-    name: "KRL",
+    name: "krl",
+    endings: &["src", "sub", "dat"],
+    read,
+    marks: behind_head_marks,
+    comment: ';',
+    statement_end: "",
     comments: &[b";"],
     header: Some(b"&"),
     text_quote: b'"',
     number_quote: Some(b'\''),
+    comments_elements: false,
     in_names: b"_$",
 };
 
@@ -64,15 +71,13 @@ enum Tools {
 }
 
 /// Positions, motions and the arm's base of the KRL files among `files`.
-pub(crate) fn read(files: &[File]) -> (Used, Chain) {
-    let krl = |file: &File| matches!(file.ending().as_str(), "src" | "sub" | "dat");
-    let own = files.iter().enumerate().filter(|(_, file)| krl(file));
-    let mut own: Vec<(usize, Vec<Token>)> =
-        own.map(|(place, file)| (place, tokens(&file.bytes, &KRL))).collect();
+fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+    let own = KRL.files(files).map(|(place, file)| (place, tokens(&file.bytes, &KRL)));
+    let mut own: Vec<(usize, Vec<Token>)> = own.collect();
     // What routines assign is known once lists have declared it.
-    own.sort_by_key(|(file, _)| files[*file].ending() != "dat");
+    own.sort_by_key(|(file, _)| !files[*file].is_list());
     let give = "the .dat file that declares it";
-    let common = Common::new(files, Used::default(), motion::shape, give);
+    let common = Common::new(files, found, motion::shape, give);
     let mut reading = Reading {
         common,
         local: BTreeSet::new(),

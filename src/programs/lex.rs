@@ -6,7 +6,12 @@
 
 use std::ops::Range;
 
-/// What distinguishes the text of one dialect from that of another.
+use crate::edit::Edit;
+use crate::frame::{Cell, Chain};
+use crate::program::File;
+use crate::reading::Used;
+
+/// What distinguishes one dialect from another: all that is asked of a file by its ending stands here.
 ///
 /// | | comment | header line | quotes | statement ends at |
 /// |---|---|---|---|---|
@@ -14,9 +19,20 @@ use std::ops::Range;
 /// | RAPID | `!` | `%%%` | `"`, doubled inside | `;` |
 /// | FANUC TP | none: `!`, `//` and `--` begin one at the head of a statement only | | `"` | `;` at the end of a line |
 /// | URScript | `#` | | `"` | the end of the line, outside brackets |
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Dialect {
+    /// As the lake's record of a correction names it.
     pub name: &'static str,
+    /// Of its files, in small letters.
+    pub endings: &'static [&'static str],
+    /// Positions and motions of its files, behind those that are found already, and the arm's base.
+    pub read: fn(&[File], &Cell, Used) -> (Used, Chain),
+    /// What marks a file as corrected, by words and the name of the table.
+    pub marks: fn(&File, &str, &str) -> Vec<Edit>,
+    /// The sign before a comment of posegrid's own.
+    pub comment: char,
+    /// What ends a statement that another comment follows in its line.
+    pub statement_end: &'static str,
     /// Each begins a comment that ends with the line.
     pub comments: &'static [&'static [u8]],
     /// The beginning of a line that is no code.
@@ -25,8 +41,17 @@ pub struct Dialect {
     pub text_quote: u8,
     /// A number of another base is between two of these: `'B0101'`, `'H1F'`.
     pub number_quote: Option<u8>,
+    /// Whether a `:` inside square brackets begins a comment that ends with them: `P[1:left)]`.
+    pub comments_elements: bool,
     /// Bytes of names besides letters, digits and bytes from 0x80 on.
     pub in_names: &'static [u8],
+}
+
+impl Dialect {
+    /// Its files with their places among all.
+    pub fn files<'f>(&'static self, files: &'f [File]) -> impl Iterator<Item = (usize, &'f File)> {
+        files.iter().enumerate().filter(|(_, file)| file.is_of(self))
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,7 +92,14 @@ pub const LONGEST: usize = u32::MAX as usize;
 /// The tokens of a file; comments, blanks and header lines are none.
 pub fn tokens(bytes: &[u8], dialect: &Dialect) -> Vec<Token> {
     let bytes = &bytes[..bytes.len().min(LONGEST)];
-    let mut lexer = Lexer { bytes, dialect, at: after_mark(bytes), line: 1, at_line_start: true };
+    let mut lexer = Lexer {
+        bytes,
+        dialect,
+        at: after_mark(bytes),
+        line: 1,
+        at_line_start: true,
+        in_element: false,
+    };
     let mut tokens = Vec::with_capacity(bytes.len() / 4);
     while let Some(token) = lexer.next() {
         tokens.push(token);
@@ -86,6 +118,8 @@ struct Lexer<'b> {
     at: usize,
     line: u32,
     at_line_start: bool,
+    /// Whether a square bracket is open in a dialect that comments elements.
+    in_element: bool,
 }
 
 impl Lexer<'_> {
@@ -109,6 +143,11 @@ impl Lexer<'_> {
             }
         };
         self.at_line_start = kind == Kind::LineEnd;
+        self.in_element = match kind {
+            Kind::Sign(b'[') => self.dialect.comments_elements,
+            Kind::Sign(b']') | Kind::LineEnd => false,
+            _ => self.in_element,
+        };
         let [start, end] = [start, self.at].map(|place| u32::try_from(place).unwrap_or(u32::MAX));
         Some(Token { kind, start, end, line })
     }
@@ -120,6 +159,10 @@ impl Lexer<'_> {
             let rest = &self.bytes[self.at..];
             let is_header = self.at_line_start
                 && self.dialect.header.is_some_and(|begin| rest.starts_with(begin));
+            if self.in_element && rest.starts_with(b":") {
+                self.at += element_comment(rest);
+                return;
+            }
             if !is_header && !self.dialect.comments.iter().any(|begin| rest.starts_with(begin)) {
                 return;
             }
@@ -184,6 +227,15 @@ impl Lexer<'_> {
         self.at += 1;
         kind
     }
+}
+
+/// The length of the comment of an element, up to its bracket: of one in quotes the bracket behind these.
+fn element_comment(rest: &[u8]) -> usize {
+    let line = rest.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
+    let quoted =
+        line.windows(2).position(|own| own == b"\"]").filter(|_| line[1..].starts_with(b"\""));
+    let plain = || line.iter().position(|byte| *byte == b']');
+    quoted.map(|end| end + 1).or_else(plain).unwrap_or(line.len())
 }
 
 /// A name in capitals, as dialects compare names; one that is no UTF-8 is of Latin-1, so that no two names become one.

@@ -42,6 +42,7 @@ pub use edit::Edit;
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use further::{ADDED, Further};
 pub use postures::Postures;
+use program::DIALECTS;
 pub use program::{Computed, File, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};
@@ -49,25 +50,18 @@ pub use value::Letters;
 
 /// Whether a file belongs to a program or says something of its frames.
 pub fn is_program(file: &File) -> bool {
-    matches!(file.ending().as_str(), "src" | "sub" | "dat")
-        || rapid::is_known(file)
-        || fanuc::is_listing(file)
-        || urscript::is_script(file)
+    file.dialect().is_some() || rapid::is_configuration(file)
 }
 
 /// Everything that motions of these files use.
 pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
-    let (found, krl_root) = krl::read(&files);
-    let (found, rapid_root) = rapid::read(&files, cell, found);
-    let (found, fanuc_root) = fanuc::read(&files, found);
-    let (found, urscript_root) = urscript::read(&files, found);
-    let root = |file: &File| match file {
-        own if rapid::is_known(own) => rapid_root.clone(),
-        own if fanuc::is_listing(own) => fanuc_root.clone(),
-        own if urscript::is_script(own) => urscript_root.clone(),
-        _ => krl_root.clone(),
-    };
-    let roots = files.iter().map(root).collect();
+    let mut found = Used::default();
+    let mut roots = vec![frame::Chain::default(); files.len()];
+    for dialect in DIALECTS {
+        let root;
+        (found, root) = (dialect.read)(&files, cell, found);
+        dialect.files(&files).for_each(|(place, _)| roots[place].clone_from(&root));
+    }
     let marks = files.iter().map(write::mark).collect();
     let Used { positions, computed, paths } = found;
     Programs { files, positions, computed, paths, marks, roots }

@@ -26,27 +26,26 @@ use crate::names::Scope;
 use crate::program::File;
 use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
+use crate::write::behind_head_marks;
 use statement::Statement;
 
+pub(crate) use base_frame::is_configuration;
 pub(crate) use motion::quaternion;
 
 pub const RAPID: Dialect = Dialect {
-    name: "RAPID",
+    name: "rapid",
+    endings: &["mod", "prg", "sys", "modx", "sysx"],
+    read,
+    marks: behind_head_marks,
+    comment: '!',
+    statement_end: ";",
     comments: &[b"!"],
     header: Some(b"%%%"),
     text_quote: b'"',
     number_quote: None,
+    comments_elements: false,
     in_names: b"_",
 };
-
-pub(crate) fn is_module(file: &File) -> bool {
-    matches!(file.ending().as_str(), "mod" | "prg" | "sys" | "modx" | "sysx")
-}
-
-/// Whether a file is a module or says where the arm's base is.
-pub(crate) fn is_known(file: &File) -> bool {
-    is_module(file) || base_frame::is_configuration(file)
-}
 
 pub(crate) struct Reading<'f> {
     common: Common<'f>,
@@ -65,10 +64,10 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions, motions and the arm's base of the RAPID modules among `files`, behind those that are found already.
-pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
-    let own = files.iter().enumerate().filter(|(_, file)| is_module(file));
+fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let tokens = |file: &File| statement::without_line_ends(&tokens(&file.bytes, &RAPID));
-    let own: Vec<(usize, Vec<Token>)> = own.map(|(place, file)| (place, tokens(file))).collect();
+    let own = RAPID.files(files).map(|(place, file)| (place, tokens(file)));
+    let own: Vec<(usize, Vec<Token>)> = own.collect();
     let statements: Vec<(usize, Vec<Statement<'_>>)> = own
         .iter()
         .map(|(file, tokens)| (*file, statement::all(&files[*file].bytes, tokens)))
@@ -138,7 +137,7 @@ impl Reading<'_> {
         let files = 0..self.common.files.len();
         let is_loaded: Vec<bool> = files.map(|file| self.is_loaded(file)).collect();
         for position in &mut self.common.found.positions {
-            if is_module(&self.common.files[position.file]) && !is_loaded[position.file] {
+            if self.common.files[position.file].is_of(&RAPID) && !is_loaded[position.file] {
                 position.obstacle.get_or_insert_with(|| Refusal::Other(words.to_owned()));
             }
         }
@@ -162,7 +161,7 @@ impl Reading<'_> {
             tasks.join(", ")
         );
         for position in &mut self.common.found.positions {
-            if is_module(&self.common.files[position.file]) {
+            if self.common.files[position.file].is_of(&RAPID) {
                 position.obstacle.get_or_insert_with(|| Refusal::Other(words.clone()));
             }
         }

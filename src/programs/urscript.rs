@@ -19,7 +19,7 @@ mod steps;
 use std::collections::BTreeSet;
 
 use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
-use crate::frame::{Chain, not_given};
+use crate::frame::{Cell, Chain, not_given};
 use crate::kinematics::Arm;
 use crate::lex::Dialect;
 use crate::names::Scope;
@@ -27,22 +27,25 @@ use crate::program::{File, Programs, Shape};
 use crate::reading::{Common, Shaped, Used};
 use crate::refusal::{Place, Refusal};
 use crate::value::Value;
+use crate::write::first_comment;
 use statement::Statements;
 
 pub(crate) use motion::vector_near;
 
 pub const URSCRIPT: Dialect = Dialect {
-    name: "URScript",
+    name: "urscript",
+    endings: &["script", "urscript"],
+    read,
+    marks: |file, words, _| vec![first_comment(file, words)],
+    comment: '#',
+    statement_end: "",
     comments: &[b"#"],
     header: Some(b"$"),
     text_quote: b'"',
     number_quote: None,
+    comments_elements: false,
     in_names: b"_",
 };
-
-pub(crate) fn is_script(file: &File) -> bool {
-    matches!(file.ending().as_str(), "script" | "urscript")
-}
 
 pub(crate) struct Reading<'f> {
     common: Common<'f>,
@@ -54,10 +57,9 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions and motions of the scripts among `files`, behind those that are found already, and the arm's base.
-pub(crate) fn read(files: &[File], found: Used) -> (Used, Chain) {
-    let own = files.iter().enumerate().filter(|(_, file)| is_script(file));
-    let scripts: Vec<Statements<'_>> =
-        own.map(|(place, file)| Statements::new(place, &file.bytes)).collect();
+fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+    let own = URSCRIPT.files(files).map(|(place, file)| Statements::new(place, &file.bytes));
+    let scripts: Vec<Statements<'_>> = own.collect();
     let mut reading = Reading {
         common: Common::new(files, found, shape, "the file that declares it"),
         called: BTreeSet::new(),
@@ -128,7 +130,7 @@ impl Programs {
                      drawing; calibrate with the robot's own file (YAML of ur_calibration) as the robot file, or write the position as joint angles";
         for position in &mut self.positions {
             let is_pose = matches!(position.shape, Ok(Shape::Pose { .. }));
-            if is_pose && is_script(&self.files[position.file]) {
+            if is_pose && self.files[position.file].is_of(&URSCRIPT) {
                 position.shape = Err(Refusal::Other(words.to_owned()));
             }
         }

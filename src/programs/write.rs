@@ -11,12 +11,11 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
 use crate::edit::{CORRECTED, Edit, insert, line_end};
-use crate::fanuc::is_listing;
-use crate::krl::abc;
-use crate::lex::{Dialect, Kind, Token, after_mark, capitals, tokens};
+use crate::krl::{KRL, abc};
+use crate::lex::{Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
-use crate::rapid::is_module;
-use crate::urscript::{is_script, vector_near};
+use crate::rapid::RAPID;
+use crate::urscript::vector_near;
 use crate::value::Number;
 
 pub(crate) const QUATERNION_DECIMALS: usize = 8;
@@ -249,23 +248,32 @@ pub fn mark(file: &File) -> Option<u32> {
 
 /// The lines that mark a file as corrected by `words`: a comment, and a constant named after `id` where the dialect has one.
 pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
-    if is_listing(file) {
-        return crate::fanuc::mark::marks(file, &plain(words));
-    }
+    let own = file.dialect().map(|own| (own.marks)(file, &plain(words), &plain(id)));
+    own.unwrap_or_default()
+}
+
+/// The comment that marks a file, with its line end.
+fn comment(file: &File, words: &str) -> String {
+    let sign = file.dialect().map_or(' ', |own| own.comment);
+    format!("{sign} {CORRECTED} {words}{}", line_end(&file.bytes))
+}
+
+/// The mark as the first line of a file.
+pub(crate) fn first_comment(file: &File, words: &str) -> Edit {
+    let (bytes, line) = (&file.bytes, comment(file, words));
+    insert(bytes, after_mark(bytes), line, line_end(bytes))
+}
+
+/// The mark behind the head of a module of KRL or RAPID, and the constant.
+pub(crate) fn behind_head_marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
     let end = line_end(&file.bytes);
-    if is_script(file) {
-        let line = format!("# {CORRECTED} {}{end}", plain(words));
-        return vec![insert(&file.bytes, after_mark(&file.bytes), line, end)];
-    }
-    let is_rapid = is_module(file);
-    let dialect: &Dialect = if is_rapid { &crate::rapid::RAPID } else { &crate::krl::KRL };
-    let tokens = tokens(&file.bytes, dialect);
-    let comment = if is_rapid { '!' } else { ';' };
-    let id: String = plain(id).replace('"', "?").chars().take(80).collect();
-    let line = format!("{comment} {CORRECTED} {}{end}", plain(words));
+    let is_rapid = file.is_of(&RAPID);
+    let tokens = tokens(&file.bytes, if is_rapid { &RAPID } else { &KRL });
+    let id: String = id.replace('"', "?").chars().take(80).collect();
+    let line = comment(file, words);
     // Without a head nothing is known of where a declaration may stand.
     let mut marks = match behind_head(file, &tokens, is_rapid) {
-        None => vec![insert(&file.bytes, after_mark(&file.bytes), line, end)],
+        None => vec![first_comment(file, words)],
         Some(place) if is_rapid => {
             let constant = format!("LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
             match behind_types(file, &tokens) {
@@ -341,7 +349,7 @@ fn before_end_of_list(file: &File, tokens: &[Token]) -> Option<usize> {
     let is_end = |token: &&Token| {
         token.kind == Kind::Name && file.bytes[token.span()].eq_ignore_ascii_case(b"ENDDAT")
     };
-    let end = tokens.iter().rev().find(is_end).filter(|_| file.ending() == "dat")?;
+    let end = tokens.iter().rev().find(is_end).filter(|_| file.is_list())?;
     let before =
         file.bytes[..end.span().start].iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
     Some(before.map_or(0, |place| place + 1))

@@ -46,7 +46,7 @@ fn is_with_digits(name: &str, word: &str) -> bool {
 }
 
 fn is_end(name: &str) -> bool {
-    name == "FINE" || is_with_digits(name, "CNT") || is_with_digits(name, "CR")
+    name == "FINE" || name == "CNTR" || is_with_digits(name, "CNT") || is_with_digits(name, "CR")
 }
 
 /// Numbers of a position's user frame and its tool; `None` for those that are set.

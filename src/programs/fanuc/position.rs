@@ -31,11 +31,10 @@ enum Field<'t> {
 
 type Fields<'t> = Vec<(String, Field<'t>)>;
 
-/// The number of an element: `1` of `P[1:"name"]`; `None` where it is worked out.
+/// The number of an element: `1` of `P[1]`; `None` where it is worked out.
 pub(super) fn number(mut inside: Cursor<'_>) -> Option<u32> {
     let number = inside.take_number()?;
-    let is_whole = inside.is_empty() || inside.take_sign(b':');
-    is_whole.then(|| whole(&number)).flatten()
+    inside.is_empty().then(|| whole(&number)).flatten()
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and small")]

@@ -10,7 +10,7 @@ fn cell() -> Cell {
 }
 
 /// Entries of `/POS` as a controller prints them: 1 and 2 under frame 1 and tool 2, 3 in joints, 4 under those that are set, 5 in the world.
-const POSITIONS: &str = "P[1:\"over part\"]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'N U T, 0, 0, -1',\r\n\
+const POSITIONS: &str = "P[1:\"over [A] part)\"]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'N U T, 0, 0, -1',\r\n\
 \tX =    10.000  mm,\tY =    20.000  mm,\tZ =     -.500  mm,\r\n\tW =   180.000 deg,\tP =      .000 deg,\tR =    30.000 deg\r\n};\r\n\
 P[2]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'F D B, 0, 0, 0',\r\n\tX = 1.000 mm, Y = 2.000 mm, Z = 3.000 mm,\r\n\
 \tW = 0.000 deg, P = 0.000 deg, R = 0.000 deg\r\n};\r\n\
@@ -72,6 +72,7 @@ fn every_form_of_a_motion_is_read() {
         ("L P[1] R[5:speed]mm/sec CNT R[6] ACC R[7:a b]", Way::Straight),
         ("  L  P[1]  WELD_SPEED FINE Arc Start[1] PTH", Way::Straight),
         ("L P[1] 100mm/sec CNT100 AP_LD50 RT_LD30 PSPD80", Way::Straight),
+        ("L P[1:pick (left {\"] R[1:v [x]mm/sec CNTR[7:a)b] ACC80", Way::Straight),
         ("J P[1] 100% CNT100 TB .10sec,CALL GRIP(1,2)", Way::Joints),
         ("J P[1] 5% FINE Ind.EV5% DB 5mm,DO[1]=ON", Way::Joints),
         ("L P[1] 9mm/sec FINE Skip,LBL[1],PR[4]=LPOS", Way::Other),

@@ -105,7 +105,7 @@ impl Reading<'_> {
     /// The declarations and values of a file.
     pub(super) fn data(&mut self, file: usize, tokens: &[Token]) {
         let own = &self.common.files[file];
-        let is_list = own.ending() == "dat";
+        let is_list = own.is_list();
         let mut inside = None;
         for line in lines(tokens) {
             let cursor = Cursor::new(&own.bytes, line);

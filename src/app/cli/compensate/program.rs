@@ -446,7 +446,7 @@ impl CompensateArgs {
             }
         }
         let files: Vec<File> = files.into_values().collect();
-        if files.iter().all(|file| file.ending() == "dat") {
+        if files.iter().all(File::is_list) {
             let list = files.iter().find(|file| !file.is_of_system());
             return Err(list.map_or(ProgramError::NoProgram, |list| {
                 ProgramError::OnlyData(list.name.clone())

@@ -12,6 +12,7 @@ use crate::cli::compensate::record::{Made, Recording};
 use crate::compensation::Corrected;
 use crate::files::whole_file::write_whole;
 use crate::io::calibrations_table::PublishedArm;
+use crate::io::rows::Word as _;
 use crate::io::tables::words::CorrectedForm;
 use crate::manifest::RunKey;
 use crate::programs::record::{Changed, RECORD, Record, digest};
@@ -70,12 +71,8 @@ pub(super) fn record(
 }
 
 fn form(file: &File) -> CorrectedForm {
-    match file.ending().as_str() {
-        "src" | "sub" | "dat" => CorrectedForm::Krl,
-        "ls" => CorrectedForm::Fanuc,
-        "script" | "urscript" => CorrectedForm::UrScript,
-        _ => CorrectedForm::Rapid,
-    }
+    let word = file.dialect_name().and_then(CorrectedForm::of_word);
+    word.expect("a dialect is named as its form")
 }
 
 /// Writes the files that change, each at its name in the folder, and the record of what changed.
