@@ -24,8 +24,8 @@ pub enum Refusal {
     )]
     Ways { what: &'static str },
     #[error(
-        "the call of {routine} ({at}) may change {what}, and none of the files has {routine}, or several have; give the only one, or set {what} \
-         behind the call"
+        "the call of {routine} ({at}) may change {what}: {routine} is in none of the files, or in several; give one file that has it, or set \
+         {what} behind the call"
     )]
     Call { what: &'static str, routine: String, at: Place },
     #[error("{name} has no value in the files given; give {give}")]
