@@ -16,7 +16,7 @@ pub mod targets;
 
 // Names of the crates below, as if they were modules here.
 use posegrid_arm::{geometry, kinematics};
-use posegrid_base::{at, figures, manifest, progress, units};
+use posegrid_base::{at, figures, manifest, nearest, progress, units};
 use posegrid_files::{
     input, measured_table, message, schema, store, system, table, temporary, whole_file,
 };

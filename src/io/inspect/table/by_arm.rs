@@ -36,9 +36,9 @@ const MOST_COLUMNS: usize = 3;
 /// The most readings whose mistakes are searched where none agrees.
 const MOST_SEARCHED: usize = 4;
 
-/// Units in which lengths of a table are tried, the usual ones first.
-pub const LENGTHS: [LengthUnit; 5] =
-    [LengthUnit::Mm, LengthUnit::M, LengthUnit::Cm, LengthUnit::Inch, LengthUnit::Ft];
+/// Units in which lengths of a table are tried, the usual ones first. In feet what is in metres moves enough to look like another arm.
+pub const LENGTHS: [LengthUnit; 4] =
+    [LengthUnit::Mm, LengthUnit::M, LengthUnit::Cm, LengthUnit::Inch];
 
 #[derive(Debug, Clone, Default)]
 pub struct Arms {

@@ -35,7 +35,7 @@ pub(super) fn robot_file(
     let mut left = None;
     for step in steps {
         refuse_xacro(step.joint.node)?;
-        step.joint.refuse_unknown()?;
+        step.joint.refuse_misspelled()?;
         let kind = step.joint.kind()?;
         let mut joint =
             JointFile { name: step.joint.name.to_owned(), kind, ..JointFile::default() };

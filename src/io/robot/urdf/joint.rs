@@ -3,13 +3,14 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use roxmltree::{Attribute, Node};
+use roxmltree::Node;
 
 use super::error::UrdfError;
 use super::tree::{Joint, expanded};
 use super::{attribute, children, line};
 use crate::geometry::{EulerOrder, Placement};
 use crate::kinematics::JointKind;
+use crate::nearest::did_you_mean;
 use crate::units::MM_PER_M;
 
 /// A coordinate of an origin further away than this, m, is one in mm.
@@ -21,23 +22,8 @@ const MANY_TURNS_RAD: f64 = 31.5;
 /// An angle as near to a right one as this, rad, and not nearer than [`EXACT_RAD`], is one whose digits were cut off.
 const CUT_OFF_RAD: f64 = 5e-3;
 const EXACT_RAD: f64 = 1e-7;
-/// The elements of a joint of URDF, and those of simulators in it that place nothing.
-const ELEMENTS: [&str; 12] = [
-    "origin",
-    "axis",
-    "limit",
-    "mimic",
-    "parent",
-    "child",
-    "dynamics",
-    "calibration",
-    "safety_controller",
-    "gazebo",
-    "physics",
-    "hardwareInterface",
-];
-/// Attributes of a limit beside its ends.
-const OF_DRIVES: [&str; 5] = ["effort", "velocity", "acceleration", "deceleration", "jerk"];
+/// The elements of a joint that place it.
+const ELEMENTS: [&str; 6] = ["origin", "axis", "limit", "mimic", "parent", "child"];
 /// The first version whose origins may state quaternions.
 const WITH_QUATERNIONS: (u32, u32) = (1, 1);
 
@@ -195,7 +181,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
         let Some(axis) = self.part("axis", &["xyz"])? else { return Ok(Vector3::x()) };
         let wanted = "three numbers that are not all zero";
-        let xyz = self.numbers(axis, "xyz", wanted)?.unwrap_or_default();
+        let xyz = self.numbers(axis, "xyz", wanted)?.ok_or_else(|| self.without(axis, "xyz"))?;
         let direction = Vector3::from(xyz);
         let norm = direction.norm();
         if norm.is_finite() && norm > 1e-9 {
@@ -227,39 +213,48 @@ impl<'a, 'i> Joint<'a, 'i> {
         Err(UrdfError::Has { line, joint, found, remedy })
     }
 
-    /// An error where an element stands in it that no joint has: a misspelled one would be passed over.
-    pub(super) fn refuse_unknown(&self) -> Result<(), UrdfError> {
-        let own = self.node.tag_name().namespace();
-        let elements =
-            self.node.children().filter(Node::is_element).map(|node| (node, node.tag_name()));
-        let mut unknown =
-            elements.filter(|(_, tag)| tag.namespace() == own && !ELEMENTS.contains(&tag.name()));
-        unknown.next().map_or(Ok(()), |(node, tag)| Err(self.unknown(node, tag.name())))
+    fn without(&self, node: Node<'_, '_>, wanted: &'static str) -> UrdfError {
+        let element = format!("<{}> of joint {:?}", node.tag_name().name(), self.name);
+        UrdfError::Incomplete { line: line(node), element, wanted }
     }
 
-    fn unknown(&self, node: Node<'_, '_>, found: &str) -> UrdfError {
-        UrdfError::Has {
+    /// An error where an element has nearly the name of one that places the joint: it would be passed over. Those of simulators and
+    /// drives have other names.
+    pub(super) fn refuse_misspelled(&self) -> Result<(), UrdfError> {
+        let own = self.node.tag_name().namespace();
+        let elements = self.node.children().filter(Node::is_element);
+        let elements = elements.filter(|node| node.tag_name().namespace() == own);
+        elements
+            .map(|node| (node, node.tag_name().name()))
+            .try_for_each(|(node, name)| self.refuse_near(node, "", name, &ELEMENTS))
+    }
+
+    /// An error where a name in an element is none of the known ones, and near to one of them.
+    fn refuse_near(
+        &self,
+        node: Node<'_, '_>,
+        of: &str,
+        name: &str,
+        known: &[&str],
+    ) -> Result<(), UrdfError> {
+        let meant = did_you_mean(name, known.iter().copied());
+        if known.contains(&name) || meant.is_empty() {
+            return Ok(());
+        }
+        Err(UrdfError::Has {
             line: line(node),
             joint: self.name.to_owned(),
-            found: format!("<{found}>, which is unknown"),
-            remedy: "a URDF has origin (xyz, rpy), axis (xyz), limit (lower, upper) and mimic (joint, multiplier, offset), in small \
-                     letters: write it so, or take it out",
-        }
+            found: format!("<{of}{name}>, which is unknown{meant}"),
+            remedy: "write it so, in small letters, or take it out",
+        })
     }
 
     /// Its element of that name with these attributes; an error where there are two, or where it may say something that is not read.
     fn part(&self, name: &str, keys: &[&str]) -> Result<Option<Node<'a, 'i>>, UrdfError> {
         let mut alike = children(self.node, name);
         let (Some(node), second) = (alike.next(), alike.next()) else { return Ok(None) };
-        let is_unknown = |own: &Attribute<'_, '_>| {
-            own.namespace().is_none()
-                && !keys.contains(&own.name())
-                && !OF_DRIVES.contains(&own.name())
-        };
-        // Where no number is left out none is misspelled.
-        let lacks_one = keys.iter().any(|key| attribute(node, key).is_none());
-        if let Some(unknown) = node.attributes().find(is_unknown).filter(|_| lacks_one) {
-            return Err(self.unknown(node, &format!("{name} {}", unknown.name())));
+        for own in node.attributes().filter(|own| own.namespace().is_none()) {
+            self.refuse_near(node, &format!("{name} "), own.name(), keys)?;
         }
         let (at, problem) = if let Some(second) = second {
             (
@@ -284,11 +279,7 @@ impl<'a, 'i> Joint<'a, 'i> {
         let Some(mimic) = self.part("mimic", &["joint", "multiplier", "offset"])? else {
             return Ok(None);
         };
-        let joint = attribute(mimic, "joint").ok_or_else(|| UrdfError::Incomplete {
-            line: line(mimic),
-            element: format!("<mimic> of joint {:?}", self.name),
-            wanted: "joint",
-        })?;
+        let joint = attribute(mimic, "joint").ok_or_else(|| self.without(mimic, "joint"))?;
         let [multiplier] = self.numbers(mimic, "multiplier", "a number")?.unwrap_or([1.0]);
         let [offset] = self.numbers(mimic, "offset", "a number")?.unwrap_or_default();
         Ok(Some(Following { joint: expanded(mimic, joint)?, multiplier, offset }))

@@ -311,7 +311,7 @@ fn numbers_that_are_none_are_refused_with_line_and_joint() {
         (("0 1.5707963267948966 0", "0 90 0"), "line 18: joint \"shoulder\": <origin rpy>"),
         (
             ("rpy=\"0 1.5707963267948966", "RPY=\"0 1.5707963267948966"),
-            "line 18: joint \"shoulder\" has <origin RPY>, which is unknown; a URDF has origin (xyz, rpy)",
+            "line 18: joint \"shoulder\" has <origin RPY>, which is unknown (did you mean \"rpy\"?)",
         ),
         (("0.6 0 0.8", "0 0 0"), "line 26: joint \"passive\": <axis xyz>"),
         (("upper=\"0.3\"", "upper=\"-0.3\""), "line 14: joint \"lift\" has limits from 0 to -0.3"),
@@ -420,7 +420,7 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
         (
             "<origin xyz=\"0.1 0 0.5\"/>",
             "<Origin xyz=\"0.1 0 0.5\"/>",
-            "line 12: joint \"lift\" has <Origin>, which is unknown; a URDF has origin",
+            "line 12: joint \"lift\" has <Origin>, which is unknown (did you mean \"origin\"?); write it so",
         ),
         ("<origin xyz=\"0.1", "<orgin xyz=\"0.1", "line 12: joint \"lift\" has <orgin>, which"),
         ("rpy=\"0 1.57", "rpyy=\"0 1.57", "line 18: joint \"shoulder\" has <origin rpyy>, which"),
@@ -428,7 +428,7 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
         (
             "<axis xyz=\"0 0 2\"/>",
             "<axis/>",
-            "line 13: joint \"lift\": <axis xyz> = \"[0.0, 0.0, 0.0]\"",
+            "line 13: <axis> of joint \"lift\" has no xyz; a URDF needs it",
         ),
         ("lower=\"-1.5", "low=\"-1.5", "line 20: joint \"shoulder\" has <limit low>, which"),
         ("multiplier=", "multiplyer=", "line 23: joint \"passive\" has <mimic multiplyer>, which"),
@@ -447,6 +447,10 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
         let found = changed(from, to);
         assert!(found.starts_with(expected), "{found}");
     }
+    // Those of drives and simulators are no misspelled ones.
+    let own = "<gear ratio=\"50\"/>\n<limit current=\"3\" gear_velocity=\"9\" lower=\"0\" upper=\"0.3\"/>";
+    let with = URDF.replacen("<limit lower=\"0\" upper=\"0.3\"/>", own, 1);
+    assert!(with != URDF && of(&with, &ends("base", "tool")).is_ok());
 }
 
 #[test]
