@@ -13,7 +13,7 @@
 //! three singularities, and its turns those of joints 4, 5 and 6 ([`Stated::Config`](crate::program::Stated)).
 
 mod listing;
-mod mark;
+pub(crate) mod mark;
 mod motion;
 mod position;
 mod steps;
@@ -34,8 +34,6 @@ use position::Listed;
 pub const FANUC: Dialect = Dialect {
     name: "fanuc",
     endings: &["ls"],
-    read,
-    marks: mark::marks,
     comment: '!',
     statement_end: "",
     // `!` is a comment at the head of a statement only, and elsewhere the negation.
@@ -62,7 +60,7 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions and motions of the listings among `files`, behind those that are found already, and the arm's base.
-fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
     let own = FANUC.files(files).map(|(place, file)| Listing::new(place, file));
     let listings: Vec<Listing<'_>> = own.collect();
     let mut reading = Reading {

@@ -24,15 +24,12 @@ use crate::names::Scope;
 use crate::program::File;
 use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
-use crate::write::behind_head_marks;
 
 pub(crate) use frames::abc;
 
 pub const KRL: Dialect = Dialect {
     name: "krl",
     endings: &["src", "sub", "dat"],
-    read,
-    marks: behind_head_marks,
     comment: ';',
     statement_end: "",
     comments: &[b";"],
@@ -71,7 +68,7 @@ enum Tools {
 }
 
 /// Positions, motions and the arm's base of the KRL files among `files`.
-fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
     let own = KRL.files(files).map(|(place, file)| (place, tokens(&file.bytes, &KRL)));
     let mut own: Vec<(usize, Vec<Token>)> = own.collect();
     // What routines assign is known once lists have declared it.

@@ -6,11 +6,6 @@
 
 use std::ops::Range;
 
-use crate::edit::Edit;
-use crate::frame::{Cell, Chain};
-use crate::program::File;
-use crate::reading::Used;
-
 /// What distinguishes one dialect from another: all that is asked of a file by its ending stands here.
 ///
 /// | | comment | header line | quotes | statement ends at |
@@ -25,10 +20,6 @@ pub struct Dialect {
     pub name: &'static str,
     /// Of its files, in small letters.
     pub endings: &'static [&'static str],
-    /// Positions and motions of its files, behind those that are found already, and the arm's base.
-    pub read: fn(&[File], &Cell, Used) -> (Used, Chain),
-    /// What marks a file as corrected, by words and the name of the table.
-    pub marks: fn(&File, &str, &str) -> Vec<Edit>,
     /// The sign before a comment of posegrid's own.
     pub comment: char,
     /// What ends a statement that another comment follows in its line.
@@ -45,13 +36,6 @@ pub struct Dialect {
     pub comments_elements: bool,
     /// Bytes of names besides letters, digits and bytes from 0x80 on.
     pub in_names: &'static [u8],
-}
-
-impl Dialect {
-    /// Its files with their places among all.
-    pub fn files<'f>(&'static self, files: &'f [File]) -> impl Iterator<Item = (usize, &'f File)> {
-        files.iter().enumerate().filter(|(_, file)| file.is_of(self))
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -41,12 +41,49 @@ pub use ask::{Asked, Branch, Wanted};
 pub use edit::Edit;
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
 pub use further::{ADDED, Further};
+use lex::Dialect;
 pub use postures::Postures;
-use program::DIALECTS;
 pub use program::{Computed, File, Path, Position, Programs, Split, Way};
 use reading::Used;
 pub use refusal::{Place, Refusal};
 pub use value::Letters;
+
+/// Reads positions and motions of a dialect's files, behind those that are found already, and the arm's base.
+type Read = fn(&[File], &Cell, Used) -> (Used, frame::Chain);
+/// Marks a file as corrected, by words and the name of the table.
+type Mark = fn(&File, &str, &str) -> Vec<Edit>;
+
+const DIALECTS: [(&Dialect, Read, Mark); 4] = [
+    (&krl::KRL, krl::read, write::behind_head_marks),
+    (&rapid::RAPID, rapid::read, write::behind_head_marks),
+    (&fanuc::FANUC, fanuc::read, fanuc::mark::marks),
+    (&urscript::URSCRIPT, urscript::read, write::first_comment),
+];
+
+impl File {
+    /// Its dialect by its ending; `None` for a file of no program.
+    fn dialect(&self) -> Option<&'static Dialect> {
+        let ending = self.ending();
+        let mut all = DIALECTS.into_iter().map(|(own, ..)| own);
+        all.find(|own| own.endings.contains(&ending.as_str()))
+    }
+
+    /// Its dialect as records name it: `krl`.
+    pub fn dialect_name(&self) -> Option<&'static str> {
+        self.dialect().map(|own| own.name)
+    }
+
+    fn is_of(&self, dialect: &Dialect) -> bool {
+        self.dialect_name() == Some(dialect.name)
+    }
+}
+
+impl Dialect {
+    /// Its files with their places among all.
+    fn files<'f>(&'static self, files: &'f [File]) -> impl Iterator<Item = (usize, &'f File)> {
+        files.iter().enumerate().filter(|(_, file)| file.is_of(self))
+    }
+}
 
 /// Whether a file belongs to a program or says something of its frames.
 pub fn is_program(file: &File) -> bool {
@@ -57,9 +94,9 @@ pub fn is_program(file: &File) -> bool {
 pub fn read(files: Vec<File>, cell: &Cell) -> Programs {
     let mut found = Used::default();
     let mut roots = vec![frame::Chain::default(); files.len()];
-    for dialect in DIALECTS {
+    for (dialect, read, _) in DIALECTS {
         let root;
-        (found, root) = (dialect.read)(&files, cell, found);
+        (found, root) = read(&files, cell, found);
         dialect.files(&files).for_each(|(place, _)| roots[place].clone_from(&root));
     }
     let marks = files.iter().map(write::mark).collect();

@@ -7,12 +7,8 @@ use std::sync::Arc;
 
 use crate::flow::{Known, Setting, Slot, State, known, unknown};
 use crate::frame::Chain;
-use crate::lex::Dialect;
 use crate::refusal::{Place, Refusal};
 use crate::value::{Letters, Number};
-use crate::{fanuc::FANUC, krl::KRL, rapid::RAPID, urscript::URSCRIPT};
-
-pub(crate) const DIALECTS: [&Dialect; 4] = [&KRL, &RAPID, &FANUC, &URSCRIPT];
 
 /// A file as it lies on the controller.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,21 +37,6 @@ impl File {
     pub fn ending(&self) -> String {
         let ending = self.base_name().rsplit_once('.').map(|(_, ending)| ending);
         ending.unwrap_or_default().to_ascii_lowercase()
-    }
-
-    /// Its dialect by its ending; `None` for a file of no program.
-    pub(crate) fn dialect(&self) -> Option<&'static Dialect> {
-        let ending = self.ending();
-        DIALECTS.into_iter().find(|own| own.endings.contains(&ending.as_str()))
-    }
-
-    /// Its dialect as records name it: `krl`.
-    pub fn dialect_name(&self) -> Option<&'static str> {
-        self.dialect().map(|own| own.name)
-    }
-
-    pub(crate) fn is_of(&self, dialect: &Dialect) -> bool {
-        self.dialect().is_some_and(|own| own.name == dialect.name)
     }
 
     pub fn at(&self, line: u32) -> Place {

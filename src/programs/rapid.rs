@@ -26,7 +26,6 @@ use crate::names::Scope;
 use crate::program::File;
 use crate::reading::{Common, Used};
 use crate::refusal::{Place, Refusal};
-use crate::write::behind_head_marks;
 use statement::Statement;
 
 pub(crate) use base_frame::is_configuration;
@@ -35,8 +34,6 @@ pub(crate) use motion::quaternion;
 pub const RAPID: Dialect = Dialect {
     name: "rapid",
     endings: &["mod", "prg", "sys", "modx", "sysx"],
-    read,
-    marks: behind_head_marks,
     comment: '!',
     statement_end: ";",
     comments: &[b"!"],
@@ -64,7 +61,7 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions, motions and the arm's base of the RAPID modules among `files`, behind those that are found already.
-fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let tokens = |file: &File| statement::without_line_ends(&tokens(&file.bytes, &RAPID));
     let own = RAPID.files(files).map(|(place, file)| (place, tokens(file)));
     let own: Vec<(usize, Vec<Token>)> = own.collect();

@@ -27,7 +27,6 @@ use crate::program::{File, Programs, Shape};
 use crate::reading::{Common, Shaped, Used};
 use crate::refusal::{Place, Refusal};
 use crate::value::Value;
-use crate::write::first_comment;
 use statement::Statements;
 
 pub(crate) use motion::vector_near;
@@ -35,8 +34,6 @@ pub(crate) use motion::vector_near;
 pub const URSCRIPT: Dialect = Dialect {
     name: "urscript",
     endings: &["script", "urscript"],
-    read,
-    marks: |file, words, _| vec![first_comment(file, words)],
     comment: '#',
     statement_end: "",
     comments: &[b"#"],
@@ -57,7 +54,7 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions and motions of the scripts among `files`, behind those that are found already, and the arm's base.
-fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
     let own = URSCRIPT.files(files).map(|(place, file)| Statements::new(place, &file.bytes));
     let scripts: Vec<Statements<'_>> = own.collect();
     let mut reading = Reading {

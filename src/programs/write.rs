@@ -248,8 +248,8 @@ pub fn mark(file: &File) -> Option<u32> {
 
 /// The lines that mark a file as corrected by `words`: a comment, and a constant named after `id` where the dialect has one.
 pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
-    let own = file.dialect().map(|own| (own.marks)(file, &plain(words), &plain(id)));
-    own.unwrap_or_default()
+    let own = crate::DIALECTS.iter().find(|(own, ..)| file.is_of(own));
+    own.map_or_else(Vec::new, |(.., marks)| marks(file, &plain(words), &plain(id)))
 }
 
 /// The comment that marks a file, with its line end.
@@ -259,9 +259,9 @@ fn comment(file: &File, words: &str) -> String {
 }
 
 /// The mark as the first line of a file.
-pub(crate) fn first_comment(file: &File, words: &str) -> Edit {
+pub(crate) fn first_comment(file: &File, words: &str, _: &str) -> Vec<Edit> {
     let (bytes, line) = (&file.bytes, comment(file, words));
-    insert(bytes, after_mark(bytes), line, line_end(bytes))
+    vec![insert(bytes, after_mark(bytes), line, line_end(bytes))]
 }
 
 /// The mark behind the head of a module of KRL or RAPID, and the constant.
@@ -273,7 +273,7 @@ pub(crate) fn behind_head_marks(file: &File, words: &str, id: &str) -> Vec<Edit>
     let line = comment(file, words);
     // Without a head nothing is known of where a declaration may stand.
     let mut marks = match behind_head(file, &tokens, is_rapid) {
-        None => vec![first_comment(file, words)],
+        None => first_comment(file, words, &id),
         Some(place) if is_rapid => {
             let constant = format!("LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
             match behind_types(file, &tokens) {

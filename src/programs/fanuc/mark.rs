@@ -10,7 +10,7 @@ use crate::value::{Cursor, Number};
 /// Letters of a comment.
 const LONGEST: usize = 32;
 
-pub(super) fn marks(file: &File, words: &str, _: &str) -> Vec<Edit> {
+pub(crate) fn marks(file: &File, words: &str, _: &str) -> Vec<Edit> {
     let bytes = &file.bytes;
     let all = tokens(bytes, &FANUC);
     let lines: Vec<&[Token]> = lines(&all).collect();
