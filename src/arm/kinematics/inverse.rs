@@ -57,8 +57,8 @@ impl Default for InverseSettings {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum InverseError {
     #[error(
-        "the pose is out of reach by {position_mm:.3} mm and {orientation_rad:.6} rad; check that it lies in the working space, and the \
-         frame and the tool that it is stated in"
+        "the pose is not reached, the nearest that is found is off by {position_mm:.3} mm and {orientation_rad:.6} rad; check that it lies in the \
+         working space, and the frame and the tool that it is stated in"
     )]
     NotReachable { position_mm: f64, orientation_rad: f64 },
     #[error(

@@ -152,8 +152,10 @@ fn dates_formulas_and_numbers_typed_as_text() {
 /// Rows of a sheet whose cells are all texts.
 fn texts(rows: &[[&str; 3]]) -> String {
     let cell = |text: &&str| format!("<c t=\"str\"><v>{text}</v></c>");
-    let row = |cells: &[&str; 3]| cells.iter().map(cell).collect::<String>();
-    rows.iter().map(|cells| format!("<row>{}</row>", row(cells))).collect()
+    let row = |cells: &[&str; 3]| {
+        ["<row>", &cells.iter().map(cell).collect::<String>(), "</row>"].concat()
+    };
+    rows.iter().map(row).collect()
 }
 
 #[test]
