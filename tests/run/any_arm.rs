@@ -321,7 +321,7 @@ impl Cell {
         println!("{}", ended.told);
         if places.len() < 3 {
             // Two joints cannot move a point in three directions: every target is refused with that reason.
-            ended.expect(&[1], &["t0", "the pose is not reachable"]);
+            ended.expect(&[1], &["t0", "the pose is not reached"]);
             return;
         }
         ended.expect(&[0, 3], &["40 targets: "]);
