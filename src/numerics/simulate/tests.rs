@@ -221,7 +221,7 @@ fn bad_settings_are_named() {
         };
     });
     assert!(
-        far.contains("grid node [3500.0, 0.0, 800.0]") && far.contains("not reachable"),
+        far.contains("grid node [3500.0, 0.0, 800.0]") && far.contains("not reached"),
         "{far}"
     );
 }
