@@ -220,10 +220,7 @@ fn bad_settings_are_named() {
             orientation_rpy: [3.0, 0.3, 0.1],
         };
     });
-    assert!(
-        far.contains("grid node [3500.0, 0.0, 800.0]") && far.contains("not reached"),
-        "{far}"
-    );
+    assert!(far.contains("grid node [3500.0, 0.0, 800.0]") && far.contains("not reached"), "{far}");
 }
 
 #[test]
