@@ -2,7 +2,8 @@
 //!
 //! A file is read as bytes and never decoded: names, numbers and signs are ASCII in every dialect, and bytes from 0x80 on
 //! stand in comments, texts and a few names only. A second byte of Shift-JIS may look like `\`, `{` or `|` but never
-//! like a quotation mark, an end of line or what begins a comment, so texts and comments end where they do.
+//! like a quotation mark, an end of line or what begins a comment, so texts and comments end where they do; but it may look like the `]`
+//! that ends the comment of an element, whose rest is then no listing and is refused.
 
 use std::ops::Range;
 

@@ -8,7 +8,7 @@ use crate::lake::Lake;
 use crate::manifest::RunKey;
 use crate::rows::Row as _;
 use crate::schema;
-use crate::table::{self};
+use crate::table;
 use crate::tables::accuracy::AccuracyRow;
 use crate::tables::calibrations::{ArmColumns, CalibrationRow};
 use crate::tables::runs::RunRow;

@@ -10,7 +10,7 @@ use super::{Lake, LakeError, RUNS, session_key};
 use crate::manifest::{Replaced, RunKey};
 use crate::rows::{Row as _, row};
 use crate::store::Listed;
-use crate::table::{self};
+use crate::table;
 use crate::tables::runs::row_digest;
 use crate::units::WallTime;
 

@@ -14,7 +14,7 @@ use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
 use crate::rows::{Row as _, Word as _};
 use crate::schema::{self, KEY_COLUMNS};
-use crate::table::{self};
+use crate::table;
 
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
 

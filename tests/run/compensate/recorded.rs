@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use posegrid::cli::compensate::{CompensateCommandError, UsedWithArgs};
-use posegrid::files::table::{self};
+use posegrid::files::table;
 use posegrid::io::lake::{Correction, Lake, is_correction};
 use posegrid::io::rows::Word as _;
 

@@ -15,7 +15,7 @@ use super::summary::Summary;
 use crate::files::input::Bound;
 use crate::files::schema;
 use crate::files::store::Listed;
-use crate::files::table::{self};
+use crate::files::table;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::rows::{Row as _, Word as _};
 use crate::io::tables::clocks::ClockRow;
