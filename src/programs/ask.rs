@@ -155,6 +155,7 @@ impl Programs {
             Setting::Config(letters) => {
                 return Ok(Branch::Config { letters: *letters, turns: None });
             }
+            Setting::Status(status) => return Ok(Branch::Status { status: *status, turn: None }),
             _ => index,
         };
         let whole = |number: &Number| {
@@ -167,11 +168,9 @@ impl Programs {
         #[expect(clippy::cast_possible_truncation, reason = "whole numbers below 128")]
         let small = |number: &Number| whole(number).map(|value| value as i32);
         let byte = |number: &Number| {
-            small(number).and_then(|value| {
-                u8::try_from(value).map_err(|_| Refusal::Form {
-                    what: "arm configuration",
-                    form: value.to_string(),
-                })
+            number.byte().ok_or_else(|| Refusal::Form {
+                what: "arm configuration",
+                form: number.value.to_string(),
             })
         };
         match self.positions[by].shape.as_ref().map_err(Clone::clone)? {

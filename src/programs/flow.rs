@@ -3,7 +3,7 @@
 //! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
 //! loop it is unknown where the loop sets it to anything else; at a label it is what holds before the first jump or label, outside all
 //! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
-//! does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
+//! always sets or does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -69,6 +69,8 @@ pub enum Setting {
     /// Its index among the positions.
     Position(usize),
     Config(Letters),
+    /// S of KUKA.
+    Status(u8),
 }
 
 impl Setting {
@@ -107,6 +109,11 @@ impl State {
 
     pub fn set(&mut self, slot: Slot, to: Known) {
         self.slots[slot as usize] = to;
+    }
+
+    /// How many slots are known.
+    fn known(&self) -> usize {
+        self.slots.iter().filter(|slot| slot.is_ok()).count()
     }
 
     /// What holds on both of two ways.
@@ -175,6 +182,8 @@ pub enum Step {
     EndSwitch,
     /// A jump to a label may begin here.
     Jump,
+    /// The routine may end here.
+    Return,
     /// A place that the program may jump to.
     Label,
     /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
@@ -259,6 +268,13 @@ impl Routine {
         self.steps.len()
     }
 
+    /// Whether its last step is the only one that it ends behind.
+    fn ends_at_its_end(&self) -> bool {
+        let jumps =
+            |step: &Step| matches!(step, Step::Jump | Step::Label | Step::Handler | Step::Return);
+        self.has_closed_blocks() && !self.steps.iter().any(jumps)
+    }
+
     /// Whether its blocks close as they open.
     pub fn has_closed_blocks(&self) -> bool {
         let mut open = Vec::new();
@@ -283,7 +299,26 @@ impl Routine {
 #[derive(Debug)]
 pub struct Summaries {
     of: HashMap<String, Effects>,
+    /// What always holds behind a routine, whatever was before it.
+    exits: HashMap<String, State>,
     others: Others,
+}
+
+/// Motions of a routine that is walked for its exit alone.
+struct Unseen<'m, M>(&'m M);
+
+impl<M: Motions> Motions for Unseen<'_, M> {
+    fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known> {
+        self.0.branch(motion, state)
+    }
+
+    fn end(&self, motion: usize) -> Known {
+        self.0.end(motion)
+    }
+
+    fn happens(&mut self, _: usize, _: &State) {}
+
+    fn calls(&mut self, _: &str, _: &State) {}
 }
 
 /// What calls of routines do that are in no given file.
@@ -314,7 +349,7 @@ impl Summaries {
         others: Others,
     ) -> Self {
         let none = routines.keys().map(|name| (name.clone(), Effects::default()));
-        let mut own = Self { of: none.collect(), others };
+        let mut own = Self { of: none.collect(), exits: HashMap::new(), others };
         let mut changed = true;
         while changed {
             changed = false;
@@ -327,7 +362,21 @@ impl Summaries {
                 }
             }
         }
+        while own.find_exits(routines, motions) {}
         own
+    }
+
+    /// Finds what holds behind routines by what holds behind those that they call; false once nothing more is known.
+    fn find_exits(&mut self, routines: &BTreeMap<String, Routine>, motions: &impl Motions) -> bool {
+        let none = unknown(Refusal::Other(String::new()));
+        let entry = State::new(|_| none.clone());
+        let mut is_more = false;
+        for (name, routine) in routines.iter().filter(|(_, own)| own.ends_at_its_end()) {
+            let exit = walk(routine, self, &entry, &AtAnyTime::default(), &mut Unseen(motions));
+            let before = self.exits.insert(name.clone(), exit);
+            is_more |= self.exits[name].known() > before.map_or(0, |before| before.known());
+        }
+        is_more
     }
 
     /// What routines may do at any time, as interrupts call them. They come back to where the arm was.
@@ -414,14 +463,14 @@ struct Walk<'w, M> {
     blocks: Vec<Block>,
 }
 
-/// Walks a routine whose blocks close as they open.
+/// Walks a routine whose blocks close as they open, and gives what holds at its end.
 pub fn walk(
     routine: &Routine,
     summaries: &Summaries,
     entry: &State,
     interrupts: &AtAnyTime,
     motions: &mut impl Motions,
-) {
+) -> State {
     let loops = loop_effects(&routine.steps, summaries, motions);
     let first_jump = routine.first_jump();
     let mut any_time = interrupts.0.clone();
@@ -445,6 +494,7 @@ pub fn walk(
             step => walk.step(step),
         }
     }
+    walk.state
 }
 
 /// The motions and calls of a routine that is not followed: all happen in one state.
@@ -497,11 +547,19 @@ impl<M: Motions> Walk<'_, M> {
                 self.state.after(&self.any_time);
                 self.motions.calls(routine, &self.state);
                 self.state.after(&self.summaries.call(routine, at));
+                let exit = self.summaries.exits.get(routine);
+                for (own, exit) in
+                    self.state.slots.iter_mut().zip(exit.iter().flat_map(|exit| &exit.slots))
+                {
+                    if exit.is_ok() {
+                        own.clone_from(exit);
+                    }
+                }
             }
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Jump | Step::Label | Step::Handler => {}
+            Step::Loop | Step::Jump | Step::Return | Step::Label | Step::Handler => {}
             Step::Else { is_last } => self.branch_else(*is_last),
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),

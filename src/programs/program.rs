@@ -290,10 +290,10 @@ pub(crate) struct Recorder<'r> {
 
 /// Frames that a position states, held against those that are set, where these are known.
 fn held(set: &Known, stated: &Known) -> Known {
-    match set.as_ref().map_err(|why| &**why) {
-        Err(Refusal::NotSet { .. } | Refusal::Call { .. }) => stated.clone(),
+    match set {
+        // The controller moves only where what is set is what the position states.
+        Err(_) => stated.clone(),
         Ok(own) if stated.as_ref().is_ok_and(|stated| stated == own) => stated.clone(),
-        Err(_) => set.clone(),
         Ok(own) => {
             let named = |known: &Setting| match known {
                 Setting::Frames(chain) => chain.to_string(),
@@ -309,14 +309,14 @@ fn held(set: &Known, stated: &Known) -> Known {
 }
 
 impl Recorder<'_> {
-    /// The arm configuration that a motion states: letters are the same at every position.
+    /// The arm configuration that a motion states: letters and S mean the same at every position.
     fn stated(&self, motion: &Motion) -> Known {
-        match motion.end().map(|end| &self.positions[end].shape) {
-            Some(Ok(Shape::Pose { stated: Some(Stated::Config { letters, .. }), .. })) => {
-                known(Setting::Config(*letters))
-            }
-            _ => motion.branch(),
-        }
+        let Some(Target::Literal { positions, .. }) = motion.targets.last() else {
+            return motion.branch();
+        };
+        let mut all = positions.iter().map(|own| self.positions[*own].configuration());
+        let first = all.next().flatten().filter(|first| all.all(|own| own.as_ref() == Some(first)));
+        first.map_or_else(|| motion.branch(), known)
     }
 }
 
@@ -391,6 +391,21 @@ impl crate::flow::Motions for Recorder<'_> {
                     is_beside: *is_beside,
                 });
             }
+        }
+    }
+}
+
+impl Position {
+    /// The arm configuration that it states wherever it stands.
+    fn configuration(&self) -> Option<Setting> {
+        match &self.shape {
+            Ok(Shape::Pose { stated: Some(Stated::Config { letters, .. }), .. }) => {
+                Some(Setting::Config(*letters))
+            }
+            Ok(Shape::Pose { stated: Some(Stated::Status { status, .. }), .. }) => {
+                status.byte().map(Setting::Status)
+            }
+            _ => None,
         }
     }
 }

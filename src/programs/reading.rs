@@ -317,9 +317,11 @@ pub(crate) fn one(position: usize) -> Target {
     Target::Literal { positions: vec![position], is_beside: false }
 }
 
-pub(crate) fn beside(target: Target) -> Option<Target> {
+pub(crate) fn beside(target: &Target) -> Option<Target> {
     match target {
-        Target::Literal { positions, .. } => Some(Target::Literal { positions, is_beside: true }),
+        Target::Literal { positions, .. } => {
+            Some(Target::Literal { positions: positions.clone(), is_beside: true })
+        }
         Target::Computed(_) => None,
     }
 }

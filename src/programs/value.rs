@@ -26,6 +26,15 @@ pub struct Number {
     pub is_glued: bool,
 }
 
+impl Number {
+    /// As one of bits; `None` for any other.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole and small")]
+    pub fn byte(&self) -> Option<u8> {
+        let is_byte = self.value.fract() == 0.0 && (0.0..256.0).contains(&self.value);
+        is_byte.then_some(self.value as u8)
+    }
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
     Number(Number),

@@ -183,6 +183,7 @@ impl Reading<'_> {
             let Some(value) = statement.value else {
                 continue;
             };
+            variable.is_declared |= is_list;
             let span = value.span();
             let value = value.value();
             let is_known = is_list || matches!(value, Value::Fields { .. });

@@ -139,8 +139,14 @@ impl Reading<'_> {
     }
 
     fn value(&self, scopes: &[Scope], name: &str, give: &str) -> Result<Isometry3<f64>, Refusal> {
-        let written = self.common.names.constant(scopes, name, self.common.files, give)?;
+        let names = &self.common.names;
+        let written = names.constant(scopes, name, self.common.files, give)?;
         let at = self.common.files[written.file].at(written.line);
+        if names.find(scopes, parts(name).0).is_some_and(|own| !own.is_declared) {
+            return Err(Refusal::Other(format!(
+                "{name} is written in {at}, and what it is before that is in no file given; give {give}"
+            )));
+        }
         isometry(&written.value).ok_or(Refusal::NoFrame { name: name.to_owned(), at })
     }
 

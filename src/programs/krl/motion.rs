@@ -171,7 +171,7 @@ impl Reading<'_> {
         if !is_pose {
             return None;
         }
-        beside(self.common.declared(here, &name)?)
+        beside(&self.common.declared(here, &name)?)
     }
 }
 

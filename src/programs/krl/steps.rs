@@ -21,7 +21,7 @@ pub(super) fn is_keyword(word: &str) -> bool {
 }
 
 /// Routines and functions of the system that set no frame and move nothing.
-const HARMLESS: &str = "ABS ACOS ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CAST_FROM CAST_TO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
+const HARMLESS: &str = "ABS ACOS ARCGETDELAY ARCGETPATH ARCMAINNG ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CAST_FROM CAST_TO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
     DELETE_BACKWARD_BUFFER EK EKI_CHECKBUFFER EKI_CLEAR EKI_CLOSE EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING EKI_INIT \
     EKI_OPEN EKI_SEND EKI_SETBOOL EKI_SETFRAME EKI_SETINT EKI_SETREAL EKI_SETSTRING ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD H50 INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
     MSGQUIT MSGSTATE P00 ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
@@ -134,6 +134,10 @@ impl Reading<'_> {
                 self.interrupt(here, rest, false);
             }
             "GOTO" => steps.push(Step::Jump),
+            "RETURN" => {
+                self.conditions(here, rest, steps);
+                steps.push(Step::Return);
+            }
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);

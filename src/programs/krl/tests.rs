@@ -103,6 +103,22 @@ fn a_linear_motion_goes_on_in_the_configuration_that_a_ptp_stated() {
 }
 
 #[test]
+fn one_status_on_all_ways_is_one_arm_configuration() {
+    let value = "{X 1,Y 2,Z 3,A 0,B 0,C 180,S 2,T 2}";
+    let data =
+        format!("{POINT}\r\nDECL POS Q[2]\r\nQ[1]={value}\r\nQ[2]={value}\r\nDECL POS R={value}");
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
+    for ways in ["IF N==1 THEN\r\nPTP XP1\r\nELSE\r\nPTP Q[1]\r\nENDIF", "PTP Q[N]"] {
+        let found = programs(&format!("{set}{ways}\r\nLIN R"), &data);
+        let last = found.ask(found.positions.len() - 1, &cell()).unwrap();
+        assert_eq!(last.branches(), [Branch::Status { status: 2, turn: None }], "{ways}");
+        let other = data.replacen("S 2,T 2", "S 6,T 2", 1);
+        let found = programs(&format!("{set}{ways}\r\nLIN R"), &other);
+        assert!(found.ask(found.positions.len() - 1, &cell()).is_err(), "{ways}");
+    }
+}
+
+#[test]
 fn what_is_not_known_is_refused_by_name() {
     let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n";
     let ptp = "PTP XP1";
@@ -156,6 +172,12 @@ fn what_is_not_known_is_refused_by_name() {
             "the base is another by the way",
         ),
         (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
+        (
+            format!(
+                "BAS(#BASE,2)\r\nFIRST()\r\n{ptp}\r\nEND\r\nDEF FIRST()\r\nIF N==1 THEN\r\nRETURN\r\nENDIF\r\n{set}"
+            ),
+            "the tool is another by the way",
+        ),
     ];
     for (source, expected) in cases {
         let told = only(&source, POINT);
@@ -223,6 +245,10 @@ fn what_holds_on_every_way_is_known() {
             "{set}FIRST()\r\n{set}SECOND()\r\nEND\r\nDEF FIRST()\r\nSECOND()\r\nEND\r\nDEF SECOND()\r\nPTP XP1"
         ),
         format!("{set}PTP XP1:{{X 0,Y 0,Z -50,A 0,B 0,C 0}}"),
+        format!(
+            "FIRST()\r\nPTP XP1\r\nEND\r\nDEF FIRST()\r\nSECOND()\r\nEND\r\nDEF SECOND()\r\n{set}"
+        ),
+        format!("{set}ArcMainNG(#ArcOnBeforeMoveStd,WDAT1,WP1)\r\nPTP XP1"),
     ];
     for source in sources {
         assert_eq!(only(&source, POINT), "ok", "{source}");
@@ -318,6 +344,10 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
     let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
     let cases = [
         ("BASE_DATA[1].X=5\r\n", "BASE_DATA[1] is worked out at run time"),
+        (
+            "IF N==1 THEN\r\nBASE_DATA[1]={X 1,Y 0,Z 5,A 0,B 0,C 0}\r\nENDIF\r\n",
+            "BASE_DATA[1] is written in p.src, line 3, and what it is before that is in no file given; give $config.dat",
+        ),
         ("FIT(BASE_DATA[1])\r\n", "BASE_DATA[1] is worked out at run time"),
         ("CREAD(H,S,M,O,\"%r\",BASE_DATA[1].X)\r\n", "BASE_DATA[1] is worked out at run time"),
         ("INTERRUPT DECL 4 WHEN $IN[3] DO UNSEEN()\r\n", "the call of UNSEEN (p.src, line 2)"),

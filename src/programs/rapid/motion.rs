@@ -328,7 +328,7 @@ impl Reading<'_> {
             _ => return None,
         };
         self.common.reads(here, inside);
-        beside(target)
+        beside(&target)
     }
 
     /// Positions that are passed to a routine other than a motion.
