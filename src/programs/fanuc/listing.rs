@@ -87,7 +87,8 @@ impl<'f> Listing<'f> {
         let begins = |sign: u8, count: usize| {
             own.len() >= count && own[..count].iter().all(|token| token.is(sign))
         };
-        if begins(b'!', 1) || begins(b'/', 2) || begins(b'-', 2) {
+        let is_remark = begins(b'/', 2);
+        if begins(b'!', 1) || begins(b'-', 2) {
             return false;
         }
         // What a text without its end hides is seen in the bytes.
@@ -99,9 +100,11 @@ impl<'f> Listing<'f> {
             own = &own[..own.len() - 1];
         }
         let start = self.tokens.len();
-        self.tokens.extend(own);
+        self.tokens.extend(if is_remark { &[] } else { own });
         let end = self.tokens.len();
         match self.statements.last_mut() {
+            // What carries a remark on is one too.
+            Some((range, _)) if is_open && head < 2 && range.start == range.end => {}
             Some((range, _)) if is_open && head < 2 => range.end = end,
             _ => self.statements.push((start..end, line[0].line)),
         }

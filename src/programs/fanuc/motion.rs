@@ -6,14 +6,16 @@ use super::{DECIMALS, Reading};
 use crate::flow::{Known, Slot, Step};
 use crate::lex::{Kind, Token, capitals};
 use crate::program::{Motion, Position, Reads, Target, Way};
-use crate::reading::{Here, NOT_SPLIT, has, one, shown};
+use crate::reading::{Here, NOT_SPLIT, beside, has, one, shown};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
 use super::position::number;
 
 /// Options that leave a motion's end where it is, without their digits, and the words in them.
-const HARMLESS: &str = "ACC AP_LD ARC BREAK CTV CV END EV IND JPOS LBL LPOS MROT PR PSPD PTH R RT_LD AR SKIP START WELD WJNT";
+const HARMLESS: &str = "ACC ALIM AP_LD ARC BREAK CTV CV END EV IND JPOS LBL LPOS MROT OFFSET PR PSPD PTH R RT_LD AR SKIP START TOOL_OFFSET WELD WJNT";
+/// Options with which it ends beside its position.
+const OFFSETS: &str = "OFFSET TOOL_OFFSET";
 /// Options that begin what happens beside the motion.
 const BESIDE: &str = "TB TA DB CALL SPOT";
 /// Options that are for the motion wherever they stand.
@@ -40,13 +42,13 @@ fn names(rest: Cursor<'_>) -> impl Iterator<Item = (usize, String)> {
     outside.map(move |(place, token)| (place, capitals(rest.text(token))))
 }
 
-/// Whether a name is another with digits behind it: `CNT100`, `ACC`.
-fn is_with_digits(name: &str, word: &str) -> bool {
-    name.strip_prefix(word).is_some_and(|rest| rest.bytes().all(|byte| byte.is_ascii_digit()))
+/// A name without the number behind it: `CNT` of `CNT100`, `CR` of `CR20mm`.
+fn without_number(name: &str) -> &str {
+    name.trim_end_matches("MM").trim_end_matches(|letter: char| letter.is_ascii_digit())
 }
 
 fn is_end(name: &str) -> bool {
-    name == "FINE" || name == "CNTR" || is_with_digits(name, "CNT") || is_with_digits(name, "CR")
+    matches!(without_number(name), "FINE" | "CNTR" | "CNT" | "CR" | "CD")
 }
 
 /// Numbers of a position's user frame and its tool; `None` for those that are set.
@@ -79,8 +81,7 @@ impl Parts {
 
     /// The first option of a motion that is not followed, or that it has no end.
     fn unknown(&self, word: &str) -> Option<String> {
-        let digits = |letter: char| letter.is_ascii_digit();
-        let is_known = |own: &&String| has(HARMLESS, own.trim_end_matches(digits));
+        let is_known = |own: &&String| has(HARMLESS, without_number(own));
         let option = self.options.iter().find(|own| !is_known(own));
         let none = || self.end.is_none().then(|| format!("{word} without FINE or CNT"));
         option.map(|option| format!("{word} with {option}")).or_else(none)
@@ -139,6 +140,9 @@ impl Reading<'_> {
         let behind = end.as_ref().map(|(place, _)| &rest.tokens[place + 1..]);
         between.extend(behind.into_iter().flat_map(|tokens| options_of(Cursor { tokens, ..rest })));
         let end = end.map(|(_, name)| name);
+        if between.iter().any(|own| has(OFFSETS, own)) {
+            targets = targets.into_iter().map(|own| beside(&own).unwrap_or(own)).collect();
+        }
         Parts { targets, frames, end, options: between }
     }
 

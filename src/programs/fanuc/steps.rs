@@ -58,6 +58,9 @@ impl Reading<'_> {
             if has_name(statement.all, &["LBL", "JMP"]) {
                 steps.push(Step::Jump);
             }
+            if statement.all.peek_name().is_some_and(|word| word == "END") {
+                steps.push(Step::Return);
+            }
             self.step(listing, &statement, &mut steps);
         }
         self.common.routines.insert(self.full_name(listing), Routine { steps });

@@ -78,6 +78,8 @@ fn every_form_of_a_motion_is_read() {
         ("L P[1] 9mm/sec FINE Skip,LBL[1],PR[4]=LPOS", Way::Other),
         ("L P[1] 9mm/sec CNT5 Wjnt", Way::Other),
         ("A P[1] 9mm/sec CNT5", Way::Other),
+        ("L P[1] 9mm/sec CR20mm ALIM50", Way::Straight),
+        ("J P[1] 5% CNT10 Offset,PR[43:a)b] Tool_Offset,PR[5]", Way::Joints),
         ("C P[1]    ;\r\n    :  P[1] 9mm/sec FINE", Way::Circle),
     ];
     for (own, way) in cases {
@@ -92,14 +94,24 @@ fn every_form_of_a_motion_is_read() {
         assert_eq!(programs.paths[1].way, way, "{own}");
         let told = programs.ask(1, &cell());
         assert!(told.is_ok(), "{own}: {told:?}");
+        assert_eq!(programs.positions[1].uses[0].is_beside, own.contains("Offset"), "{own}");
     }
+}
+
+#[test]
+fn what_carries_a_remark_on_is_one_too() {
+    let text = "J P[3] 5% FINE\n//C P[2] ;X    :  P[1] 9mm/sec FINE\nJ P[1] 5% FINE";
+    let file = listing(text, "");
+    let text = String::from_utf8(file.bytes).unwrap().replace(" ;X", "\r\n");
+    let programs = read(vec![File { bytes: text.into_bytes(), ..file }], &cell());
+    assert_eq!(programs.positions.len(), 2);
+    assert!(programs.ask(1, &cell()).is_ok());
 }
 
 #[test]
 fn what_is_not_known_is_refused_by_name() {
     let cases = [
-        ("J P[1] 5% FINE Offset,PR[1]", "J with OFFSET is not followed (PART.LS, line 6)"),
-        ("J P[1] 5% FINE TB .1sec,DO[1]=ON INC", "J with INC is not followed"),
+        ("J P[1] 5% FINE TB .1sec,DO[1]=ON INC", "J with INC is not followed (PART.LS, line 6)"),
         ("J P[1] 5% FINE COORD", "J with COORD is not followed"),
         ("J P[1] 5% FINE VOFFSET,VR[1]", "J with VOFFSET is not followed"),
         ("J P[1] 5% FINE NEWOPT", "J with NEWOPT is not followed"),
@@ -111,14 +123,17 @@ fn what_is_not_known_is_refused_by_name() {
             "it stands under UFRAME[1], and UFRAME[2] is set before the motion",
         ),
         ("  UTOOL_NUM=0\nJ P[1] 5% FINE", "it stands under UTOOL[2], and none is set"),
-        ("  UFRAME_NUM=R[1]\nJ P[1] 5% FINE", "UFRAME_NUM is worked out at run time"),
+        (
+            "  UTOOL_NUM=2\n  UFRAME_NUM=R[1]\nJ P[4] 5% FINE",
+            "UFRAME_NUM is worked out at run time",
+        ),
         (
             "  UFRAME_NUM=3\n  UTOOL_NUM=2\nJ P[4] 5% FINE",
             "UFRAME[3] has no value in the files given",
         ),
         ("  UFRAME[1]=PR[1]\nJ P[1] 5% FINE", "UFRAME[1] is worked out at run time"),
         (
-            "  IF R[1]=1 THEN\n  UFRAME_NUM=1\n  ELSE\n  UFRAME_NUM=2\n  ENDIF\nJ P[1] 5% FINE",
+            "  UTOOL_NUM=2\n  IF R[1]=1 THEN\n  UFRAME_NUM=1\n  ELSE\n  UFRAME_NUM=2\n  ENDIF\nJ P[4] 5% FINE",
             "the base is another by the way",
         ),
         ("  PR[1]=P[1]\nJ P[1] 5% FINE", "it is also read in PART.LS, line 6"),
@@ -163,11 +178,29 @@ fn what_is_worked_out_is_named_and_what_no_motion_uses_stays() {
 }
 
 #[test]
+fn a_position_moves_only_under_the_numbers_that_it_states() {
+    for set in
+        ["  UFRAME_NUM=R[1]", "  UTOOL_NUM=AR[2]", "  IF R[1]=1 THEN\n  UTOOL_NUM=1\n  ENDIF"]
+    {
+        assert_eq!(verdicts(&format!("{set}\nJ P[1] 5% FINE"), ""), ["ok"], "{set}");
+    }
+}
+
+#[test]
 fn numbers_that_are_set_hold_at_labels_behind_them() {
     let body = "  UFRAME_NUM=1\n  UTOOL_NUM=2\nJ P[4] 5% FINE\n  LBL[1]\nL P[1] 5mm/sec FINE\n  IF R[1]<3,JMP LBL[1]\nL P[4] 5mm/sec FINE";
     assert_eq!(verdicts(body, ""), ["ok", "ok"]);
     let jumps = format!("  IF R[1]=1,JMP LBL[1]\n{body}");
     assert!(verdicts(&jumps, "")[0].contains("is another by the way"));
+    let file = listing("  CALL OTHER\nL P[1] 5mm/sec FINE\nL P[4] 5mm/sec FINE", "");
+    let other = listing("J P[5] 5% FINE\n  UFRAME_NUM=1\n  UTOOL_NUM=2\n  Weave End", "");
+    let text = String::from_utf8(other.bytes).unwrap().replace("PART", "OTHER");
+    let other = File { name: "OTHER.LS".to_owned(), bytes: text.into_bytes() };
+    let both = read(vec![file, other], &cell());
+    assert!(
+        (0..3).all(|index| both.ask(index, &cell()).is_ok()),
+        "what OTHER sets holds behind it"
+    );
     let called = "J P[5] 5% FINE\n  CALL OTHER\nL P[1] 5mm/sec FINE";
     let told = verdicts(called, "");
     assert!(told[1].contains("the call of OTHER (PART.LS, line 7) may change the arm"), "{told:?}");
@@ -237,8 +270,7 @@ fn a_circle_has_two_positions_however_its_lines_are_written() {
         assert_eq!(programs.positions.len(), 3, "{between}");
         assert!(programs.computed.is_empty(), "{between}");
         let told = programs.ask(1, &cell());
-        let is_plain = between.ends_with(" ;X") || between.ends_with(" ;X   :");
-        assert_eq!(told.is_ok(), is_plain && !between.contains("PR"), "{between}: {told:?}");
+        assert_eq!(told.is_ok(), !between.contains("CNT"), "{between}: {told:?}");
     }
 }
 
