@@ -56,6 +56,10 @@ pub(crate) struct Reading<'f> {
     any_displacement: bool,
     any_offset: bool,
     any_conf_off: [bool; 2],
+    /// Full names of all PROCs.
+    procedures: BTreeSet<String>,
+    /// Whether the name of a call is worked out, which may be that of any of them.
+    any_late_call: bool,
     /// Whether the instruction that is read stands in a compact IF.
     is_in_if: bool,
 }
@@ -79,6 +83,8 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         any_displacement: false,
         any_offset: false,
         any_conf_off: [false; 2],
+        procedures: BTreeSet::new(),
+        any_late_call: false,
         is_in_if: false,
     };
     reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
@@ -118,9 +124,14 @@ impl Reading<'_> {
     /// The arm's task that a path names, in its folder or its name: `T_ROB1`, `Weld_T_ROB2.mod`.
     fn arm(&self, file: usize) -> Option<String> {
         let name = self.module(file);
-        let arm = &name[name.rfind("T_ROB")?..];
-        let is_end = |letter: char| !letter.is_ascii_alphanumeric() && letter != '_';
-        Some(arm.split(is_end).next()?.to_owned())
+        let (_, arm) = name.rsplit_once("T_ROB")?;
+        // What follows a number is no part of the task's name: `Weld_T_ROB1_003.mod`.
+        let is_numbered = arm.starts_with(|letter: char| letter.is_ascii_digit());
+        let is_end = |letter: char| match letter {
+            '0'..='9' => false,
+            letter => is_numbered || !(letter.is_ascii_alphabetic() || letter == '_'),
+        };
+        Some(format!("T_ROB{}", arm.split(is_end).next()?))
     }
 
     /// Whether a task has a module loaded: all have where no folder names a task.
@@ -173,8 +184,13 @@ impl Reading<'_> {
         let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
         let off = [self.any_displacement, self.any_offset];
         let conf = self.any_conf_off;
-        let none = BTreeSet::new();
-        self.common.walk(others, &self.traps, &none, |routine| entry(routine, off, conf));
+        // Without `main`, files that are not given call routines too.
+        let is_main = |full: &String| full.rsplit('/').next() == Some("MAIN");
+        if self.any_late_call || !self.procedures.iter().any(is_main) {
+            self.procedures.clear();
+        }
+        self.common
+            .walk(others, &self.traps, &self.procedures, |routine| entry(routine, off, conf));
         self.refuse_unloaded();
         self.refuse_several_tasks();
     }

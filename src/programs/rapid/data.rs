@@ -81,6 +81,9 @@ impl Reading<'_> {
             let name = format!("{}:{}", self.task(file), header.name);
             self.common.global.entry(name).or_default().push(full.clone());
         }
+        if header.is_procedure {
+            self.procedures.insert(full.clone());
+        }
         let mut rest = header.parameters;
         let mut changes = false;
         for token in rest.tokens.iter().filter(|token| token.kind == Kind::Name) {

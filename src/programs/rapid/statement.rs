@@ -154,6 +154,8 @@ pub(super) struct Header<'t> {
     pub(super) is_local: bool,
     /// Whether an interrupt calls it.
     pub(super) is_trap: bool,
+    /// Whether statements alone call it.
+    pub(super) is_procedure: bool,
 }
 
 pub(super) fn header<'t>(statement: &Statement<'t>) -> Option<Header<'t>> {
@@ -169,7 +171,8 @@ pub(super) fn header<'t>(statement: &Statement<'t>) -> Option<Header<'t>> {
     }
     let name = all.take_name()?;
     all.take_sign(b'(');
-    Some(Header { name, parameters: all, is_local, is_trap: word == "TRAP" })
+    let [is_trap, is_procedure] = ["TRAP", "PROC"].map(|own| word == own);
+    Some(Header { name, parameters: all, is_local, is_trap, is_procedure })
 }
 
 /// The expression behind the `:=` of an assignment, and what is before it.

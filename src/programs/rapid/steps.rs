@@ -92,8 +92,14 @@ impl Reading<'_> {
         let Some(word) = all.peek_name() else {
             return self.late_call(here, all, steps);
         };
-        if all.tokens.iter().any(|token| all.text(token).eq_ignore_ascii_case(b"GOTO")) {
+        let has = |word: &str| {
+            all.tokens.iter().any(|token| all.text(token).eq_ignore_ascii_case(word.as_bytes()))
+        };
+        if has("GOTO") {
             steps.push(Step::Jump);
+        }
+        if has("RETURN") || has("RAISE") {
+            steps.push(Step::Return);
         }
         if matches!(word.as_str(), "IF" | "ELSEIF") {
             return self.condition(here, statement, &word, steps);
@@ -121,6 +127,7 @@ impl Reading<'_> {
     /// A call whose name is worked out: `%name%`.
     fn late_call(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
         let at = self.common.at(here);
+        self.any_late_call = true;
         steps.push(Step::Call { routine: "%…%".to_owned(), at });
         self.common.reads(here, all);
     }
@@ -171,6 +178,7 @@ impl Reading<'_> {
         if let Some((slot, to)) = self.setting(&word, rest) {
             steps.push(Step::Set(slot, to));
         }
+        self.any_late_call |= word == "CALLBYVAR";
         let routine = self.full_name(here.file, &word);
         if self.given.contains_key(&routine) || !is_harmless(&word) {
             let at = self.common.at(here);
@@ -190,7 +198,8 @@ impl Reading<'_> {
                 (Slot::Displacement, displaced("PDisp"))
             }
             "PDISPOFF" => (Slot::Displacement, known(Setting::On(false))),
-            "EOFFSON" | "EOFFSSET" => {
+            // They move external axes alone.
+            "EOFFSON" | "EOFFSSET" if self.cell.external_axes.is_none() => {
                 self.any_offset = true;
                 (Slot::Mode, displaced("EOffs"))
             }

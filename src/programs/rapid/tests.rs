@@ -126,6 +126,26 @@ fn what_is_not_known_is_refused_by_name() {
 #[test]
 fn a_displacement_that_is_off_again_is_off() {
     assert_eq!(only("PDispSet pose1; PDispOff; MoveL p10,v100,z10,tool1;", ""), "ok");
+    // Where a routine begins it is known by its calls, which all stand in the files where `main` does.
+    let moves = "PROC there()\r\nMoveL p10,v100,z10,tool1;\r\nENDPROC\r\n";
+    let other = format!("{moves}PROC other()\r\nPDispSet pose1;\r\nENDPROC\r\n");
+    assert_eq!(only("PDispOff; there;", &other), "ok");
+    let mut file = programs("PDispOff; there;", &other).files.remove(0);
+    let text = String::from_utf8(file.bytes).unwrap().replace("PROC main()", "PROC part()");
+    file.bytes = text.into_bytes();
+    assert!(read(vec![file], &cell()).ask(0, &cell()).is_err());
+    for set in
+        ["PDispSet pose1; there;", "there; PDispSet pose1; there;", "PDispSet pose1; %\"there\"%;"]
+    {
+        assert!(only(set, moves).contains("(PDisp)"), "{set}");
+    }
+    let function = "FUNC bool there()\r\nMoveL p10,v100,z10,tool1;\r\nENDFUNC\r\n";
+    assert!(only("PDispSet pose1; b:=there();", function).contains("(PDisp)"));
+    let body = "EOffsSet [N,0,0,0,0,0]; MoveL p10,v100,z10,tool1;";
+    assert!(only(body, "").contains("(EOffs)"));
+    let apart = Cell { external_axes: Some(crate::ExternalAxes::Apart), ..cell() };
+    let programs = read(programs(body, "").files, &apart);
+    assert!(programs.ask(0, &apart).is_ok(), "external axes carry neither the arm nor the part");
 }
 
 #[test]
@@ -328,6 +348,11 @@ fn what_a_compact_if_or_a_search_changes_is_not_corrected() {
 fn motions_of_two_arms_or_of_no_routine_are_refused() {
     let body = format!("{DATA}PROC main()\r\nMoveL p10,v1,z1,tool1;\r\nENDPROC\r\nENDMODULE\r\n");
     let other = body.replace("p10", "p11").replace("tool1", "tool2").replace("wobj1", "wobj2");
+    let part = vec![
+        File { name: "b_T_ROB1.mod".to_owned(), bytes: body.clone().into_bytes() },
+        File { name: "b_T_ROB1_003.mod".to_owned(), bytes: other.clone().into_bytes() },
+    ];
+    assert!(read(part, &cell()).ask(0, &cell()).is_ok(), "one arm's program of two parts");
     let files = [("T_ROB1/a.mod", body), ("b_T_ROB2.mod", other)];
     let files = files.map(|(name, text)| File { name: name.to_owned(), bytes: text.into_bytes() });
     let told = read(files.to_vec(), &cell()).ask(0, &cell()).unwrap_err().to_string();
