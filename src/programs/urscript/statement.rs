@@ -1,5 +1,5 @@
-//! Lines of a script → statements: one goes on where a bracket is open, and the head of a block and its `end` are statements of their own,
-//! wherever they stand in a line.
+//! Lines of a script → statements: one goes on where a bracket is open and ends at a `;` too, and the head of a block and its `end` are
+//! statements of their own, wherever they stand in a line.
 
 use std::ops::Range;
 
@@ -23,7 +23,7 @@ impl<'f> Statements<'f> {
         for token in tokens(bytes, &URSCRIPT) {
             match token.kind {
                 Kind::LineEnd if depth > 0 => {}
-                Kind::LineEnd => own.end(&mut start),
+                Kind::LineEnd | Kind::Sign(b';') => own.end(&mut start),
                 kind => {
                     depth += i32::from(matches!(kind, Kind::Sign(b'(' | b'[' | b'{')));
                     depth -= i32::from(matches!(kind, Kind::Sign(b')' | b']' | b'}')));

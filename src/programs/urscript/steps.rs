@@ -4,7 +4,7 @@ use super::Reading;
 use super::motion::{named, value, way};
 use super::statement::{Statements, assignment};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
-use crate::lex::{Kind, capitals};
+use crate::lex::{Kind, Token, capitals};
 use crate::names::Written;
 use crate::reading::{Here, has};
 use crate::refusal::Refusal;
@@ -31,7 +31,7 @@ const HARMLESS: &str = "ABS ACOS ASIN ATAN ATAN2 CEIL COS D2R FLOOR INV LENGTH L
     READ_OUTPUT_INTEGER_REGISTER READ_PORT_BIT READ_PORT_REGISTER WRITE_OUTPUT_BOOLEAN_REGISTER WRITE_OUTPUT_FLOAT_REGISTER \
     WRITE_OUTPUT_INTEGER_REGISTER WRITE_PORT_BIT WRITE_PORT_REGISTER ENCODER_GET_TICK_COUNT ENCODER_ENABLE_SET_TICK_COUNT \
     MODBUS_ADD_SIGNAL MODBUS_DELETE_SIGNAL MODBUS_GET_SIGNAL_STATUS MODBUS_SEND_CUSTOM_COMMAND MODBUS_SET_DIGITAL_INPUT_ACTION \
-    MODBUS_SET_OUTPUT_REGISTER MODBUS_SET_OUTPUT_SIGNAL MODBUS_SET_RUNSTATE_DEPENDENT_CHOICE MODBUS_SET_SIGNAL_UPDATE_FREQUENCY RPC_FACTORY \
+    MODBUS_SET_OUTPUT_REGISTER MODBUS_SET_OUTPUT_SIGNAL MODBUS_SET_RUNSTATE_DEPENDENT_CHOICE MODBUS_SET_SIGNAL_UPDATE_FREQUENCY RPC_FACTORY SET_TOOL_DIGITAL_OUTPUT_MODE STRUCT \
     RTDE_SET_WATCHDOG SOCKET_CLOSE SOCKET_GET_VAR SOCKET_OPEN SOCKET_READ_ASCII_FLOAT SOCKET_READ_BINARY_INTEGER SOCKET_READ_BYTE_LIST \
     SOCKET_READ_LINE SOCKET_READ_STRING SOCKET_SEND_BYTE SOCKET_SEND_INT SOCKET_SEND_LINE SOCKET_SEND_STRING SOCKET_SET_VAR \
     ENTER_CRITICAL EXIT_CRITICAL";
@@ -78,11 +78,16 @@ impl Walked<'_, '_> {
     }
 }
 
-/// Names that stand before a bracket, in their order.
+/// Names that stand before a bracket, in their order, but those of another program: `camera.get_pose(`.
 fn calls(statement: Cursor<'_>) -> Vec<String> {
-    let pairs = statement.tokens.windows(2);
-    let called = pairs.filter(|pair| pair[0].kind == Kind::Name && pair[1].is(b'('));
-    called.map(|pair| capitals(statement.text(&pair[0]))).collect()
+    let tokens = statement.tokens;
+    let is_of_another = |place: usize| place > 0 && tokens[place - 1].is(b'.');
+    let pairs = tokens.windows(2).enumerate();
+    let is_called = |own: &(usize, &[Token])| {
+        let (place, pair) = own;
+        pair[0].kind == Kind::Name && pair[1].is(b'(') && !is_of_another(*place)
+    };
+    pairs.filter(is_called).map(|(_, pair)| capitals(statement.text(&pair[0]))).collect()
 }
 
 /// The arguments of the call that a statement is.
@@ -123,21 +128,16 @@ impl Reading<'_> {
     pub(super) fn steps(&mut self, script: &Statements<'_>) {
         let bodies = vec![(String::new(), Vec::new())];
         let mut walked = Walked { script, bodies, blocks: Vec::new() };
-        let scopes = self.scopes(script.file, None);
         for (statement, line) in script.all() {
-            let first = self.common.motions.len();
             self.statement(&mut walked, statement, line);
-            if walked.function().is_none() {
-                let steps = walked.bodies.last_mut().map(|own| std::mem::take(&mut own.1));
-                let here = Here { file: script.file, line, scopes: &scopes };
-                self.common.outside(&here, first, steps.unwrap_or_default());
-            }
         }
         // A function that does not end is refused by its open block.
         while walked.bodies.len() > 1 {
             walked.push(Step::If);
             self.close_function(&mut walked, None);
         }
+        // What stands outside all functions is a program too, as it is sent line by line.
+        self.close_function(&mut walked, None);
     }
 
     /// The head of a block, its end or any other statement.
@@ -167,6 +167,10 @@ impl Reading<'_> {
                 Some(Block::Loop) => walked.push(Step::EndLoop),
                 Some(Block::If) | None => walked.push(Step::EndIf),
             },
+            "RETURN" => {
+                self.plain(walked, statement, line);
+                walked.push(Step::Return);
+            }
             _ => self.plain(walked, statement, line),
         }
     }

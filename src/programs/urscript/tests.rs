@@ -172,6 +172,17 @@ fn blocks_of_one_line_are_those_of_several() {
 }
 
 #[test]
+fn statements_outside_all_functions_are_a_program_too() {
+    let text = "set_tcp(p[0,0,0.15,0,0,0])\ncamera.grab(1)\nmovej([0,-1,1,0,1,0]); movel(p[0.1,0,0.1,0,0,0], a=1)\n";
+    let file = File { name: "a.script".to_owned(), bytes: text.into() };
+    let programs = read(vec![file], &cell());
+    assert_eq!(
+        (verdicts(&programs).as_slice(), programs.computed.len()),
+        (&["ok".to_owned(), "ok".to_owned()][..], 0)
+    );
+}
+
+#[test]
 fn a_position_that_another_stands_in_is_not_corrected() {
     let programs = programs(&format!("{BEGIN}\nmovel(pose_trans(Over_p, p[0,0,-0.05,0,0,0]))"));
     let found = verdicts(&programs);
@@ -214,12 +225,12 @@ fn a_function_is_that_of_its_own_file_and_of_two_alike_in_capitals_neither() {
         );
         File { name: format!("{name}.script"), bytes: text.into() }
     };
-    let files = vec![with("a", "set_tcp(p[0,0,0.9,0,0,0])"), with("b", "sync()")];
+    let files = vec![with("a", "if k > 0: set_tcp(p[0,0,0.9,0,0,0]) end"), with("b", "sync()")];
     let both = read(files, &cell());
     let found = verdicts(&both);
     assert!(found[1].contains("the tool is another by the way"), "{found:?}");
     assert_eq!(found[3], "ok");
-    let text = "def Part():\n  def Hold():\n    set_tcp(p[0,0,0.9,0,0,0])\n  end\n  def hold():\n    sync()\n  end\n  movej([0,-1,1,0,1,0])\n  Hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n";
+    let text = "def Part():\n  def Hold():\n    if k > 0:\n      set_tcp(p[0,0,0.9,0,0,0])\n    end\n  end\n  def hold():\n    sync()\n  end\n  movej([0,-1,1,0,1,0])\n  Hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n";
     let file = File { name: "a.script".to_owned(), bytes: text.into() };
     let found = verdicts(&read(vec![file], &cell()));
     assert!(found[1].contains("the call of HOLD"), "{found:?}");
