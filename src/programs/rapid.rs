@@ -53,8 +53,8 @@ pub(crate) struct Reading<'f> {
     given: HashMap<String, bool>,
     /// Full names of the routines that interrupts call, with their places.
     traps: Vec<(String, Place)>,
-    any_displacement: bool,
-    any_offset: bool,
+    /// By `PDisp` and by `EOffs`.
+    any_displaced: [bool; 2],
     any_conf_off: [bool; 2],
     /// Full names of all PROCs.
     procedures: BTreeSet<String>,
@@ -80,8 +80,7 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         tasks: BTreeSet::new(),
         given: HashMap::new(),
         traps: Vec::new(),
-        any_displacement: false,
-        any_offset: false,
+        any_displaced: [false; 2],
         any_conf_off: [false; 2],
         procedures: BTreeSet::new(),
         any_late_call: false,
@@ -178,11 +177,10 @@ impl Reading<'_> {
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
         [changed[Slot::Branch as usize], changed[Slot::Place as usize]] = [true; 2];
-        changed[Slot::Displacement as usize] = self.any_displacement;
-        changed[Slot::Mode as usize] = self.any_offset;
+        let off = self.any_displaced;
+        [changed[Slot::Displacement as usize], changed[Slot::Mode as usize]] = off;
         [changed[Slot::ConfJ as usize], changed[Slot::ConfL as usize]] = self.any_conf_off;
         let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
-        let off = [self.any_displacement, self.any_offset];
         let conf = self.any_conf_off;
         // Without `main`, files that are not given call routines too.
         let is_main = |full: &String| full.rsplit('/').next() == Some("MAIN");

@@ -194,13 +194,13 @@ impl Reading<'_> {
         let displaced = |what| unknown(Refusal::Displaced { what });
         Some(match word {
             "PDISPON" | "PDISPSET" => {
-                self.any_displacement = true;
+                self.any_displaced[0] = true;
                 (Slot::Displacement, displaced("PDisp"))
             }
             "PDISPOFF" => (Slot::Displacement, known(Setting::On(false))),
             // They move external axes alone.
             "EOFFSON" | "EOFFSSET" if self.cell.external_axes.is_none() => {
-                self.any_offset = true;
+                self.any_displaced[1] = true;
                 (Slot::Mode, displaced("EOffs"))
             }
             "EOFFSOFF" => (Slot::Mode, known(Setting::On(false))),
