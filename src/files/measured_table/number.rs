@@ -42,13 +42,22 @@ impl Numbers {
     pub(super) fn parse(&self, text: &[u8]) -> Option<f64> {
         match text.first()? {
             b'0'..=b'9' | b'+' | b'-' | b'.' | b',' => {}
-            _ => return spelled(text),
+            _ => return self.spelled(text),
         }
         match lexical_core::parse_with_options::<f64, STANDARD>(text, &self.options) {
             Ok(number) if number.is_finite() => Some(number),
             Ok(_) => None,
-            Err(_) => spelled(text),
+            Err(_) => self.spelled(text),
         }
+    }
+
+    /// A text in the spelling of another program: not-a-number, or a number with another minus sign or exponent.
+    fn spelled(&self, text: &[u8]) -> Option<f64> {
+        not_a_number(text).or_else(|| {
+            let plain = plain(std::str::from_utf8(text).ok()?)?;
+            let number = lexical_core::parse_with_options::<f64, STANDARD>(&plain, &self.options);
+            number.ok().filter(|number| number.is_finite())
+        })
     }
 
     /// Whether a text that is no number is one in another way of writing.
@@ -65,11 +74,27 @@ impl Numbers {
 }
 
 /// NaN for the spellings of not-a-number and infinity, those of old C libraries included.
-fn spelled(text: &[u8]) -> Option<f64> {
+fn not_a_number(text: &[u8]) -> Option<f64> {
     const SPELLED: [&str; 7] = ["nan", "inf", "infinity", "1.#qnan", "1.#ind", "1.#inf", "1.#snan"];
     let bare = text.strip_prefix(b"-").or(text.strip_prefix(b"+")).unwrap_or(text);
     let is = |word: &&str| bare.eq_ignore_ascii_case(word.as_bytes());
     SPELLED.iter().any(is).then_some(f64::NAN)
+}
+
+/// The text with `-` for a minus sign or a dash (`−1.5`), before digits that it follows (`1.5-`), and with `e` for Fortran's exponent
+/// (`1.5D+02`); `None` where nothing is rewritten. Without a decimal mark `12-` and `1D3` may be names.
+fn plain(text: &str) -> Option<Vec<u8>> {
+    if text.len() > 32 || !text.contains(|c: char| c.is_ascii_digit()) {
+        return None;
+    }
+    let mut plain = text.replace(['−', '–'], "-");
+    if text.contains(['.', ',']) {
+        plain = plain.replace(['D', 'd'], "e");
+        if let Some(digits) = plain.strip_suffix('-').filter(|own| !own.starts_with(['-', '+'])) {
+            plain = format!("-{digits}");
+        }
+    }
+    (plain != text).then(|| plain.into_bytes())
 }
 
 /// Digits in groups of three with a sign between them: `1.234,5`, `1 234`, `1'234'567`.
@@ -127,12 +152,41 @@ mod tests {
             let found = Numbers::with(',').parse(comma.as_bytes());
             assert_eq!(found.map(f64::to_bits), Some(wanted.to_bits()), "{comma}");
         }
+        for (text, wanted) in [
+            ("−1.5", -1.5),
+            ("–90", -90.0),
+            ("1.5-", -1.5),
+            ("1.5D+02", 150.0),
+            ("-2.5d-1", -0.25),
+            ("1.5e−2", 0.015),
+        ] {
+            assert_eq!(point.parse(text.as_bytes()), Some(wanted), "{text}");
+            let comma = text.replace('.', ",");
+            assert_eq!(Numbers::with(',').parse(comma.as_bytes()), Some(wanted), "{comma}");
+        }
         for text in ["nan", "NaN", "-nan", "inf", "-Infinity", "+INF", "1.#QNAN", "-1.#IND"] {
             assert!(point.parse(text.as_bytes()).unwrap().is_nan(), "{text}");
         }
         for text in [
-            "", "-", "+", ".", "e5", "1.5d+02", "1e999", "1.5 mm", "0x10", "1_000", "1,5", "1.2.3",
-            "N/A", "--1", "1e", "1e+",
+            "",
+            "-",
+            "+",
+            ".",
+            "e5",
+            "12-",
+            "1D3",
+            "-1.5-",
+            "1.5–2.5",
+            "1e999",
+            "1.5 mm",
+            "0x10",
+            "1_000",
+            "1,5",
+            "1.2.3",
+            "N/A",
+            "--1",
+            "1e",
+            "1e+",
         ] {
             assert_eq!(point.parse(text.as_bytes()), None, "{text}");
         }

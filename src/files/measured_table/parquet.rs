@@ -39,7 +39,14 @@ pub(super) fn read(
 
 #[expect(clippy::needless_pass_by_value, reason = "`map_err` gives errors by value")]
 fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
-    MeasuredTableErrorKind::Parquet(problem.to_string())
+    let problem = problem.to_string();
+    let is_packed = problem.contains("Disabled feature");
+    let advice = if is_packed {
+        "; write it compressed by snappy or zstd, or without compression"
+    } else {
+        ""
+    };
+    MeasuredTableErrorKind::Parquet(problem + advice)
 }
 
 fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKind> {

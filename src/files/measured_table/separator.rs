@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::MeasuredTableErrorKind;
 use super::fill::Written;
 use super::number::Numbers;
 use super::split::{Rows, Separator, comment};
@@ -98,7 +99,16 @@ fn fit(text: &str, separator: Separator) -> Fit {
     let mut rows = Rows::new(text, separator);
     let mut cells = Vec::new();
     for _ in 0..SAMPLE {
-        let Ok(Some(_)) = rows.next(&mut cells) else { break };
+        match rows.next(&mut cells) {
+            Ok(Some(_)) => {}
+            // It is the right sign, and the reader says what is wrong.
+            Err(MeasuredTableErrorKind::TooManyColumns { .. })
+                if separator != Separator::Spaces =>
+            {
+                return Fit { numbers: usize::MAX, rows: 1 };
+            }
+            _ => break,
+        }
         let first = cells.first().map_or_else(Default::default, Written::text);
         if cells.len() < 2 || comment(first.as_bytes()).is_some() {
             continue;
@@ -133,6 +143,10 @@ mod tests {
             ("name;note\nA;this, that\nB;more, or less\n", Separator::Sign(b';')),
             ("x\n1.5\n2.5\n", Separator::Spaces),
             ("", Separator::Spaces),
+            (
+                &format!("a b{}\n1{}\n", ",c".repeat(70_000), ",1".repeat(70_000)),
+                Separator::Sign(b','),
+            ),
         ] {
             assert_eq!(choose(text), wanted, "{text:?}");
         }

@@ -79,6 +79,20 @@ impl ColumnSummary {
         self.numbers > self.texts && self.range.is_some()
     }
 
+    /// What is wrong with a column of texts that are digits with a mark beside them: `(1.5)`, `1.5 mm`; `None` where they are not.
+    pub fn marked_digits(&self) -> Option<String> {
+        let is_marked = |text: &&String| {
+            let digits = text.trim_matches(|c: char| !c.is_ascii_digit());
+            let is_name = text.starts_with(char::is_alphabetic) || !digits.contains(['.', ',']);
+            !is_name && digits.replace(',', ".").parse::<f64>().is_ok()
+        };
+        let text = self.different.iter().find(is_marked).filter(|_| !self.is_numeric())?;
+        let name = &self.name;
+        Some(format!(
+            "column {name:?} has no numbers: {text:?} has other characters beside its digits"
+        ))
+    }
+
     /// The largest absolute value; 0 without numbers.
     pub fn largest(&self) -> f64 {
         self.range.map_or(0.0, |(low, high)| low.abs().max(high.abs()))

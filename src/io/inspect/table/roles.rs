@@ -106,6 +106,7 @@ impl Roles {
         let of_kind = |wanted: Kind| {
             groups.iter().filter(move |(kind, _)| *kind == wanted).map(|(_, group)| group)
         };
+        let marked = columns.iter().filter_map(ColumnSummary::marked_digits);
         let mut roles = Self {
             positions: of_kind(Kind::Position)
                 .map(|group| placed(columns, group, &groups))
@@ -114,7 +115,7 @@ impl Roles {
             joints: joint_sets(columns, &numbered, names, &used),
             by_order: None,
             other: of_kind(Kind::Other).flat_map(AxisGroup::all).chain(matrices.columns).collect(),
-            notes: matrices.notes,
+            notes: marked.chain(matrices.notes).collect(),
         };
         // A difference of nothing is a position of an odd name.
         if roles.positions.is_empty() {

@@ -466,3 +466,22 @@ fn a_matrix_that_nothing_tells_is_noted_and_not_suggested() {
         assert!(notes.contains("m00 to m33") && notes.contains(word), "{notes}");
     }
 }
+
+#[test]
+fn digits_with_marks_beside_them_are_noted() {
+    let table = |other: fn(f64) -> String| {
+        let mut text = "q1,q2,q3,q4,q5,q6,x,y,z\n".to_owned();
+        for station in stations(40) {
+            let all = [&station.joints[..], station.measured(0).as_slice()].concat();
+            let cells: Vec<String> = all.into_iter().map(other).collect();
+            text += &(cells.join(",") + "\n");
+        }
+        inspected("measured.csv", &text, &named()).guess
+    };
+    let bracketed = table(|x| if x < 0.0 { format!("({:.6})", -x) } else { format!("{x:.6}") });
+    let notes = bracketed.expect("four joints").notes.join(" ");
+    assert!(notes.contains("column \"q2\" has no numbers: \"(0."), "{notes}");
+    let with_unit = table(|x| format!("{x:.6} mm")).expect_err("no numbers");
+    assert!(with_unit.contains("column \"q1\" has no numbers: \""), "{with_unit}");
+    assert!(table(|x| format!("{x:.6}").replace('-', "−")).expect("six joints").notes.is_empty());
+}
