@@ -1,7 +1,8 @@
 //! Steps of a clock that only both logs together show: a jump of one clock looks like a pause of its log.
 //!
 //! 1. Blocks of the target's dwells are placed among the arm's ([`super::pattern`]), each with an offset of its own, and base and target are
-//!    fitted to the block that agrees best with the nominal arm.
+//!    fitted to each block: the instrument may have been knocked between them. Where a block does not agree with the nominal arm, they are
+//!    those of the block that agrees best.
 //! 2. The offsets that the dwells have one after the other are those with the most pairs near the arm, where a change of the offset costs
 //!    as much as [`CHANGE`] pairs (Viterbi).
 //! 3. A change that explains more pairs than one offset does, and by more than chance, is a step: the arm's dwells behind it are moved by
@@ -111,20 +112,23 @@ pub(super) fn decided(
 /// The changes of the offset in a session; `pairs` are explained by one offset alone.
 fn changes(dwells: Dwells, pairs: usize) -> Vec<Change> {
     let offsets = block_offsets(dwells, &Ruler::at_flange(dwells));
-    let best = offsets.iter().filter_map(|(rows, offset_s)| {
+    let placed = offsets.iter().map(|(rows, offset_s)| {
         let block = Dwells { target: &dwells.target[rows.clone()], ..dwells };
         let placed = near(block, *offset_s);
         let placement = Placement::fit(&placed)?;
         let median_mm = placement.median_mm(&placed);
         (2 * placed.len() >= block.target.len()).then_some((median_mm, placement))
     });
-    let Some((median_mm, placement)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return Vec::new();
-    };
+    let placed: Vec<Option<(f64, Placement)>> = placed.collect();
+    let best = placed.iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((median_mm, best)) = best else { return Vec::new() };
     let reach_mm = (REACH * median_mm).clamp(REACH_MM.0, REACH_MM.1);
     let offsets: Vec<f64> = offsets.into_iter().map(|(_, offset_s)| offset_s).collect();
-    let supported: Vec<Vec<Option<Pair>>> =
-        offsets.iter().map(|&offset_s| supported(dwells, offset_s, &placement, reach_mm)).collect();
+    let supported = offsets.iter().zip(&placed).map(|(&offset_s, placed)| {
+        let near = placed.as_ref().filter(|(median_mm, _)| *median_mm <= reach_mm);
+        supported(dwells, offset_s, near.map_or(best, |(_, placement)| placement), reach_mm)
+    });
+    let supported: Vec<Vec<Option<Pair>>> = supported.collect();
     let path = best_path(&supported, dwells.target.len());
     let explained: Vec<(usize, Pair)> = path
         .iter()

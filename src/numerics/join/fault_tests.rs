@@ -504,3 +504,21 @@ fn a_clock_that_jumps_on_is_found_and_taken_out() {
     let [step] = &joined.clock.steps[..] else { panic!("{:?}", joined.clock.steps) };
     assert!(step.station == 25 && (step.by_s - 0.4).abs() < 0.03, "{step:?}");
 }
+
+#[test]
+fn a_step_of_a_clock_behind_a_knock_is_found() {
+    let scene = Scene::random(120, 73);
+    let mut recording = scene.record(&ur10());
+    let [knock_s, step_s] = [40, 80].map(|station| scene.starts_s()[station] - 0.4);
+    let TargetReadings { stamps, positions, .. } = &mut recording.readings;
+    for (stamp, position) in stamps.iter_mut().zip(positions) {
+        let at_s = scene.controller_s(stamp.ns());
+        position[0] += if at_s > knock_s { 12.0 } else { 0.0 };
+        *stamp = stamp.plus_ns(if at_s > step_s { 1_000_000_000 } else { 0 });
+    }
+    let joined = join_recorded(&recording, &ur10(), &JoinSettings::default());
+    let joined = joined.unwrap_or_else(|error| panic!("{error}"));
+    let [step] = &joined.clock.steps[..] else { panic!("{:?}", joined.clock.steps) };
+    assert!(step.station == 80 && (step.by_s - 1.0).abs() < 0.03, "{step:?}");
+    assert_eq!(paired(&joined), 120);
+}
