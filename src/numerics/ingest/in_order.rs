@@ -482,6 +482,16 @@ mod tests {
         // Two samples at a time, as some drivers send them.
         let bursts = of(&|k| [(20 * k, own(2 * k)), (20 * k + 3, own(2 * k + 1))]);
         assert_eq!(bursts.publishers, None);
+        // Twenty messages at each place: another publisher's are a little off, or an encoder flickers.
+        let still = |k: i64| 0.1 * (k / 20) as f64;
+        let off = of(&|k| [(20 * k, still(k)), (20 * k + 3, still(k) + 1e-3)]);
+        assert!(off.publishers.is_some_and(|what| what.contains("by turns")));
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let flicker: Vec<f64> = (0..800).map(|_| 1e-4 * f64::from(rng.random::<bool>())).collect();
+        let [first, second] = [0, 400].map(|from| move |k: i64| from + usize::try_from(k).unwrap());
+        let own = |k: i64, of: usize| still(k) + flicker[of];
+        let flickers = of(&|k| [(20 * k, own(k, first(k))), (20 * k + 3, own(k, second(k)))]);
+        assert_eq!(flickers.publishers, None);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Samples of one topic in order of time → whether one publisher states them.
 //!
-//! Two publishers show in one of three ways: stamps that are there twice with other contents; messages that repeat the one before them a
-//! little later; contents that leave those of the messages around them and come back.
+//! Two publishers show in one of four ways: stamps that are there twice with other contents; messages that repeat the one before them a
+//! little later; contents that leave those of the messages around them by far and come back; two contents by turns wherever the arm
+//! stands still.
 
 use crate::units::NS_PER_S;
 
@@ -16,6 +17,8 @@ const SOON: f64 = 0.4;
 const HALF: f64 = 0.5;
 /// A content that left and came back differs after this part of the way at most.
 const BACK: f64 = 0.02;
+/// Share of the contents that came back to which the one that left came back too: where an encoder flickers it is half of them at most.
+const BY_TURNS: f64 = 0.9;
 
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Publishers {
@@ -29,6 +32,9 @@ pub(super) struct Publishers {
     copied_after_ns: i64,
     jumps: u64,
     jumped_to: Vec<f64>,
+    /// Samples that the next one goes back from, and those of them that the one before had left.
+    returns: u64,
+    turns: u64,
     /// Contents that were one of both in every conflict so far; `None` before the first.
     constant: Option<Vec<Vec<f64>>>,
 }
@@ -60,9 +66,14 @@ impl Publishers {
                 self.copies += 1;
                 self.copied_after_ns = soon;
             }
-            if away > jump && apart(before, next) < BACK * away {
-                self.jumps += 1;
-                self.jumped_to = own.to_vec();
+            if away > 0.0 && apart(before, next) < BACK * away {
+                self.returns += 1;
+                let is_turn = row > 1 && apart(content(row - 2), own) < BACK * away;
+                self.turns += u64::from(is_turn);
+                if away > jump {
+                    self.jumps += 1;
+                    self.jumped_to = own.to_vec();
+                }
             }
         }
     }
@@ -85,7 +96,7 @@ impl Publishers {
 
     /// What distinguishes two publishers; `None` of one.
     pub fn words(&self) -> Option<String> {
-        let Self { conflicts, copies, jumps, samples, .. } = self;
+        let Self { conflicts, copies, jumps, turns, samples, .. } = self;
         if self.is_conflict() {
             return Some(format!(
                 "{conflicts} of {samples} messages have the stamp of another one and state something else"
@@ -98,9 +109,14 @@ impl Publishers {
             ));
         }
         let to: Vec<String> = self.jumped_to.iter().map(|own| format!("{own:.4}")).collect();
-        self.is_many(*jumps).then(|| {
-            format!("{jumps} of {samples} messages state something else than those before and after them, as {}", to.join(", "))
-        })
+        if self.is_many(*jumps) {
+            return Some(format!(
+                "{jumps} of {samples} messages state something else than those before and after them, as {}",
+                to.join(", ")
+            ));
+        }
+        let by_turns = self.is_many(*turns) && *turns as f64 >= BY_TURNS * self.returns as f64;
+        by_turns.then(|| format!("{turns} of {samples} messages state one of two contents by turns while the arm stands still"))
     }
 }
 
