@@ -308,6 +308,22 @@ const KINDS: [Kind; 45] = [
     Kind { name: "joints 5 and 6 swapped", make: |s, _| swap(s, 4, 5), named: &["are swapped"] },
     Kind { name: "joints 1 and 2 swapped", make: |s, _| swap(s, 0, 1), named: &["are swapped"] },
     Kind {
+        name: "joints 5 and 6 swapped, and one counted the other way",
+        make: |s, e| {
+            swap(s, 4, 5);
+            joints(e, |joint, q| *q *= if joint == 4 { -1.0 } else { 1.0 });
+        },
+        named: &["(joint 6) are swapped, and "],
+    },
+    Kind {
+        name: "commands w, x, y, z of the inverse",
+        make: |_, e| {
+            let wxyz = |q: UnitQuaternion<f64>| parts(q.inverse(), [3, 0, 1, 2]);
+            commands(e, |c| c.orientation = c.orientation.map(wxyz));
+        },
+        named: &["of the inverse orientation, in the order w, x, y, z"],
+    },
+    Kind {
         name: "joint 3 counted the other way",
         make: |_, e| {
             e.stations.iter_mut().for_each(|station| station.reported[2] *= -1.0);

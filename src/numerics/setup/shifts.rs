@@ -31,20 +31,42 @@ pub(super) fn frames(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Vec<Hy
         frames.push((FrameKey::Tool, Some(meant)));
         frames.push((FrameKey::Target, Some(tool)));
     }
+    let alike = are_alike(stated, evidence);
     let mut all: Vec<Hypothesis> = Vec::new();
     for (frame, moved) in frames {
-        let shifted = moved.and_then(|moved| shifted(stated, frame, &moved));
+        let shifted = moved.and_then(|moved| shifted(stated, frame, &moved, alike));
         all.extend(shifted.filter(|shifted| all.iter().all(|known| known.edit != shifted.edit)));
     }
     all
 }
 
-fn shifted(stated: &SetUp, frame: FrameKey, moved: &Isometry3<f64>) -> Option<Hypothesis> {
+/// Whether all commands have one orientation: a turn of the tool then explains whatever is wrong with it.
+fn are_alike(stated: &SetUp, evidence: &Evidence) -> bool {
+    let turns = evidence.commands(stated.rows[3]);
+    let turns: Vec<_> = turns.filter_map(|(_, command)| stated.commanded_turn(command)).collect();
+    turns.iter().all(|own| own.angle_to(&turns[0]) <= Relation::Turns.usual())
+}
+
+fn shifted(
+    stated: &SetUp,
+    frame: FrameKey,
+    moved: &Isometry3<f64>,
+    alike: bool,
+) -> Option<Hypothesis> {
     let was = frame.of(stated)?;
     let step = (moved.translation.vector - was.translation.vector).map(|x| to_step(x, 0.1));
     let turn_deg = turn_deg(frame, &was, moved);
-    let turn =
-        if turn_deg > 0.05 { format!(" and turned by {turn_deg:.2}°") } else { String::new() };
+    let of_commands = match frame {
+        FrameKey::Tool | FrameKey::Both if alike => {
+            ", or the commanded orientations, which are all alike, are written otherwise than stated"
+        }
+        _ => "",
+    };
+    let turn = if turn_deg > 0.05 {
+        format!(" and turned by {turn_deg:.2}°{of_commands}")
+    } else {
+        String::new()
+    };
     let mistake =
         format!("{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}", frame.key(), step.x, step.y, step.z);
     Some(Hypothesis::of_size(mistake, frame.edit(moved), frame.put(stated, *moved)))

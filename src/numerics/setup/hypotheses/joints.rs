@@ -1,6 +1,7 @@
-//! Mistakes about the joints: their order, their signs, their zeros and their coupling.
+//! Mistakes about the joints: their order, also with signs, their signs, their zeros and their coupling.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Write as _;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -72,22 +73,10 @@ fn sign_key(stated: &SetUp, joint: usize) -> Option<f64> {
     (own.next().is_none() && is_plain).then_some(sign)
 }
 
-/// Two joints in each other's place, and all in reverse.
+/// Two joints in each other's place, also with one or both of them counted the other way, and all in reverse.
 fn orders(stated: &SetUp) -> Vec<Hypothesis> {
     let joints = stated.arm.joints();
     let count = joints.len();
-    let ordered = |order: &[usize], mistake: String| {
-        let map =
-            DMatrix::from_fn(count, count, |row, column| f64::from(u8::from(order[row] == column)));
-        let names: Vec<&str> = order.iter().map(|&joint| joints[joint].name.as_str()).collect();
-        let edit = if stated.is_of_tables() {
-            let places = order.iter().map(|place| (place + 1).to_string()).collect::<Vec<_>>();
-            format!("[stations] joints: the columns that are now at {}", places.join(", "))
-        } else {
-            format!("robot file: the names of [[joint]], base first: {}", names.join(", "))
-        };
-        Hypothesis::new(mistake, edit, mapped(stated, &map))
-    };
     let mut all = Vec::new();
     for first in 0..count {
         for second in first + 1..count {
@@ -98,14 +87,48 @@ fn orders(stated: &SetUp) -> Vec<Hypothesis> {
                 continue;
             }
             let names = [first, second].map(|joint| name(stated, joint));
-            all.push(ordered(&order, format!("{} and {} are swapped", names[0], names[1])));
+            let swapped = format!("{} and {} are swapped", names[0], names[1]);
+            for turned in [&[][..], &[first], &[second], &[first, second]] {
+                all.push(ordered(stated, &order, turned, &swapped));
+            }
         }
     }
     if count > 3 && !stated.arm.has_slides() {
         let reverse: Vec<usize> = (0..count).rev().collect();
-        all.push(ordered(&reverse, "the joints are in reverse order".to_owned()));
+        all.push(ordered(stated, &reverse, &[], "the joints are in reverse order"));
     }
     all
+}
+
+/// The axes read the reported joints in this order, and those of `turned` read theirs with the opposite sign.
+fn ordered(stated: &SetUp, order: &[usize], turned: &[usize], mistake: &str) -> Hypothesis {
+    let joints = stated.arm.joints();
+    let sign = |axis: usize| if turned.contains(&axis) { -1.0 } else { 1.0 };
+    let map = DMatrix::from_fn(order.len(), order.len(), |axis, reported| {
+        if order[axis] == reported { sign(axis) } else { 0.0 }
+    });
+    let of_table = stated.is_of_tables();
+    let named = |axis: usize| &joints[if of_table { axis } else { order[axis] }].name;
+    let mut edit = if of_table {
+        let places = order.iter().map(|place| (place + 1).to_string()).collect::<Vec<_>>();
+        format!("[stations] joints: the columns that are now at {}", places.join(", "))
+    } else {
+        let names: Vec<&str> = (0..order.len()).map(|axis| named(axis).as_str()).collect();
+        format!("robot file: the names of [[joint]], base first: {}", names.join(", "))
+    };
+    let mut mistake = mistake.to_owned();
+    for &axis in turned {
+        write!(mistake, ", and {} counts the other way", name(stated, order[axis]))
+            .expect("a string");
+        match sign_key(stated, axis) {
+            Some(sign) => {
+                write!(edit, "; then robot file, [[joint]] {:?}: sign = {:.0}", named(axis), -sign)
+                    .expect("a string")
+            }
+            None => edit = joint_map(stated, &map),
+        }
+    }
+    Hypothesis::new(mistake, edit, mapped(stated, &map))
 }
 
 /// The place of the reported joint with this number in parameters (from 1); `None` where that one slides, or follows another: those
@@ -172,5 +195,22 @@ mod tests {
         assert_eq!(edits.len(), 18, "three zeros of each of six joints: {edits:?}");
         let third = edits.iter().filter(|edit| edit.contains("[[joint]] \"a3\": offset_deg = "));
         assert_eq!(third.count(), 3, "{edits:?}");
+    }
+    #[test]
+    fn a_sign_is_that_of_the_joint_as_it_is_named_behind_the_swap() {
+        let file: RobotFile =
+            toml::from_str(include_str!("../../../../pipelines/robots/ur10.toml")).unwrap();
+        let stated = SetUp::of_arm(file.arm().expect("an arm"));
+        let found = ordered(&stated, &[0, 1, 2, 3, 5, 4], &[5], "swapped");
+        assert_eq!(found.mistake, "swapped, and \"wrist_2_joint\" (joint 5) counts the other way");
+        let (_, edit) = found.edit.split_once("wrist_1_joint, ").expect("names");
+        let names = "wrist_3_joint, wrist_2_joint";
+        assert_eq!(
+            edit,
+            format!("{names}; then robot file, [[joint]] \"wrist_2_joint\": sign = -1")
+        );
+        let reported = DVector::from_vec(vec![0.0, 0.0, 0.0, 0.0, 0.5, 0.6]);
+        let turned = &found.set_up.joints_from_reported * reported;
+        assert_eq!(turned.as_slice()[4..], [0.6, -0.5]);
     }
 }

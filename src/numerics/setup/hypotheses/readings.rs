@@ -27,13 +27,19 @@ const ANGLES: [(f64, &str); 4] =
     [(PI / 180.0, "deg"), (180.0 / PI, "rad"), (0.9, "gon"), (PI / 200.0, "gon")];
 
 /// Places of the parts that belong to x, y, z, w, the sign of x, y and z, and what the quaternions are then.
-const PARTS: [([usize; 4], f64, &str); 6] = [
+const PARTS: [([usize; 4], f64, &str); 8] = [
     ([1, 2, 3, 0], 1.0, "in the order w, x, y, z"),
     ([3, 0, 1, 2], 1.0, "in the order x, y, z, w, and read as w, x, y, z"),
     ([2, 1, 0, 3], 1.0, "with x and z exchanged"),
     ([1, 0, 2, 3], 1.0, "with x and y exchanged"),
     ([0, 2, 1, 3], 1.0, "with y and z exchanged"),
     ([0, 1, 2, 3], -1.0, "of the inverse orientation"),
+    ([1, 2, 3, 0], -1.0, "of the inverse orientation, in the order w, x, y, z"),
+    (
+        [3, 0, 1, 2],
+        -1.0,
+        "of the inverse orientation, in the order x, y, z, w, and read as w, x, y, z",
+    ),
 ];
 
 /// Places of the coordinates that belong to x, y, z, the axis that counts the other way, and what is wrong then.
@@ -196,29 +202,32 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
         });
         let has_parts = matches!(form, None | Some(OrientationForm::Quaternion(_)));
         let is_vector = matches!(form, Some(OrientationForm::Vector(..)));
-        let of_parts = PARTS
-            .into_iter()
-            .filter(move |(from, sign, _)| has_parts || *sign < 0.0 || (is_vector && from[3] == 3));
+        let of_parts = PARTS.into_iter().filter(move |(from, ..)| {
+            has_parts || *from == [0, 1, 2, 3] || (is_vector && from[3] == 3)
+        });
         let parts = of_parts.map(|(from, sign, words)| {
             let map = Matrix4::from_fn(|part, place| match (from[part] == place, part) {
                 (false, _) => 0.0,
                 (true, 3) => 1.0,
                 (true, _) => sign,
             });
-            let edit = match (sign < 0.0, has_parts) {
-                (true, true) => {
+            let inverse = match (sign < 0.0, has_parts) {
+                (true, true) => Some(
                     "x, y and z of the quaternions with the opposite sign where they are logged"
-                        .to_owned()
-                }
+                        .to_owned(),
+                ),
                 (true, false) => {
-                    format!("the {what} orientations inverted where the table is made")
+                    Some(format!("the {what} orientations inverted where the table is made"))
                 }
-                (false, _) => {
-                    let parts = if has_parts { 4 } else { 3 };
-                    let [own, order] = [&[0, 1, 2, 3], &from].map(|all| named(&all[..parts]));
-                    format!("{}: for {own} the {} now of {order}", section(key), places(stated))
-                }
+                (false, _) => None,
             };
+            let ordered = (from != [0, 1, 2, 3]).then(|| {
+                let parts = if has_parts { 4 } else { 3 };
+                let [own, order] = [&[0, 1, 2, 3], &from].map(|all| named(&all[..parts]));
+                format!("{}: for {own} the {} now of {order}", section(key), places(stated))
+            });
+            let edits: Vec<String> = ordered.into_iter().chain(inverse).collect();
+            let edit = edits.join("; and ");
             let noun = if has_parts { "quaternions" } else { "orientations" };
             Hypothesis::new(
                 format!("the {what} {noun} are {words}"),

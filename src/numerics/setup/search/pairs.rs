@@ -69,12 +69,13 @@ fn behind(
     seconds.map(pair).collect()
 }
 
-/// Both changes as one. Of two edits of one key the second states what both make of it.
+/// Both changes as one. Of two edits of one key the second states what both make of it. The second is to be made first: it names the joints
+/// as they are before the first renames them, or behind its own renaming.
 fn both(first: &Hypothesis, second: Hypothesis) -> Hypothesis {
     let edit = if first.key() == second.key() {
         second.edit
     } else {
-        format!("{}; and {}", first.edit, second.edit)
+        format!("{}; and then {}", second.edit, first.edit)
     };
     let is_size = [first.sort, second.sort].contains(&Sort::Size);
     Hypothesis {
