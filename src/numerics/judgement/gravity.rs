@@ -1,5 +1,5 @@
 //! A stated direction against gravity that points the other way: all the fit does is to turn the sign of each joint's compliance, which
-//! no arm has negative.
+//! no arm has negative. Stiff arms do not tell.
 //!
 //! Equal weights at all points behind a joint make it yield with gravity. The sum of its coefficients says by how much, in standard
 //! deviations of the posterior; the joint that says it most clearly decides. Springs that carry an arm act by the angle of their own joint,
@@ -10,15 +10,15 @@ use nalgebra::DMatrix;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
 
-/// Standard deviations beyond which a joint yields against gravity: of real arms none was beyond −1.1, and the clearest at 8 to 50.
-const SURE: f64 = -6.0;
+/// Standard deviations beyond which a joint yields with gravity or against it: of real arms none was beyond −1.1, and the clearest at 8 to
+/// 50.
+pub const SURE: f64 = 6.0;
 
-/// The joint that yields against the stated gravity most clearly, from 0, and by how many standard deviations; `None` where the clearest
-/// yields with it, or is not sure.
-pub fn against(full: &FullModel, joints: usize) -> Option<(usize, f64)> {
+/// The joint whose yield under the stated gravity is clearest, from 0, and by how many standard deviations: negative against it. `None`
+/// without gravity in the model.
+pub fn clearest(full: &FullModel, joints: usize) -> Option<(usize, f64)> {
     let yields = yields(full, joints)?.into_iter().enumerate();
-    let clearest = yields.max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
-    (clearest.1 <= SURE).then_some((clearest.0, -clearest.1))
+    yields.max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))
 }
 
 /// The sum of each joint's coefficients, in standard deviations; 0 where it has none.
