@@ -405,6 +405,7 @@ class Batch:
 
     def __init__(self, program, folder, pipeline, sound, name, gigabytes):
         self.program, self.folder, self.name, self.limit = program, folder, name, gigabytes << 20
+        self.beside_it = {file: content for file, content in next(iter(sound.values())).items() if not file.startswith(name)}
         shutil.rmtree(folder, ignore_errors=True)
         for session, files in sound.items():
             for file, content in files.items():
@@ -436,6 +437,9 @@ class Batch:
         hostile = self.folder / "sessions" / "hostile"
         hostile.mkdir(exist_ok=True)
         (hostile / (self.name + suffix)).write_bytes(content)
+        # A log alone waits for the one of the instrument, unread.
+        for file, sound in self.beside_it.items():
+            (hostile / file).write_bytes(sound)
         code, said = self.run()
         shutil.rmtree(hostile)
         if code not in (0, 1, 3):
