@@ -485,7 +485,12 @@ mod tests {
         // Twenty messages at each place: another publisher's are a little off, or an encoder flickers.
         let still = |k: i64| 0.1 * (k / 20) as f64;
         let off = of(&|k| [(20 * k, still(k)), (20 * k + 3, still(k) + 1e-3)]);
-        assert!(off.publishers.is_some_and(|what| what.contains("by turns")));
+        assert!(off.publishers.is_some_and(|what| what.contains("before and after them")));
+        let rare = of(&|k| match k % 5 {
+            0 => [(20 * k, still(k)), (20 * k + 2, still(k) + 1e-3)],
+            _ => [(20 * k, still(k)), (20 * k + 10, still(k))],
+        });
+        assert!(rare.publishers.is_some_and(|what| what.contains("before and after them")));
         let mut rng = ChaCha8Rng::seed_from_u64(8);
         let flicker: Vec<f64> = (0..800).map(|_| 1e-4 * f64::from(rng.random::<bool>())).collect();
         let [first, second] = [0, 400].map(|from| move |k: i64| from + usize::try_from(k).unwrap());

@@ -1,8 +1,8 @@
 //! Samples of one topic in order of time → whether one publisher states them.
 //!
 //! Two publishers show in one of four ways: stamps that are there twice with other contents; messages that repeat the one before them a
-//! little later; contents that leave those of the messages around them by far and come back; two contents by turns wherever the arm
-//! stands still.
+//! little later; contents that leave those of the messages around them by far and come back; contents that leave them by little, and
+//! always by turns or always soon behind the message before.
 
 use crate::units::NS_PER_S;
 
@@ -17,7 +17,7 @@ const SOON: f64 = 0.4;
 const HALF: f64 = 0.5;
 /// A content that left and came back differs after this part of the way at most.
 const BACK: f64 = 0.02;
-/// Share of the contents that came back to which the one that left came back too: where an encoder flickers it is half of them at most.
+/// Share of the contents that left and came back which did so by turns or soon: where an encoder flickers it is half of them at most.
 const BY_TURNS: f64 = 0.9;
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,7 +32,7 @@ pub(super) struct Publishers {
     copied_after_ns: i64,
     jumps: u64,
     jumped_to: Vec<f64>,
-    /// Samples that the next one goes back from, and those of them that the one before had left.
+    /// Samples that the next one goes back from, and those of them that the one before went back from too or that come soon behind it.
     returns: u64,
     turns: u64,
     /// Contents that were one of both in every conflict so far; `None` before the first.
@@ -68,10 +68,11 @@ impl Publishers {
             }
             if away > 0.0 && apart(before, next) < BACK * away {
                 self.returns += 1;
-                let is_turn = row > 1 && apart(content(row - 2), own) < BACK * away;
+                let is_soon = soon > 0 && (soon as f64) < SOON * later as f64;
+                let is_turn = is_soon || row > 1 && apart(content(row - 2), own) < BACK * away;
                 self.turns += u64::from(is_turn);
-                if away > jump {
-                    self.jumps += 1;
+                self.jumps += u64::from(away > jump);
+                if is_turn || away > jump {
                     self.jumped_to = own.to_vec();
                 }
             }
@@ -109,14 +110,11 @@ impl Publishers {
             ));
         }
         let to: Vec<String> = self.jumped_to.iter().map(|own| format!("{own:.4}")).collect();
-        if self.is_many(*jumps) {
-            return Some(format!(
-                "{jumps} of {samples} messages state something else than those before and after them, as {}",
-                to.join(", ")
-            ));
-        }
         let by_turns = self.is_many(*turns) && *turns as f64 >= BY_TURNS * self.returns as f64;
-        by_turns.then(|| format!("{turns} of {samples} messages state one of two contents by turns while the arm stands still"))
+        (by_turns || self.is_many(*jumps)).then(|| {
+            let others = turns.max(jumps);
+            format!("{others} of {samples} messages state something else than those before and after them, as {}", to.join(", "))
+        })
     }
 }
 
