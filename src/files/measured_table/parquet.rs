@@ -40,12 +40,8 @@ pub(super) fn read(
 #[expect(clippy::needless_pass_by_value, reason = "`map_err` gives errors by value")]
 fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
     let problem = problem.to_string();
-    let is_packed = problem.contains("Disabled feature");
-    let advice = if is_packed {
-        "; write it compressed by snappy or zstd, or without compression"
-    } else {
-        ""
-    };
+    let packed = problem.contains("Disabled feature");
+    let advice = if packed { "; write it with snappy, zstd or no compression" } else { "" };
     MeasuredTableErrorKind::Parquet(problem + advice)
 }
 

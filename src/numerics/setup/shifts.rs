@@ -40,7 +40,10 @@ pub(super) fn frames(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Vec<Hy
     all
 }
 
-/// Whether all commands have one orientation: a turn of the tool then explains whatever is wrong with it.
+/// What a turn of the tool explains as well where all commands have one orientation.
+const OR_WRITTEN_OTHERWISE: &str =
+    ", or the commanded orientations, which are all alike, are written otherwise than stated";
+
 fn are_alike(stated: &SetUp, evidence: &Evidence) -> bool {
     let turns = evidence.commands(stated.rows[3]);
     let turns: Vec<_> = turns.filter_map(|(_, command)| stated.commanded_turn(command)).collect();
@@ -56,17 +59,10 @@ fn shifted(
     let was = frame.of(stated)?;
     let step = (moved.translation.vector - was.translation.vector).map(|x| to_step(x, 0.1));
     let turn_deg = turn_deg(frame, &was, moved);
-    let of_commands = match frame {
-        FrameKey::Tool | FrameKey::Both if alike => {
-            ", or the commanded orientations, which are all alike, are written otherwise than stated"
-        }
-        _ => "",
-    };
-    let turn = if turn_deg > 0.05 {
-        format!(" and turned by {turn_deg:.2}°{of_commands}")
-    } else {
-        String::new()
-    };
+    let is_tool = matches!(frame, FrameKey::Tool | FrameKey::Both);
+    let or = if alike && is_tool { OR_WRITTEN_OTHERWISE } else { "" };
+    let turn =
+        if turn_deg > 0.05 { format!(" and turned by {turn_deg:.2}°{or}") } else { String::new() };
     let mistake =
         format!("{} is off by [{:.1}, {:.1}, {:.1}] mm{turn}", frame.key(), step.x, step.y, step.z);
     Some(Hypothesis::of_size(mistake, frame.edit(moved), frame.put(stated, *moved)))

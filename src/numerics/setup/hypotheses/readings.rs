@@ -35,11 +35,7 @@ const PARTS: [([usize; 4], f64, &str); 8] = [
     ([0, 2, 1, 3], 1.0, "with y and z exchanged"),
     ([0, 1, 2, 3], -1.0, "of the inverse orientation"),
     ([1, 2, 3, 0], -1.0, "of the inverse orientation, in the order w, x, y, z"),
-    (
-        [3, 0, 1, 2],
-        -1.0,
-        "of the inverse orientation, in the order x, y, z, w, and read as w, x, y, z",
-    ),
+    ([3, 0, 1, 2], -1.0, "of the inverse orientation, in the order x, y, z, w, read as w, x, y, z"),
 ];
 
 /// Places of the coordinates that belong to x, y, z, the axis that counts the other way, and what is wrong then.
@@ -63,6 +59,7 @@ const ROWS: [(&str, [i8; 4]); 5] = [
 ];
 
 const AXES: [&str; 4] = ["x", "y", "z", "w"];
+const OPPOSITE: &str = "x, y and z of the quaternions with the opposite sign where they are logged";
 
 pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
     let mut all: Vec<Hypothesis> = ANGLES.map(|(factor, unit)| angles(stated, factor, unit)).into();
@@ -211,23 +208,15 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
                 (true, 3) => 1.0,
                 (true, _) => sign,
             });
-            let inverse = match (sign < 0.0, has_parts) {
-                (true, true) => Some(
-                    "x, y and z of the quaternions with the opposite sign where they are logged"
-                        .to_owned(),
-                ),
-                (true, false) => {
-                    Some(format!("the {what} orientations inverted where the table is made"))
-                }
-                (false, _) => None,
-            };
+            let in_table = format!("the {what} orientations inverted where the table is made");
+            let inverse = if has_parts { OPPOSITE.to_owned() } else { in_table };
+            let inverse = (sign < 0.0).then_some(inverse);
             let ordered = (from != [0, 1, 2, 3]).then(|| {
                 let parts = if has_parts { 4 } else { 3 };
                 let [own, order] = [&[0, 1, 2, 3], &from].map(|all| named(&all[..parts]));
                 format!("{}: for {own} the {} now of {order}", section(key), places(stated))
             });
-            let edits: Vec<String> = ordered.into_iter().chain(inverse).collect();
-            let edit = edits.join("; and ");
+            let edit = ordered.into_iter().chain(inverse).collect::<Vec<_>>().join("; and ");
             let noun = if has_parts { "quaternions" } else { "orientations" };
             Hypothesis::new(
                 format!("the {what} {noun} are {words}"),
