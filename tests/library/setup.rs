@@ -222,7 +222,7 @@ fn surveyed(stated: &mut SetUp) {
         Some(isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy));
 }
 
-const KINDS: [Kind; 45] = [
+const KINDS: [Kind; 47] = [
     Kind {
         name: "frame of commands turned by 180°",
         make: |s, _| s.base_from_command = turned_about_z(PI),
