@@ -123,7 +123,7 @@ fn ordered(stated: &SetUp, order: &[usize], turned: &[usize], mistake: &str) -> 
         match sign_key(stated, axis) {
             Some(sign) => {
                 write!(edit, "; then robot file, [[joint]] {:?}: sign = {:.0}", named(axis), -sign)
-                    .expect("a string")
+                    .expect("a string");
             }
             None => edit = joint_map(stated, &map),
         }
