@@ -492,11 +492,13 @@ mod tests {
         });
         assert!(rare.publishers.is_some_and(|what| what.contains("before and after them")));
         let mut rng = ChaCha8Rng::seed_from_u64(8);
-        let flicker: Vec<f64> = (0..800).map(|_| 1e-4 * f64::from(rng.random::<bool>())).collect();
+        let flicker: Vec<f64> = (0..800).map(|_| 2e-4 * f64::from(rng.random::<bool>())).collect();
         let [first, second] = [0, 400].map(|from| move |k: i64| from + usize::try_from(k).unwrap());
         let own = |k: i64, of: usize| still(k) + flicker[of];
         let flickers = of(&|k| [(20 * k, own(k, first(k))), (20 * k + 3, own(k, second(k)))]);
         assert_eq!(flickers.publishers, None);
+        let steps = of(&|k| [(20 * k, still(k)), (20 * k + 10, still(k) + 5e-5)]);
+        assert_eq!(steps.publishers, None, "an encoder reported on both sides of a step");
     }
 
     #[test]

@@ -17,6 +17,8 @@ const SOON: f64 = 0.4;
 const HALF: f64 = 0.5;
 /// A content that left and came back differs after this part of the way at most.
 const BACK: f64 = 0.02;
+/// Part of a jump that a content leaves by at least: a joint at rest may be reported by turns on both sides of a step of its encoder.
+const BEYOND_STEPS: f64 = 0.01;
 /// Share of the contents that left and came back which did so by turns or soon: where an encoder flickers it is half of them at most.
 const BY_TURNS: f64 = 0.9;
 
@@ -66,7 +68,7 @@ impl Publishers {
                 self.copies += 1;
                 self.copied_after_ns = soon;
             }
-            if away > 0.0 && apart(before, next) < BACK * away {
+            if away > BEYOND_STEPS * jump && apart(before, next) < BACK * away {
                 self.returns += 1;
                 let is_soon = soon > 0 && (soon as f64) < SOON * later as f64;
                 let is_turn = is_soon || row > 1 && apart(content(row - 2), own) < BACK * away;
