@@ -357,37 +357,46 @@ fn identify_sized(
     factors: Option<&Factors>,
 ) -> Calibration {
     let stated = settings.prior();
-    let fit =
-        |prior: &Prior| identify_with(arm, observations, starts, freedom, settings, prior, factors);
-    let mut found = fit(&stated);
+    let fit = |prior: &Prior, before: Option<&Calibration>| {
+        let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
+        identify_with(arm, &problem, freedom, settings.loss, factors, before)
+    };
+    let mut found = fit(&stated, None);
     for _ in 0..WIDENINGS {
         let Some(wider) = found.wider_prior(&stated) else {
             break;
         };
-        found = fit(&wider);
+        found = fit(&wider, Some(&found));
     }
     found
 }
 
+/// The solution of `problem`, beginning where `before` ended: the same with another prior.
 fn identify_with(
     arm: &Arm,
-    observations: &[Observation],
-    starts: &[Frames],
+    problem: &Problem<'_>,
     freedom: Freedom,
-    settings: &FitSettings,
-    prior: &Prior,
+    loss: Loss,
     factors: Option<&Factors>,
+    before: Option<&Calibration>,
 ) -> Calibration {
-    let problem = Problem::new(observations, arm.chain(), starts, freedom, prior);
-    let size = problem.unknowns().len();
-    let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
-    let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
-    let structure = Structure::of(&problem, &solution.offsets);
+    let nominal = DVector::zeros(problem.unknowns().len());
+    let nominal_structure = before.map_or_else(
+        || Structure::of(problem, &nominal),
+        |before| before.nominal_structure.clone(),
+    );
+    let start = before.map_or(nominal, |before| before.solution.offsets.clone());
+    let mut solution = solve::solve(problem, start, loss, nominal_structure.rank);
+    if let Some(before) = before {
+        solution.cost[0] = before.solution.cost[0];
+    }
+    let structure = Structure::of(problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
-    let stations: BTreeSet<_> = observations.iter().map(|own| (own.session, own.station)).collect();
-    let covariance = covariance(&problem, &solution, nominal_structure.rank);
+    let stations: BTreeSet<_> =
+        problem.observations().iter().map(|own| (own.session, own.station)).collect();
+    let covariance = covariance(problem, &solution, nominal_structure.rank);
     Calibration {
-        sources: sources::sizes(&problem, &solution, &covariance, factors),
+        sources: sources::sizes(problem, &solution, &covariance, factors),
         freedom,
         unknowns: problem.unknowns().to_vec(),
         prior_sd: problem
@@ -401,7 +410,7 @@ fn identify_with(
         frames: problem.frames(&solution.offsets),
         nominal_structure,
         structure,
-        poses: observations.len(),
+        poses: problem.observations().len(),
         stations: stations.len(),
         misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,

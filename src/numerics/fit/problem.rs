@@ -66,8 +66,6 @@ pub struct Normal {
     pub information: DMatrix<f64>,
     /// `Jᵀ W r`.
     pub gradient: DVector<f64>,
-    /// `rᵀ W r`.
-    pub cost: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -283,10 +281,8 @@ impl<'a> Problem<'a> {
         let size = self.unknowns.len();
         let mut information = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
-        let mut cost = 0.0;
         for (unknowns, gram) in grams {
             let last = unknowns.len();
-            cost += gram[(last, last)];
             for (column, &unknown) in unknowns.iter().enumerate() {
                 gradient[unknown] += gram[(last, column)];
                 for (row, &other) in unknowns.iter().enumerate().skip(column) {
@@ -296,7 +292,7 @@ impl<'a> Problem<'a> {
             }
         }
         information.fill_upper_triangle_with_lower_triangle();
-        Normal { information, gradient, cost }
+        Normal { information, gradient }
     }
 
     /// Passes the whitened rows at `offsets` to `take`, block by block in a fixed order, without robust weights.

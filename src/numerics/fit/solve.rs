@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::loss::{Loss, Numbers};
-use super::problem::{Normal, Problem};
+use super::problem::Problem;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Convergence {
@@ -48,9 +48,9 @@ const LEAST_DAMPING: f64 = 1e-12;
 const LARGEST_DAMPING: f64 = 1e9;
 const DETERMINED: f64 = 1e-9;
 
-/// Solves `problem` from its start; `rank` is the number of independent unknowns.
-pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
-    let mut point = Point::at(problem, DVector::zeros(problem.unknowns().len()));
+/// Solves `problem` from these offsets; `rank` is the number of independent unknowns.
+pub fn solve(problem: &Problem<'_>, start: DVector<f64>, loss: Loss, rank: usize) -> Solution {
+    let mut point = Point::at(problem, start);
     let start_cost = squares(&point.norms);
     let (mut weights, mut factor) = (vec![1.0; point.norms.len()], 1.0);
     // Without robust weights and prior, the solution does not depend on the variance factor.
@@ -136,21 +136,24 @@ fn step(problem: &Problem<'_>, point: Point, weights: &[f64], factor: f64, gait:
         let misfit: f64 = norms.map(|(norm, weight)| weight * norm * norm).sum();
         misfit / factor + problem.prior_cost(&point.offsets)
     };
-    let cost = cost_at(&point);
-    let normal = problem.normal(&point.offsets, weights);
-    let scales = step_scales(&normal, problem, factor);
-    let gradient = &normal.gradient / factor + problem.prior_pull(&point.offsets);
-    let matrix = problem.posterior_information(&normal.information, &point.offsets, factor);
-    let mut damping = gait.damping.unwrap_or_else(|| first_damping(&matrix, &scales));
+    let allowed = cost_at(&point) * (1.0 + ROUNDING);
+    let slope = Slope::at(problem, &point.offsets, weights, factor);
+    let mut damping = gait.damping.unwrap_or_else(|| slope.first_damping());
+    let mut is_first = true;
     loop {
-        let change = damped_step(&matrix, &gradient, &scales, damping);
-        let tried = Point::at(problem, &point.offsets + &change);
+        let change = slope.damped_step(damping);
+        let mut tried = Point::at(problem, &point.offsets + &change);
         // The step in standard errors, along the direction in which it is largest (Newton's decrement).
-        let size = gradient.dot(&change).max(0.0).sqrt();
-        if cost_at(&tried) <= cost * (1.0 + ROUNDING) {
+        let size = slope.gradient.dot(&change).max(0.0).sqrt();
+        if is_first && size > NEAR && cost_at(&tried) > allowed {
+            // A valley that bends is left by a straight step; the next one leads back into it, further along.
+            let slope = Slope::at(problem, &tried.offsets, weights, factor);
+            tried = Point::at(problem, tried.offsets + slope.damped_step(damping));
+        }
+        if cost_at(&tried) <= allowed {
             return Step { point: tried, gait: gait.after(size, damping), ended: None };
         }
-        damping = (damping * 10.0).max(1e-9);
+        (damping, is_first) = ((damping * 10.0).max(1e-9), false);
         let ended = if size < STEP_TOLERANCE {
             Convergence::Converged
         } else if damping > LARGEST_DAMPING {
@@ -162,41 +165,50 @@ fn step(problem: &Problem<'_>, point: Point, weights: &[f64], factor: f64, gait:
     }
 }
 
-/// The first damping: very small where poses or prior determine every unknown, since Newton's step is best there; otherwise
-/// large enough to keep undetermined unknowns from following rounding errors.
-fn first_damping(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> f64 {
-    let scaled = scaled(matrix, scales);
-    let pivots = scaled.cholesky().map(|factor| factor.l_dirty().diagonal());
-    let least = pivots.map_or(0.0, |pivots| pivots.iter().fold(1.0, |a: f64, b| a.min(b * b)));
-    if least > DETERMINED { LEAST_DAMPING } else { 1e-6 }
+/// The normal equations at a point, prior included.
+struct Slope {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// The standard error that each unknown alone would have: the inverse norm of its column; 1 for a zero column.
+    scales: DVector<f64>,
 }
 
-/// `D A D`.
-fn scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
-    let size = scales.len();
-    DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j])
-}
-
-/// The standard error that each unknown alone would have: the inverse norm of its column; 1 for a zero column.
-fn step_scales(normal: &Normal, problem: &Problem<'_>, factor: f64) -> DVector<f64> {
-    let diagonal = normal.information.diagonal() / factor + problem.prior_precision();
-    diagonal.map(|norm_squared| if norm_squared > 0.0 { norm_squared.sqrt().recip() } else { 1.0 })
-}
-
-/// `(D A D + λ I)⁻¹ D g`, scaled back: columns have unit norm, so one damping serves all.
-fn damped_step(
-    matrix: &DMatrix<f64>,
-    gradient: &DVector<f64>,
-    scales: &DVector<f64>,
-    damping: f64,
-) -> DVector<f64> {
-    let mut scaled = scaled(matrix, scales);
-    for i in 0..gradient.len() {
-        scaled[(i, i)] += damping;
+impl Slope {
+    fn at(problem: &Problem<'_>, offsets: &DVector<f64>, weights: &[f64], factor: f64) -> Self {
+        let normal = problem.normal(offsets, weights);
+        let diagonal = normal.information.diagonal() / factor + problem.prior_precision();
+        let scale = |squared: f64| if squared > 0.0 { squared.sqrt().recip() } else { 1.0 };
+        Self {
+            matrix: problem.posterior_information(&normal.information, offsets, factor),
+            gradient: normal.gradient / factor + problem.prior_pull(offsets),
+            scales: diagonal.map(scale),
+        }
     }
-    let right = gradient.component_mul(scales);
-    let solved = scaled.cholesky().map_or_else(|| right.clone(), |factor| factor.solve(&right));
-    solved.component_mul(scales)
+
+    /// The first damping: very small where poses or prior determine every unknown, since Newton's step is best there; otherwise
+    /// large enough to keep undetermined unknowns from following rounding errors.
+    fn first_damping(&self) -> f64 {
+        let pivots = self.scaled().cholesky().map(|factor| factor.l_dirty().diagonal());
+        let least = pivots.map_or(0.0, |pivots| pivots.iter().fold(1.0, |a: f64, b| a.min(b * b)));
+        if least > DETERMINED { LEAST_DAMPING } else { 1e-6 }
+    }
+
+    /// `D A D`.
+    fn scaled(&self) -> DMatrix<f64> {
+        let (size, scales) = (self.scales.len(), &self.scales);
+        DMatrix::from_fn(size, size, |i, j| self.matrix[(i, j)] * scales[i] * scales[j])
+    }
+
+    /// `(D A D + λ I)⁻¹ D g`, scaled back: columns have unit norm, so one damping serves all.
+    fn damped_step(&self, damping: f64) -> DVector<f64> {
+        let mut scaled = self.scaled();
+        for i in 0..self.gradient.len() {
+            scaled[(i, i)] += damping;
+        }
+        let right = self.gradient.component_mul(&self.scales);
+        let solved = scaled.cholesky().map_or_else(|| right.clone(), |factor| factor.solve(&right));
+        solved.component_mul(&self.scales)
+    }
 }
 
 /// The robust weight of each observation, the readings of each source by a scale of their own: stated uncertainties of different

@@ -5,7 +5,9 @@ mod gauges;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    DVector, Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3,
+};
 
 use super::frames::Frames;
 use super::gauge::Sees;
@@ -27,7 +29,7 @@ const LEAST_SPREAD_MM: f64 = 1.0;
 /// Passes of base and target alone; the frames are updated after each, so that the turns stay small.
 const PASSES: usize = 3;
 /// Offsets below this (mm and rad) do not change the frames.
-const SETTLED: f64 = 1e-9;
+const SETTLED: f64 = 1e-6;
 
 /// The frames of each session with the nominal arm: bases and targets fitted, geometry fixed. A session has the sources and
 /// targets that its observations name.
@@ -67,7 +69,8 @@ fn settled(
             &settings.prior(),
         );
         // With one tool orientation base and target are confounded; the solver's damping takes the shortest step there.
-        let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
+        let unknowns = problem.unknowns().len();
+        let solution = solve::solve(&problem, DVector::zeros(unknowns), settings.loss, unknowns);
         misfit_mm = problem.misfit_mm(&solution.offsets);
         frames = problem.frames(&solution.offsets);
         // The frames contain the offsets: further passes would change nothing.
