@@ -5,7 +5,7 @@
 //! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
 //! always sets or does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use crate::frame::Chain;
@@ -304,6 +304,19 @@ pub struct Summaries {
     others: Others,
 }
 
+/// The routines that call each one, by its name.
+fn callers(routines: &BTreeMap<String, Routine>) -> BTreeMap<&str, BTreeSet<&str>> {
+    let mut callers = BTreeMap::<&str, BTreeSet<&str>>::new();
+    for (name, own) in routines {
+        for step in &own.steps {
+            if let Step::Call { routine, .. } = step {
+                callers.entry(routine).or_default().insert(name);
+            }
+        }
+    }
+    callers
+}
+
 /// Motions of a routine that is walked for its exit alone.
 struct Unseen<'m, M>(&'m M);
 
@@ -362,21 +375,27 @@ impl Summaries {
                 }
             }
         }
-        while own.find_exits(routines, motions) {}
+        own.find_exits(routines, motions);
         own
     }
 
-    /// Finds what holds behind routines by what holds behind those that they call; false once nothing more is known.
-    fn find_exits(&mut self, routines: &BTreeMap<String, Routine>, motions: &impl Motions) -> bool {
+    /// Finds what holds behind the routines that are called, and again behind their callers where more is known.
+    fn find_exits(&mut self, routines: &BTreeMap<String, Routine>, motions: &impl Motions) {
         let none = unknown(Refusal::Other(String::new()));
         let entry = State::new(|_| none.clone());
-        let mut is_more = false;
-        for (name, routine) in routines.iter().filter(|(_, own)| own.ends_at_its_end()) {
+        let callers = callers(routines);
+        let mut open: Vec<&str> = callers.keys().copied().collect();
+        while let Some(name) = open.pop() {
+            let Some(routine) = routines.get(name).filter(|own| own.ends_at_its_end()) else {
+                continue;
+            };
             let exit = walk(routine, self, &entry, &AtAnyTime::default(), &mut Unseen(motions));
-            let before = self.exits.insert(name.clone(), exit);
-            is_more |= self.exits[name].known() > before.map_or(0, |before| before.known());
+            let before = self.exits.get(name).map_or(0, State::known);
+            if exit.known() > before {
+                open.extend(callers[name].iter().filter(|own| callers.contains_key(**own)));
+            }
+            self.exits.insert(name.to_owned(), exit);
         }
-        is_more
     }
 
     /// What routines may do at any time, as interrupts call them. They come back to where the arm was.

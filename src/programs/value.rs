@@ -110,6 +110,14 @@ impl<'t> Cursor<'t> {
         Some(capitals(self.text(token)))
     }
 
+    /// Whether one of these words, in capitals, is among its names.
+    pub fn has_name(&self, words: &[&str]) -> bool {
+        let mut names = self.tokens.iter().filter(|token| token.kind == Kind::Name);
+        names.any(|token| {
+            words.iter().any(|own| self.text(token).eq_ignore_ascii_case(own.as_bytes()))
+        })
+    }
+
     pub fn take_name(&mut self) -> Option<String> {
         let name = self.peek_name()?;
         self.take();

@@ -54,7 +54,7 @@ pub(super) fn summary(
     findings.push(format!("tolerance {}: {}", in_words(tolerance), verdict.statement()));
     findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
-    findings.extend(of_gravity(outcome).filter(|(is_sure, _)| !is_sure).map(|(_, words)| words));
+    findings.extend(no_gravity(outcome));
     let (stated, doubts) = (Stated::of(&configuration.arm), outcome.doubts_set_up());
     let next = Next::of(verdict, &outcome.frame, tolerance, stated, doubts);
     Summary { read: read(outcome), warnings: warnings(outcome, tolerance), findings, next }
@@ -83,30 +83,34 @@ fn warnings(outcome: &Outcome<'_>, tolerance: &Tolerance) -> Vec<String> {
         .chain(stamps)
         .chain(references::warned(outcome, least_mm))
         .chain(rounded::warned(outcome, least_mm))
-        .chain(of_gravity(outcome).filter(|(is_sure, _)| *is_sure).map(|(_, words)| words))
+        .chain(upside_down(outcome))
         .collect()
 }
 
-/// That the stated direction against gravity points the other way, and whether that is sure, or that nothing tells; a model that corrects
-/// nothing says nothing of it.
-fn of_gravity(outcome: &Outcome<'_>) -> Option<(bool, String)> {
+/// That the stated direction against gravity points the other way.
+fn upside_down(outcome: &Outcome<'_>) -> Option<String> {
+    let (joint, sds) = clearest_yield(outcome).filter(|(_, sds)| *sds <= -gravity::SURE)?;
+    Some(format!(
+        "[robot] up points with gravity: joint {} would yield against its load, by {:.0} standard deviations; write the three numbers \
+         with the opposite signs",
+        joint + 1,
+        -sds
+    ))
+}
+
+/// That nothing shows which way it points.
+fn no_gravity(outcome: &Outcome<'_>) -> Option<String> {
+    clearest_yield(outcome).filter(|(_, sds)| sds.abs() < gravity::SURE)?;
+    let words = "gravity: no joint yields enough under its load to show that [robot] up points the right way";
+    Some(words.to_owned())
+}
+
+/// [`gravity::clearest`] of the model that corrects; one that corrects nothing says nothing of it.
+fn clearest_yield(outcome: &Outcome<'_>) -> Option<(usize, f64)> {
     if outcome.verdict.applied() == Applied::Nothing {
         return None;
     }
-    let joints = outcome.error_frame.arm().joints();
-    let (joint, sds) = gravity::clearest(outcome.full.as_ref()?, joints.len())?;
-    let is_sure = sds <= -gravity::SURE;
-    let words = if is_sure {
-        format!(
-            "[robot] up points with gravity: joint {} would yield against its load, by {:.0} standard deviations; write the three \
-             numbers with the opposite signs",
-            joint + 1,
-            -sds
-        )
-    } else {
-        "gravity: no joint yields enough under its load to show that [robot] up points the right way".to_owned()
-    };
-    (sds < gravity::SURE).then_some((is_sure, words))
+    gravity::clearest(outcome.full.as_ref()?, outcome.error_frame.arm().joints().len())
 }
 
 /// The sessions, when they were measured, and their stations.

@@ -62,7 +62,7 @@ impl Numbers {
 
     /// Whether a text that is no number is one in another way of writing.
     pub(super) fn contrary(&self, text: &str) -> Option<Contrary> {
-        if text.len() > 32 || !text.contains(|c: char| c.is_ascii_digit()) {
+        if !is_short_with_digits(text) {
             return None;
         }
         if let Some(group) = grouped(text) {
@@ -81,10 +81,15 @@ fn not_a_number(text: &[u8]) -> Option<f64> {
     SPELLED.iter().any(is).then_some(f64::NAN)
 }
 
+/// Whether a text may be a number at all.
+fn is_short_with_digits(text: &str) -> bool {
+    text.len() <= 32 && text.contains(|c: char| c.is_ascii_digit())
+}
+
 /// The text with `-` for a minus sign or a dash (`−1.5`), before digits that it follows (`1.5-`), and with `e` for Fortran's exponent
 /// (`1.5D+02`); `None` where nothing is rewritten. Without a decimal mark `12-` and `1D3` may be names.
 fn plain(text: &str) -> Option<Vec<u8>> {
-    if text.len() > 32 || !text.contains(|c: char| c.is_ascii_digit()) {
+    if !is_short_with_digits(text) {
         return None;
     }
     let mut plain = text.replace(['−', '–'], "-");

@@ -39,11 +39,6 @@ pub(super) fn written_frames(statement: Cursor<'_>) -> Vec<String> {
     found
 }
 
-fn has_name(statement: Cursor<'_>, words: &[&str]) -> bool {
-    let mut names = statement.tokens.iter().filter(|token| token.kind == Kind::Name);
-    names.any(|token| words.contains(&capitals(statement.text(token)).as_str()))
-}
-
 /// What stands before the first comma outside brackets, and behind it: of `IF R[1]=1,JMP LBL[1]` the jump.
 fn at_comma(statement: Cursor<'_>) -> Option<(Cursor<'_>, Cursor<'_>)> {
     let mut rest = statement;
@@ -55,7 +50,7 @@ impl Reading<'_> {
     pub(super) fn steps(&mut self, listing: &Listing<'_>) {
         let mut steps = Vec::new();
         for statement in listing.statements() {
-            if has_name(statement.all, &["LBL", "JMP"]) {
+            if statement.all.has_name(&["LBL", "JMP"]) {
                 steps.push(Step::Jump);
             }
             if statement.all.peek_name().is_some_and(|word| word == "END") {
@@ -130,7 +125,7 @@ impl Reading<'_> {
             own if has(DISPLACES, own) => {
                 self.any_displacement = true;
                 let what = "Touch Offset, Track, Search";
-                let to = if has_name(rest, &["END"]) {
+                let to = if rest.has_name(&["END"]) {
                     known(Setting::On(false))
                 } else {
                     unknown(Refusal::Displaced { what })
@@ -153,7 +148,7 @@ impl Reading<'_> {
         let mut rest = rest;
         if rest.take_sign(b'[') {
             let groups = rest.take_part(b']').unwrap_or(rest);
-            if !has_name(groups, &["GP1"]) {
+            if !groups.has_name(&["GP1"]) {
                 return;
             }
         }

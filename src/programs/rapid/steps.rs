@@ -92,13 +92,10 @@ impl Reading<'_> {
         let Some(word) = all.peek_name() else {
             return self.late_call(here, all, steps);
         };
-        let has = |word: &str| {
-            all.tokens.iter().any(|token| all.text(token).eq_ignore_ascii_case(word.as_bytes()))
-        };
-        if has("GOTO") {
+        if all.has_name(&["GOTO"]) {
             steps.push(Step::Jump);
         }
-        if has("RETURN") || has("RAISE") {
+        if all.has_name(&["RETURN", "RAISE"]) {
             steps.push(Step::Return);
         }
         if matches!(word.as_str(), "IF" | "ELSEIF") {

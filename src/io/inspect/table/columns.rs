@@ -79,7 +79,8 @@ impl ColumnSummary {
         self.numbers > self.texts && self.range.is_some()
     }
 
-    /// What is wrong with a column of texts that are digits with a mark beside them: `(1.5)`, `1.5 mm`; `None` where they are not.
+    /// A note on a column without numbers in which a cell is a number but for characters before or behind it: `(1.5)`, `1.5 mm`. `None` of
+    /// any other column.
     pub fn marked_digits(&self) -> Option<String> {
         let is_marked = |text: &&String| {
             let digits = text.trim_matches(|c: char| !c.is_ascii_digit());

@@ -1,7 +1,6 @@
 //! Mistakes about the joints: their order, also with signs, their signs, their zeros and their coupling.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::fmt::Write as _;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -44,12 +43,7 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
         let map = DMatrix::from_diagonal(&DVector::from_fn(count, |joint, _| sign(joint)));
         let names: Vec<String> = joints.iter().map(|&joint| name(stated, joint)).collect();
         let mistake = format!("the controller counts {} the other way", names.join(" and "));
-        let signs = joints.iter().map(|&joint| {
-            let sign = -sign_key(stated, joint)?;
-            Some(format!("[[joint]] {:?}: sign = {sign:.0}", stated.arm.joints()[joint].name))
-        });
-        let signs: Option<Vec<String>> = signs.collect();
-        let edit = signs.map(|signs| format!("robot file, {}", signs.join(", ")));
+        let edit = sign_keys(stated, joints, |joint| joint);
         let edit = edit.unwrap_or_else(|| joint_map(stated, &map));
         Hypothesis::new(mistake, edit, mapped(stated, &map))
     };
@@ -71,6 +65,16 @@ fn sign_key(stated: &SetUp, joint: usize) -> Option<f64> {
     let count = stated.arm.joints().len();
     let is_plain = stated.arm.axes_from_joints() == DMatrix::identity(count, count);
     (own.next().is_none() && is_plain).then_some(sign)
+}
+
+/// The keys that turn the signs of some joints, each under the name of the joint that `named` gives; `None` where one has no key of its own.
+fn sign_keys(stated: &SetUp, joints: &[usize], named: impl Fn(usize) -> usize) -> Option<String> {
+    let signs = joints.iter().map(|&joint| {
+        let name = &stated.arm.joints()[named(joint)].name;
+        Some(format!("[[joint]] {name:?}: sign = {:.0}", -sign_key(stated, joint)?))
+    });
+    let signs: Option<Vec<String>> = signs.collect();
+    Some(format!("robot file, {}", signs?.join(", ")))
 }
 
 /// Two joints in each other's place, also with one or both of them counted the other way, and all in reverse.
@@ -108,27 +112,23 @@ fn ordered(stated: &SetUp, order: &[usize], turned: &[usize], mistake: &str) -> 
         if order[axis] == reported { sign(axis) } else { 0.0 }
     });
     let of_table = stated.is_of_tables();
-    let named = |axis: usize| &joints[if of_table { axis } else { order[axis] }].name;
-    let mut edit = if of_table {
+    let order_edit = if of_table {
         let places = order.iter().map(|place| (place + 1).to_string()).collect::<Vec<_>>();
         format!("[stations] joints: the columns that are now at {}", places.join(", "))
     } else {
-        let names: Vec<&str> = (0..order.len()).map(|axis| named(axis).as_str()).collect();
+        let names: Vec<&str> = order.iter().map(|&joint| joints[joint].name.as_str()).collect();
         format!("robot file: the names of [[joint]], base first: {}", names.join(", "))
     };
-    let mut mistake = mistake.to_owned();
-    for &axis in turned {
-        write!(mistake, ", and {} counts the other way", name(stated, order[axis]))
-            .expect("a string");
-        match sign_key(stated, axis) {
-            Some(sign) => {
-                write!(edit, "; then robot file, [[joint]] {:?}: sign = {:.0}", named(axis), -sign)
-                    .expect("a string");
-            }
-            None => edit = joint_map(stated, &map),
-        }
-    }
-    Hypothesis::new(mistake, edit, mapped(stated, &map))
+    let counts =
+        |axis: &usize| format!(", and {} counts the other way", name(stated, order[*axis]));
+    let turns: String = turned.iter().map(counts).collect();
+    let named = |axis: usize| if of_table { axis } else { order[axis] };
+    let edit = match sign_keys(stated, turned, named) {
+        _ if turned.is_empty() => order_edit,
+        Some(signs) => format!("{order_edit}; then {signs}"),
+        None => joint_map(stated, &map),
+    };
+    Hypothesis::new(format!("{mistake}{turns}"), edit, mapped(stated, &map))
 }
 
 /// The place of the reported joint with this number in parameters (from 1); `None` where that one slides, or follows another: those
@@ -195,7 +195,13 @@ mod tests {
         assert_eq!(edits.len(), 18, "three zeros of each of six joints: {edits:?}");
         let third = edits.iter().filter(|edit| edit.contains("[[joint]] \"a3\": offset_deg = "));
         assert_eq!(third.count(), 3, "{edits:?}");
+        // A joint map has the signs in it.
+        let (maps, keys): (Vec<_>, Vec<_>) =
+            orders(&stated).into_iter().partition(|own| own.edit.contains("joint_map = "));
+        assert!(maps.iter().all(|own| !own.edit.contains("sign = ")) && !maps.is_empty());
+        assert!(keys.iter().all(|own| own.edit.contains("[[joint]], base first")));
     }
+
     #[test]
     fn a_sign_is_that_of_the_joint_as_it_is_named_behind_the_swap() {
         let file: RobotFile =
