@@ -12,6 +12,7 @@
 //! `CONFIG` is read by J and by `Wjnt`; L, C and A go on in the arm configuration in which they begin. Its letters are the sides of the
 //! three singularities, and its turns those of joints 4, 5 and 6 ([`Stated::Config`](crate::program::Stated)).
 
+pub(crate) mod further;
 mod listing;
 pub(crate) mod mark;
 mod motion;

@@ -2,18 +2,22 @@
 //! positions.
 //!
 //! Speed, zone, tool and base are those of the motion's own text, and of whatever stands before it. An added line ends with a comment that
-//! says whose it is. Only `LIN`, `CIRC`, `MoveL` and `MoveC` get points: a process instruction would begin its process at each. The motion
-//! itself leads over the last part of its way, so the helper of a circle moves onto that.
+//! says whose it is; in a listing its positions do. Only plain straight motions and circles get points: a process instruction would begin its
+//! process at each. The motion itself leads over the last part of its way, so the helper of a circle moves onto that.
 
 use nalgebra::Isometry3;
 
 use crate::edit::{Edit, line_end};
+use crate::fanuc::{self, FANUC};
 use crate::geometry::typed::number as decimal;
 use crate::lex::Dialect;
-use crate::program::{Path, Position, Programs, Shape, Stated, Turn};
+use crate::program::{Path, Position, Programs, Shape, Split, Stated, Turn};
+use crate::urscript::{self, URSCRIPT, vector_near};
 use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
-use crate::write::{QUATERNION_DECIMALS, abc_near, quaternion_near};
+use crate::write::{QUATERNION_DECIMALS, abc_near, listed, quaternion_near};
 
+/// Decimals of m and rad.
+const METRE_DECIMALS: usize = MM_DECIMALS + 3;
 /// The comment behind each added line.
 pub const ADDED: &str = "added by posegrid";
 
@@ -26,11 +30,23 @@ pub struct Further {
     pub joints: Vec<f64>,
 }
 
+/// The texts of further points before a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Added {
+    file: usize,
+    pub(crate) split: Split,
+    /// The positions of each line.
+    pub(crate) points: Vec<Vec<String>>,
+}
+
 impl Programs {
     /// Why a motion gets no further points; `Ok` where it may.
     pub fn may_split(&self, path: &Path) -> Result<(), &'static str> {
         path.split.as_ref().map_err(|why| *why)?;
         let ends = self.ends(path).ok_or("where it begins is not known")?;
+        if self.files[path.file].is_of(&URSCRIPT) && self.is_blended_at(path.from) {
+            return Err(urscript::BLENDED);
+        }
         let through = path.through.iter().flatten().map(|place| &self.positions[*place]);
         let through: Vec<&Position> = through.collect();
         if through.iter().chain(&ends[..1]).any(|own| own.external.is_some()) {
@@ -56,29 +72,36 @@ impl Programs {
         Some([&self.positions[path.from?], &self.positions[*end]])
     }
 
-    /// The lines of further points before a motion; `None` where its text is not understood.
-    pub fn added(&self, path: &Path, points: &[Further]) -> Option<Edit> {
-        let split = path.split.as_ref().ok()?;
+    /// Whether a motion that ends at a position leaves for the next one before it is there.
+    fn is_blended_at(&self, place: Option<usize>) -> bool {
+        let ends = |path: &Path| path.through.as_ref().and_then(|all| all.last().copied());
+        self.paths.iter().any(|path| path.is_blended && ends(path) == place)
+    }
+
+    /// Further points before a motion, as its dialect writes them; `None` where its text is not understood.
+    pub fn added(&self, path: &Path, points: &[Further]) -> Option<Added> {
+        let split = path.split.clone().ok()?;
         let [_, end] = self.ends(path)?;
-        let bytes = &self.files[path.file].bytes;
-        let Dialect { statement_end, comment, .. } = self.files[path.file].dialect()?;
-        let target = split.target.clone();
-        let piece = |span| std::str::from_utf8(&bytes[span]).ok();
-        let indent = piece(split.line_start..split.statement.start)?;
-        let before = piece(split.statement.start..target.start)?;
-        let behind = piece(target.end..split.statement.end)?;
-        let line_end = line_end(bytes);
-        let line = |points: &[Further]| {
-            let values = points.iter().map(|point| self.literal(end, point));
-            let value = values.collect::<Option<Vec<_>>>()?.join(",");
-            Some(format!(
-                "{indent}{before}{value}{behind}{statement_end} {comment} {ADDED}{line_end}"
-            ))
-        };
-        let each = path.through.as_ref().map_or(1, Vec::len).max(1);
-        let lines: Vec<String> = points.chunks(each).map(line).collect::<Option<_>>()?;
-        let text = lines.concat();
-        Some(Edit { span: split.line_start..split.line_start, text })
+        let line = |points: &[Further]| points.iter().map(|own| self.literal(end, own)).collect();
+        let points = points.chunks(split.targets.len()).map(line).collect::<Option<_>>()?;
+        std::str::from_utf8(&self.files[path.file].bytes[split.line_start..split.statement.end])
+            .ok()?;
+        Some(Added { file: path.file, split, points })
+    }
+
+    /// The lines of further points in each file.
+    pub fn lines<'a>(&self, added: impl Iterator<Item = &'a Added>) -> Vec<Vec<Edit>> {
+        let mut of_files = vec![Vec::new(); self.files.len()];
+        added.for_each(|own| of_files[own.file].push(own));
+        let edits = self.files.iter().zip(of_files).map(|(file, mut added)| {
+            added.sort_by_key(|own| own.split.line_start);
+            match file.dialect() {
+                _ if file.is_of(&FANUC) => fanuc::further::lines(&file.bytes, &added),
+                Some(own) => added.iter().map(|added| added.before(&file.bytes, own)).collect(),
+                None => Vec::new(),
+            }
+        });
+        edits.collect()
     }
 
     /// A point as the dialect of a position writes it out.
@@ -90,14 +113,23 @@ impl Programs {
         let xyz = pose.translation.vector.iter().map(|own| decimal(*own, MM_DECIMALS));
         let xyz: Vec<String> = xyz.collect();
         match turn {
+            Turn::Abc(_) if self.files[end.file].is_of(&FANUC) => {
+                listed(end, &self.files[end.file].bytes, point)
+            }
             Turn::Abc(near) => {
                 let abc = abc_near(&pose.rotation, near.each_ref().map(|own| own.value));
                 let [a, b, c] = abc.map(|own| decimal(own, DEGREE_DECIMALS));
                 let [x, y, z] = xyz.as_slice() else { return None };
                 Some(format!("{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}"))
             }
-            // Its motions are not split.
-            Turn::Vector(_) => None,
+            Turn::Vector(near) => {
+                let [x, y, z] = pose.translation.vector.scale(1e-3).into();
+                let vector = vector_near(&pose.rotation, near.each_ref().map(|own| own.value));
+                let numbers = [[x, y, z], vector].concat();
+                let numbers: Vec<String> =
+                    numbers.iter().map(|own| decimal(*own, METRE_DECIMALS)).collect();
+                Some(format!("p[{}]", numbers.join(", ")))
+            }
             Turn::Quaternion(near) => {
                 let parts = quaternion_near(&pose.rotation, near.each_ref().map(|own| own.value));
                 let parts = parts.map(|part| decimal(part, QUATERNION_DECIMALS)).join(",");
@@ -109,6 +141,33 @@ impl Programs {
                 Some(format!("[[{}],[{parts}],[{}],{external}]", xyz.join(","), quarters.join(",")))
             }
         }
+    }
+}
+
+impl Added {
+    /// Its lines before the motion.
+    fn before(&self, bytes: &[u8], dialect: &Dialect) -> Edit {
+        let Self { split: Split { line_start, statement, .. }, points, .. } = self;
+        let Dialect { statement_end, comment, .. } = dialect;
+        let indent = String::from_utf8_lossy(&bytes[*line_start..statement.start]);
+        let end = format!("{statement_end} {comment} {ADDED}{}", line_end(bytes));
+        let lines =
+            points.iter().map(|own| format!("{indent}{}{end}", self.split.with(bytes, own)));
+        Edit { span: *line_start..*line_start, text: lines.collect() }
+    }
+}
+
+impl Split {
+    /// Its statement with other positions.
+    pub(crate) fn with(&self, bytes: &[u8], targets: &[String]) -> String {
+        let mut text = String::new();
+        let mut from = self.statement.start;
+        for (target, other) in self.targets.iter().zip(targets) {
+            text += &String::from_utf8_lossy(&bytes[from..target.start]);
+            text += other;
+            from = target.end;
+        }
+        text + &String::from_utf8_lossy(&bytes[from..self.statement.end])
     }
 }
 

@@ -40,7 +40,7 @@ use posegrid_arm::{geometry, kinematics};
 pub use ask::{Asked, Branch, Wanted};
 pub use edit::Edit;
 pub use frame::{Cell, CellError, CellFrame, ExternalAxes, Found, TaughtPoint, TruePlace};
-pub use further::{ADDED, Further};
+pub use further::{ADDED, Added, Further};
 use lex::Dialect;
 pub use postures::Postures;
 pub use program::{Computed, File, Path, Position, Programs, Split, Way};
@@ -50,8 +50,8 @@ pub use value::Letters;
 
 /// Reads positions and motions of a dialect's files, behind those that are found already, and the arm's base.
 type Read = fn(&[File], &Cell, Used) -> (Used, frame::Chain);
-/// Marks a file as corrected, by words and the name of the table.
-type Mark = fn(&File, &str, &str) -> Vec<Edit>;
+/// Marks a file as corrected, by words and the name of the table, beside its other edits.
+type Mark = fn(&File, &str, &str, &[Edit]) -> Vec<Edit>;
 
 const DIALECTS: [(&Dialect, Read, Mark); 4] = [
     (&krl::KRL, krl::read, write::behind_head_marks),

@@ -160,8 +160,8 @@ pub struct Split {
     pub line_start: usize,
     /// From its word on, without the sign that ends it.
     pub statement: Range<usize>,
-    /// Its positions, of a circle with the comma between them.
-    pub target: Range<usize>,
+    /// Its positions, of a circle the helper first.
+    pub targets: Vec<Range<usize>>,
 }
 
 /// Files with everything that was read of them.

@@ -327,7 +327,8 @@ pub(crate) fn beside(target: &Target) -> Option<Target> {
 }
 
 /// Why other motions get no further points.
-pub(crate) const NOT_SPLIT: &str = "only LIN, CIRC, MoveL and MoveC get further points";
+pub(crate) const NOT_SPLIT: &str =
+    "only LIN and CIRC, MoveL and MoveC, L and C, movel and movec get further points";
 
 /// Where points may be written before a motion, by what follows its word and by its positions.
 pub(crate) fn split(
@@ -338,16 +339,25 @@ pub(crate) fn split(
     let begin = rest.span().start;
     let before = rest.bytes[..begin].trim_ascii_end();
     let (head, own) = before.split_at(before.len().saturating_sub(word.len()));
-    let indent = head.iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
-    let line_start = head.len() - indent;
+    let statement = head.len()..rest.span().end;
+    // A line of a listing begins with its number: `3:`.
+    let is_blank = |byte: &u8| matches!(byte, b' ' | b'\t');
+    let is_digit = |byte: &u8| byte.is_ascii_digit();
+    let head = without_last(head, is_blank);
+    let head = head.strip_suffix(b":").map_or(head, |own| without_last(own, is_digit));
+    let line_start = without_last(head, is_blank).len();
     let is_first = line_start == 0 || is_line_end(head[line_start - 1]);
     let is_parted = rest.bytes[before.len()..begin].iter().any(|byte| is_line_end(*byte));
     if !is_first || is_parted || !own.eq_ignore_ascii_case(word.as_bytes()) {
         return Err("it is not alone in its line");
     }
-    let ends = positions.first().zip(positions.last()).ok_or("it has no position")?;
-    let target = ends.0.span().start..ends.1.span().end;
-    Ok(Split { line_start, statement: line_start + indent..rest.span().end, target })
+    Ok(Split { line_start, statement, targets: positions.iter().map(Cursor::span).collect() })
+}
+
+/// Bytes without the last ones of a kind.
+fn without_last(bytes: &[u8], is_of: impl Fn(&u8) -> bool) -> &[u8] {
+    let kept = bytes.iter().rposition(|byte| !is_of(byte));
+    &bytes[..kept.map_or(0, |last| last + 1)]
 }
 
 const fn is_line_end(byte: u8) -> bool {

@@ -150,15 +150,17 @@ proptest! {
             };
             all[position.file].extend(edits(position, &asked, &command).all);
         }
-        for path in &programs.paths {
-            let point = Further { frame_from_tool: nalgebra::Isometry3::identity(), joints: vec![0.0; 6] };
-            if programs.may_split(path).is_ok() {
-                all[path.file].extend(programs.added(path, &[point.clone(), point]));
-            }
+        let point = Further { frame_from_tool: nalgebra::Isometry3::identity(), joints: vec![0.0; 6] };
+        let paths = programs.paths.iter().filter(|path| programs.may_split(path).is_ok());
+        let added = paths.filter_map(|path| programs.added(path, &[point.clone(), point.clone()]));
+        let added: Vec<_> = added.collect();
+        for (own, lines) in all.iter_mut().zip(programs.lines(added.iter())) {
+            own.extend(lines);
         }
         for (file, edits) in files.iter().zip(&all) {
             let mut edits = edits.clone();
-            edits.extend(marks(file, "table t", "t"));
+            let own = marks(file, "table t", "t", &edits);
+            edits.extend(own);
             let written = applied(&file.bytes, &edits);
             prop_assert_eq!(undone(&written, &file.bytes, &edits), file.bytes.clone());
             let changed = record::Changed::of(file, &written, &edits);
@@ -232,4 +234,12 @@ pub(crate) fn undone(written: &[u8], before: &[u8], edits: &[Edit]) -> Vec<u8> {
     }
     out.extend(&written[at..]);
     out
+}
+
+/// The lines of further points before the second motion.
+pub(crate) fn only_lines(programs: &Programs, points: &[Further]) -> Edit {
+    let added = programs.added(&programs.paths[1], points).expect("its text is understood");
+    let mut all = programs.lines(std::iter::once(&added)).concat();
+    assert_eq!(all.len(), 1);
+    all.remove(0)
 }

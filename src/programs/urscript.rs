@@ -29,7 +29,7 @@ use crate::refusal::{Place, Refusal};
 use crate::value::Value;
 use statement::Statements;
 
-pub(crate) use motion::vector_near;
+pub(crate) use motion::{BLENDED, vector_near};
 
 pub const URSCRIPT: Dialect = Dialect {
     name: "urscript",

@@ -11,6 +11,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
 use crate::edit::{CORRECTED, Edit, insert, line_end};
+use crate::further::Further;
 use crate::krl::{KRL, abc};
 use crate::lex::{Kind, Token, after_mark, capitals, tokens};
 use crate::program::{File, Position, Shape, Stated, Turn};
@@ -138,8 +139,7 @@ impl Edits {
                 self.counted(numbers.iter().zip([0, 3, 5]), [from, to], quarter);
             }
             Stated::Config { turns, .. } => {
-                let turn = |degrees: f64| ((degrees + 180.0) / 360.0).floor();
-                self.counted(turns.iter().zip([3, 4, 5]), [from, to], turn);
+                self.counted(turns.iter().zip([3, 4, 5]), [from, to], whole_turns);
             }
         }
     }
@@ -162,6 +162,35 @@ impl Edits {
             }
         }
     }
+}
+
+/// The entry of a position in a listing for a further point, without its number: the same but for its numbers.
+pub(crate) fn listed(position: &Position, bytes: &[u8], point: &Further) -> Option<String> {
+    let Ok(Shape::Pose { xyz, turn, stated }) = &position.shape else {
+        return None;
+    };
+    let [mm, degrees] = position.decimals;
+    let mut edits = Edits::default();
+    for (number, to) in xyz.iter().zip(point.frame_from_tool.translation.vector.iter()) {
+        edits.number(number, *to, mm);
+    }
+    edits.turn(turn, &point.frame_from_tool.rotation, degrees);
+    if let Some(Stated::Config { turns, .. }) = stated {
+        for (number, joint) in turns.iter().zip([3, 4, 5]) {
+            edits.text(number, decimal(whole_turns(*point.joints.get(joint)?), 0));
+        }
+    }
+    let head = bytes[position.span.clone()].iter().position(|byte| *byte == b']')?;
+    let span = position.span.start + head..position.span.end;
+    for own in &mut edits.all {
+        own.span = own.span.start - span.start..own.span.end - span.start;
+    }
+    String::from_utf8(applied(&bytes[span], &edits.all)).ok()
+}
+
+/// Turns of a joint as FANUC counts them: 0 within half a turn.
+fn whole_turns(degrees: f64) -> f64 {
+    ((degrees + 180.0) / 360.0).floor()
 }
 
 /// A, B, C of a rotation, degrees: of all that make it, those nearest to others.
@@ -246,10 +275,10 @@ pub fn mark(file: &File) -> Option<u32> {
     found.and_then(|(place, _)| u32::try_from(place + 1).ok())
 }
 
-/// The lines that mark a file as corrected by `words`: a comment, and a constant named after `id` where the dialect has one.
-pub fn marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
+/// The lines that mark a file as corrected by `words` beside other edits: a comment, and a constant named after `id` where the dialect has one.
+pub fn marks(file: &File, words: &str, id: &str, edits: &[Edit]) -> Vec<Edit> {
     let own = crate::DIALECTS.iter().find(|(own, ..)| file.is_of(own));
-    own.map_or_else(Vec::new, |(.., marks)| marks(file, &plain(words), &plain(id)))
+    own.map_or_else(Vec::new, |(.., marks)| marks(file, &plain(words), &plain(id), edits))
 }
 
 /// The comment that marks a file, with its line end.
@@ -259,13 +288,13 @@ fn comment(file: &File, words: &str) -> String {
 }
 
 /// The mark as the first line of a file.
-pub(crate) fn first_comment(file: &File, words: &str, _: &str) -> Vec<Edit> {
+pub(crate) fn first_comment(file: &File, words: &str, _: &str, _: &[Edit]) -> Vec<Edit> {
     let (bytes, line) = (&file.bytes, comment(file, words));
     vec![insert(bytes, after_mark(bytes), line, line_end(bytes))]
 }
 
 /// The mark behind the head of a module of KRL or RAPID, and the constant.
-pub(crate) fn behind_head_marks(file: &File, words: &str, id: &str) -> Vec<Edit> {
+pub(crate) fn behind_head_marks(file: &File, words: &str, id: &str, edits: &[Edit]) -> Vec<Edit> {
     let end = line_end(&file.bytes);
     let is_rapid = file.is_of(&RAPID);
     let tokens = tokens(&file.bytes, if is_rapid { &RAPID } else { &KRL });
@@ -273,7 +302,7 @@ pub(crate) fn behind_head_marks(file: &File, words: &str, id: &str) -> Vec<Edit>
     let line = comment(file, words);
     // Without a head nothing is known of where a declaration may stand.
     let mut marks = match behind_head(file, &tokens, is_rapid) {
-        None => first_comment(file, words, &id),
+        None => first_comment(file, words, &id, edits),
         Some(place) if is_rapid => {
             let constant = format!("LOCAL CONST string posegrid_corrected:=\"{id}\";{end}");
             match behind_types(file, &tokens) {

@@ -35,6 +35,7 @@ PLACES = 12  # along each motion
 PARTS = 4  # places of the part in the box of each arm: what is left of an arm's error is alike over one part
 DENSIFY_MM = 0.0005  # small enough that straight motions and most circles get further points
 ADDED = "added by posegrid"
+OWN = "posegrid"  # the comment of positions that were added to a listing
 ALLOW = "tool payload mounting base controller-model absolute-accuracy temperature".split()
 START = cell.HOME
 RAPID_NO = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -379,17 +380,22 @@ def write_fanuc(poses, base, start):
 def read_fanuc(files):
     statements, positions = files["part.ls"].split("/POS")
     known = {}
-    for number, text in re.findall(r"P\[(\d+)\]\{(.*?)\};", positions, re.S):
+    for number, text in re.findall(rf"P\[(\d+)(?::\"{OWN}\")?\]\{{(.*?)\}};", positions, re.S):
         values = {name: float(value) for name, value in re.findall(r"\b(J\d|[XYZWPR])\s*=\s*(-?[\d.]+)", text)}
         if "J1" in values:
             known[number] = SIGNS @ np.radians([values[f"J{joint}"] for joint in range(1, 7)]) + ZEROS
         else:
             known[number] = pose(abc([values["R"], values["P"], values["W"]]), [values[axis] for axis in "XYZ"])
-    motions = []
+    motions, further = [], []
+    numbered = re.findall(r"^\s*(\d+):", statements, re.M)
+    assert [int(own) for own in numbered] == list(range(1, len(numbered) + 1)), "statements are not numbered one after the other"
+    assert len(numbered) == int(re.search(r"LINE_COUNT\s*= (\d+);", statements)[1]), "LINE_COUNT is another"
     for word, rest in re.findall(r"^\s*\d+:([JLC]) (.*?) FINE", statements, re.M | re.S):
-        given = [known[number] for number in re.findall(r"P\[(\d+)\]", rest)]
+        given = further + [known[number] for number in re.findall(rf"P\[(\d+)(?::{OWN})?\]", rest)]
+        further = given if OWN in rest else []
         way = {"J": "by joints", "L": "straight", "C": "circle"}[word]
-        motions.append(("joints" if given[0].ndim == 1 else way, given))
+        if not further:
+            motions.append(("joints" if given[0].ndim == 1 else way, given))
     return None, pose(np.eye(3), cell.TOOL), motions
 
 
@@ -431,7 +437,7 @@ def write_ur_poses(poses, base, start):
 
 
 def read_ur_poses(files):
-    text = re.sub(r"#.*", "", files["part.script"])
+    text = re.sub(r"#.*", "", files["part.script"].replace(f"# {ADDED}", f"{OWN}"))
 
     def of(values):
         angle = np.linalg.norm(values[3:])
@@ -439,11 +445,13 @@ def read_ur_poses(files):
         return pose(turned, 1e3 * np.array(values[:3]))
 
     (base,), (tool,) = (re.findall(pattern, text) for pattern in (r"Plane_1=p\[(.*?)\]", r"set_tcp\(p\[(.*?)\]"))
-    motions = []
-    for word, rest in re.findall(r"(move[jlc])\((.*)\)", text):
-        given = [of(numbers(own)) for own in re.findall(r"p\[(.*?)\]", rest)]
+    motions, further = [], []
+    for word, rest, own in re.findall(rf"(move[jlc])\((.*)\)(?: ({OWN}))?", text):
+        given = further + [of(numbers(own)) for own in re.findall(r"p\[(.*?)\]", rest)]
+        further = given if own else []
         way = {"movej": "by joints", "movel": "straight", "movec": "circle"}[word]
-        motions.append((way, given) if given else ("joints", [UR_SIGNS * numbers(re.search(r"\[(.*?)\]", rest)[1])]))
+        if not further:
+            motions.append((way, given) if given else ("joints", [UR_SIGNS * numbers(re.search(r"\[(.*?)\]", rest)[1])]))
     return of(numbers(base)), of(numbers(tool)), motions
 
 
@@ -455,6 +463,8 @@ DIALECTS = {
     "URScript poses": (write_ur_poses, read_ur_poses, "Plane_1", "tcp"),
 }
 
+# Motions that get further points.
+FURTHER = {"KRL": ["LIN", "CIRC"], "RAPID": ["MOVEL", "MOVEC"], "FANUC": ["L", "C"], "URScript poses": ["MOVEL", "MOVEC"]}
 
 # Controllers that count and name the joints of the arm in their own way: with the robot file of that.
 COUNTED = {
@@ -590,16 +600,16 @@ def corrected_part(binary, folder, arm, generator, own_arms, of_others, name, op
                 base_after, _, motions_after = read(text)
                 assert base_after is None or np.array_equal(base_after, own_base), "the numbers of a frame changed"
                 between = float(re.search(r"leaves the wanted path by ([\d.]+) mm at most", said)[1])
-                further = re.findall(rf"(\w+) .*{ADDED}", "\n".join(text.values()))
+                further = re.findall(rf"(\w+)[ (].*(?:{ADDED}|:{OWN}\])", "\n".join(text.values()))
                 return off(motions_after), between, {own.upper() for own in further}
 
             own = f"{name}-{dialect}-{how}"
             before, (left, between, _) = off(motions), after(taught, own)
             surveyed = np.array([]) if taught is None else after(None, f"{own}-as-surveyed")[0]
             done[dialect, how] = before, left, left <= bound + between, surveyed
-            if taught is None and dialect in ("KRL", "RAPID"):
+            if taught is None and dialect != "URScript":
                 dense, between, added = after(None, f"{own}-dense", "--densify", DENSIFY_MM)
-                options.added |= added
+                options.added |= {f"{dialect} {own}" for own in added}
                 done[dialect, "densified"] = before, dense, dense <= bound + between, surveyed
     return done
 
@@ -625,7 +635,7 @@ def main():
     print("| seed | dialect | base | before | after | along the path |")
     seeds = options.seed or [1]
     done = [loop(options.binary.resolve(), folder, seed, options) for seed in seeds]
-    missing = {"LIN", "CIRC", "MOVEL", "MOVEC"} - options.added
+    missing = {f"{dialect} {word}" for dialect, words in FURTHER.items() for word in words} - options.added
     wrong = [f"no further points of {', '.join(sorted(missing))}"] if missing else []
     for key in done[0]:
         within = np.concatenate([own[key][2] for own in done]).mean()

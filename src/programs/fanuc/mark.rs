@@ -10,7 +10,7 @@ use crate::value::{Cursor, Number};
 /// Letters of a comment.
 const LONGEST: usize = 32;
 
-pub(crate) fn marks(file: &File, words: &str, _: &str) -> Vec<Edit> {
+pub(crate) fn marks(file: &File, words: &str, _: &str, edits: &[Edit]) -> Vec<Edit> {
     let bytes = &file.bytes;
     let all = tokens(bytes, &FANUC);
     let lines: Vec<&[Token]> = lines(&all).collect();
@@ -26,7 +26,7 @@ pub(crate) fn marks(file: &File, words: &str, _: &str) -> Vec<Edit> {
     let last = count.clone().or_else(|| statements.iter().rev().find_map(number));
     let comments = comments(words);
     let line_end = line_end(bytes);
-    let last = last.map_or(0.0, |number| number.value);
+    let last = last.map_or(0.0, |number| number.value) + added(edits) as f64;
     let numbered = comments.iter().zip(1_u32..);
     let line =
         |(comment, number)| format!("{:>4}:  !{comment} ;{line_end}", last + f64::from(number));
@@ -35,10 +35,17 @@ pub(crate) fn marks(file: &File, words: &str, _: &str) -> Vec<Edit> {
     let is_blank = |byte: &&u8| matches!(byte, b' ' | b'\t');
     let blanks = bytes[..place].iter().rev().take_while(is_blank).count();
     let mut edits = vec![insert(bytes, place - blanks, text, line_end)];
-    if let Some(Number { span, value, .. }) = count {
-        edits.push(Edit { span, text: (value + comments.len() as f64).to_string() });
+    if let Some(Number { span, .. }) = count {
+        edits.push(Edit { span, text: (last + comments.len() as f64).to_string() });
     }
     edits
+}
+
+/// Statements among the texts of edits: lines with a number.
+fn added(edits: &[Edit]) -> usize {
+    let lines = edits.iter().flat_map(|edit| edit.text.split(['\r', '\n']));
+    let number = |line: &str| line.split_once(':').map(|(number, _)| number.trim().to_owned());
+    lines.filter_map(number).filter(|number| number.parse::<u32>().is_ok()).count()
 }
 
 /// The mark and its words in comments of a few letters.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::{DECIMALS, Reading};
 use crate::flow::{Known, Slot, Step};
 use crate::lex::{Kind, Token, capitals};
-use crate::program::{Motion, Position, Reads, Target, Way};
-use crate::reading::{Here, NOT_SPLIT, beside, has, one, shown};
+use crate::program::{Motion, Position, Reads, Split, Target, Way};
+use crate::reading::{Here, NOT_SPLIT, beside, has, one, shown, split};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
@@ -18,6 +18,8 @@ const HARMLESS: &str = "ACC ALIM AP_LD ARC BREAK CTV CV END EV IND JPOS LBL LPOS
 const OFFSETS: &str = "OFFSET TOOL_OFFSET";
 /// Options that begin what happens beside the motion.
 const BESIDE: &str = "TB TA DB CALL SPOT";
+/// Options that are for each part of a way as for the whole of it.
+const OF_PARTS: &str = "ACC ALIM AR BREAK MROT PSPD PTH R";
 /// Options that are for the motion wherever they stand.
 const OF_MOTION: &str = "COORD INC OFFSET RTCP SEARCH SKIP TOOL_OFFSET TRACK VOFFSET WJNT";
 
@@ -55,16 +57,20 @@ fn is_end(name: &str) -> bool {
 type Frames = [Option<u32>; 2];
 
 /// What a motion is written of.
-struct Parts {
+struct Parts<'t> {
     targets: Vec<Target>,
+    /// Where they stand.
+    places: Vec<Cursor<'t>>,
     /// Of its listed positions.
     frames: Vec<Frames>,
     /// `FINE`, `CNT50`; `None` where neither stands.
     end: Option<String>,
     options: Vec<String>,
+    /// Whether its parts may be motions like it: nothing happens beside it, and its speed is no time.
+    is_plain: bool,
 }
 
-impl Parts {
+impl Parts<'_> {
     fn has(&self, option: &str) -> bool {
         self.options.iter().any(|own| own == option)
     }
@@ -76,6 +82,14 @@ impl Parts {
             "L" => Way::Straight,
             "C" if self.targets.len() == 2 => Way::Circle,
             _ => Way::Other,
+        }
+    }
+
+    fn split(&self, word: &str, rest: Cursor<'_>) -> Result<Split, &'static str> {
+        match self.way(word) {
+            Way::Straight | Way::Circle if self.is_plain => split(word, rest, &self.places),
+            Way::Straight | Way::Circle => Err("its time or an option is for it alone"),
+            _ => Err(NOT_SPLIT),
         }
     }
 
@@ -108,42 +122,52 @@ impl Reading<'_> {
             reads: if is_read { Reads::Always } else { Reads::Never },
             way: parts.way(word),
             is_blended: parts.end.as_ref().is_none_or(|end| end != "FINE"),
-            split: Err(NOT_SPLIT),
+            split: parts.split(word, rest),
             obstacle: self.obstacle(here, word, &parts, tracks).map(Arc::new),
             targets: parts.targets,
         }));
     }
 
-    fn parts(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) -> Parts {
+    fn parts<'t>(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'t>) -> Parts<'t> {
         let mut rest = rest;
-        let (mut targets, mut frames) = (Vec::new(), Vec::new());
+        let (mut targets, mut places, mut frames) = (Vec::new(), Vec::new(), Vec::new());
         let count = if word == "C" { 2 } else { 1 };
         let is_target = |own: &[Token]| own[0].kind == Kind::Name && own[1].is(b'[');
         // What stands between two positions is an option of the first, and `PR[1]` behind a comma a part of it.
         let mut between = Vec::new();
         while targets.len() < count {
-            let mut places = rest.tokens.windows(2).enumerate();
+            let mut all = rest.tokens.windows(2).enumerate();
             let is_free = |place: usize| place == 0 || !rest.tokens[place - 1].is(b',');
             let is_next = |(place, own): (usize, &[Token])| is_target(own) && is_free(place);
-            let Some(next) = places.position(is_next).filter(|next| *next == 0 || count == 2)
-            else {
+            let Some(next) = all.position(is_next).filter(|next| *next == 0 || count == 2) else {
                 break;
             };
             let (options, tokens) = rest.tokens.split_at(next);
             between.extend(options_of(Cursor { tokens: options, ..rest }));
             rest.tokens = tokens;
-            let (target, own) = self.target(here, &mut rest);
+            let (target, own, place) = self.target(here, &mut rest);
             targets.push(target);
+            places.push(place);
             frames.extend(own);
         }
         let end = names(rest).find(|(_, name)| is_end(name));
         let behind = end.as_ref().map(|(place, _)| &rest.tokens[place + 1..]);
+        let is_time = |(place, name): &(usize, String)| {
+            matches!(name.as_str(), "SEC" | "MSEC")
+                && (*place == 0 || !rest.tokens[place - 1].is(b'/'))
+        };
+        let of_parts = |tokens| {
+            names(Cursor { tokens, ..rest }).all(|(_, own)| has(OF_PARTS, without_number(&own)))
+        };
+        let is_plain = between.is_empty()
+            && behind.is_some_and(of_parts)
+            && !names(rest).any(|own| is_time(&own));
         between.extend(behind.into_iter().flat_map(|tokens| options_of(Cursor { tokens, ..rest })));
         let end = end.map(|(_, name)| name);
         if between.iter().any(|own| has(OFFSETS, own)) {
             targets = targets.into_iter().map(|own| beside(&own).unwrap_or(own)).collect();
         }
-        Parts { targets, frames, end, options: between }
+        Parts { targets, places, frames, end, options: between, is_plain }
     }
 
     fn obstacle(
@@ -173,17 +197,22 @@ impl Reading<'_> {
     }
 
     /// `P[1]`, `P[2:name]`; `PR[1]` and `P[R[1]]` are worked out when the program runs.
-    fn target(&mut self, here: &Here<'_>, rest: &mut Cursor<'_>) -> (Target, Option<Frames>) {
+    fn target<'t>(
+        &mut self,
+        here: &Here<'_>,
+        rest: &mut Cursor<'t>,
+    ) -> (Target, Option<Frames>, Cursor<'t>) {
         let whole = *rest;
         let name = rest.take_name().unwrap_or_default();
         rest.take_sign(b'[');
         let inside = rest.take_part(b']').unwrap_or(*rest);
         let text =
             Cursor { tokens: &whole.tokens[..whole.tokens.len() - rest.tokens.len()], ..whole };
-        match number(inside).filter(|_| name == "P") {
+        let (target, frames) = match number(inside).filter(|_| name == "P") {
             Some(number) => self.listed(here, number),
             None => (Target::Computed(shown(text)), None),
-        }
+        };
+        (target, frames, text)
     }
 
     fn listed(&mut self, here: &Here<'_>, number: u32) -> (Target, Option<Frames>) {

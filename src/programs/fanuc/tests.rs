@@ -1,6 +1,6 @@
 use crate::tests::undone;
 use crate::write::{Command, applied, edits, mark, marks};
-use crate::{Branch, Cell, File, Letters, Programs, Wanted, Way, read};
+use crate::{Branch, Cell, File, Further, Letters, Programs, Wanted, Way, read};
 
 fn cell() -> Cell {
     let text = "[frames]\nbase_frame = { found = \"surveyed\", place = { xyz_mm = [0.0, 0.0, 100.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] } }\n\
@@ -234,7 +234,7 @@ fn numbers_turns_and_marks_alone_are_written() {
         [vec![0.0, 0.0, 0.0, 179.9, -90.0, -180.2], vec![0.0, 0.0, 0.0, 180.1, -90.0, -180.1]];
     let command = Command { base_from_tool: Some(base_from_frame * to), joints: Some(joints) };
     let mut edits = edits(&programs.positions[0], &asked, &command);
-    edits.all.extend(marks(file, "run r; date", "t-1"));
+    edits.all.extend(marks(file, "run r; date", "t-1", &[]));
     let written = applied(&file.bytes, &edits.all);
     let text = String::from_utf8_lossy(&written);
     assert!(text.contains("CONFIG : 'N U T, 1, 0, -1'"), "{text}");
@@ -329,4 +329,52 @@ fn of_two_programs_of_one_name_none_is_called() {
     assert_eq!(told(std::slice::from_ref(&waits)), "ok");
     let twice = told(&[sets, waits]);
     assert!(twice.contains("the call of OTHER (PART.LS, line 9) may change the"), "{twice}");
+}
+
+#[test]
+fn further_points_are_statements_with_positions_behind_all_others_and_later_ones_get_other_numbers()
+{
+    let body = "J P[1] 5% FINE\nL P[2] 100mm/sec CNT50 ACC80\nC P[4] @ P[2:way (] 100mm/sec FINE\n\
+                L P[1] 2sec FINE\nL P[2] 9mm/sec FINE TB .5sec,CALL A\nL P[1] R[1]mm/sec CNT100 Offset";
+    let more = "P[17]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\tJ1= 0 deg\r\n};\r\n";
+    let text = String::from_utf8(listing(body, more).bytes).unwrap();
+    let bytes = text.replace(" @ ", "\r\n    :  ").into_bytes();
+    let programs = read(vec![File { name: "PART.LS".to_owned(), bytes }], &cell());
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    let alone = "its time or an option is for it alone";
+    assert_eq!(told[1..], [Ok(()), Ok(()), Err(alone), Err(alone), Err(alone)]);
+    let at = |x: f64| Further {
+        frame_from_tool: nalgebra::Isometry3::translation(x, 2.5, 3.0),
+        joints: vec![0.0, 0.0, 0.0, -190.0, 0.0, 540.0],
+    };
+    let added = [(2, vec![at(7.0), at(8.0)]), (1, vec![at(5.0), at(6.0)])];
+    let added = added.map(|(path, points)| programs.added(&programs.paths[path], &points).unwrap());
+    let mut edits = programs.lines(added.iter()).remove(0);
+    let file = &programs.files[0];
+    edits.extend(marks(file, "run r", "t-1", &edits));
+    let written = applied(&file.bytes, &edits);
+    let text = String::from_utf8_lossy(&written);
+    let statements = "   1:J P[1] 5% FINE ;\r\n   2:L P[18:posegrid] 100mm/sec CNT50 ACC80    ;\r\n\
+                      \x20  3:L P[19:posegrid] 100mm/sec CNT50 ACC80    ;\r\n   4:L P[2] 100mm/sec CNT50 ACC80 ;\r\n\
+                      \x20  5:C P[20:posegrid]\r\n    :  P[21:posegrid] 100mm/sec FINE    ;\r\n\
+                      \x20  6:C P[4]\r\n    :  P[2:way (] 100mm/sec FINE ;\r\n   7:L P[1] 2sec FINE ;\r\n";
+    assert!(text.contains(statements), "{text}");
+    let last = "  10:  !corrected by posegrid ;\r\n";
+    assert!(
+        text.contains("   9:L P[1] R[1]mm/sec CNT100 Offset ;\r\n") && !text.contains(last),
+        "{text}"
+    );
+    assert!(
+        text.contains("LINE_COUNT\t= 14;")
+            && text.contains("  13:  !corrected by posegrid ;\r\n  14:  !run r ;")
+    );
+    let entry = "P[18:\"posegrid\"]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'F D B, -1, 0, 2',\r\n\
+                 \tX = 5.000 mm, Y = 2.500 mm, Z = 3.000 mm,\r\n\tW = 0.000 deg, P = 0.000 deg, R = 0.000 deg\r\n};\r\nP[19:";
+    assert!(
+        text.contains(&(more.to_owned() + entry)) && text.ends_with("};\r\n/END\r\n"),
+        "{text}"
+    );
+    assert_eq!(undone(&written, &file.bytes, &edits), file.bytes);
+    let again = read(vec![File { bytes: written, ..file.clone() }], &cell());
+    assert_eq!(again.paths.len(), programs.paths.len() + 3);
 }

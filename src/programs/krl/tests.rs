@@ -1,4 +1,4 @@
-use crate::tests::undone;
+use crate::tests::{only_lines, undone};
 use crate::write::{Command, applied, edits, marks};
 use crate::{Asked, Branch, Cell, File, Further, Programs, Wanted, Way, read};
 
@@ -321,7 +321,7 @@ fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
     };
     let mut edits = edits(&programs.positions[0], &asked, &command);
     assert_eq!(edits.crossed, 1);
-    edits.all.extend(marks(&programs.files[3], "table t-1\r\nHALT", "t-1"));
+    edits.all.extend(marks(&programs.files[3], "table t-1\r\nHALT", "t-1", &[]));
     let written = applied(data, &edits.all);
     let text = String::from_utf8_lossy(&written);
     assert!(text.contains("PUBLIC\r\n; corrected by posegrid table t-1??HALT\r\n;FOLD"), "{text}");
@@ -453,7 +453,7 @@ fn further_points_are_lines_before_a_straight_motion_with_its_own_text() {
     let programs = programs(source, &format!("{POINT}\r\n{second}"));
     let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
     let trigger = "a TRIGGER before it is for its begin or its end";
-    let other = "only LIN, CIRC, MoveL and MoveC get further points";
+    let other = crate::reading::NOT_SPLIT;
     let helper = "its helper point is used by another motion too";
     assert_eq!(told, [Err(other), Ok(()), Err(trigger), Err(helper), Err(other)]);
     let at = |x: f64| Further {
@@ -463,7 +463,7 @@ fn further_points_are_lines_before_a_straight_motion_with_its_own_text() {
         ),
         joints: vec![0.0; 6],
     };
-    let edit = programs.added(&programs.paths[1], &[at(100.0), at(200.0)]).unwrap();
+    let edit = only_lines(&programs, &[at(100.0), at(200.0)]);
     let source = &programs.files[2];
     let written = applied(&source.bytes, std::slice::from_ref(&edit));
     let line = |x: u32| {
@@ -493,10 +493,11 @@ fn further_points_of_a_circle_are_circles_before_it() {
         joints: vec![0.0; 6],
     };
     let points = [at(50.0, 50.0), at(100.0, 70.0), at(150.0, 85.0), at(200.0, 90.0)];
-    let edit = programs.added(&programs.paths[1], &points).unwrap();
+    let edit = only_lines(&programs, &points);
     let point = |x: u32, y: u32| format!("{{X {x},Y {y},Z 30,A 0,B 0,C 180}}");
-    let line =
-        |helper: String, end: String| format!("CIRC {helper},{end} C_DIS ; added by posegrid\r\n");
+    let line = |helper: String, end: String| {
+        format!("CIRC {helper} , {end} C_DIS ; added by posegrid\r\n")
+    };
     let expected = line(point(50, 50), point(100, 70)) + &line(point(150, 85), point(200, 90));
     assert_eq!(edit.text.replace(".00000", "").replace(".0000", ""), expected);
     let source = &programs.files[2].bytes;

@@ -1,4 +1,4 @@
-use crate::tests::undone;
+use crate::tests::{only_lines, undone};
 use crate::write::{Command, applied, edits, marks};
 use crate::{Branch, Cell, File, Further, Programs, Wanted, Way, read};
 
@@ -268,7 +268,7 @@ fn only_numbers_and_marks_change_and_both_are_taken_out_again() {
         ]),
     };
     let mut edits = edits(&programs.positions[0], &asked, &command);
-    edits.all.extend(marks(&programs.files[0], "table t-1", "t-1"));
+    edits.all.extend(marks(&programs.files[0], "table t-1", "t-1", &[]));
     let written = applied(&programs.files[0].bytes, &edits.all);
     let text = String::from_utf8_lossy(&written);
     assert!(
@@ -303,7 +303,7 @@ fn the_arms_base_is_that_of_the_only_robot_of_moc() {
 fn marks_stand_behind_the_head_of_a_module_wherever_that_ends() {
     let marked = |text: &str| {
         let file = File { name: "m.mod".to_owned(), bytes: text.as_bytes().to_vec() };
-        String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t"))).unwrap()
+        String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t", &[]))).unwrap()
     };
     let mark = "! corrected by posegrid t\nLOCAL CONST string posegrid_corrected:=\"t\";\n";
     assert_eq!(
@@ -367,7 +367,7 @@ fn motions_of_two_arms_or_of_no_routine_are_refused() {
 fn the_constant_of_a_mark_stands_behind_types() {
     let text = "MODULE M\n LOCAL RECORD r\n num x;\n ENDRECORD ! r\n CONST num a:=1;\nENDMODULE\n";
     let file = File { name: "m.mod".to_owned(), bytes: text.as_bytes().to_vec() };
-    let marked = String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t"))).unwrap();
+    let marked = String::from_utf8(applied(&file.bytes, &marks(&file, "t", "t", &[]))).unwrap();
     let head = "MODULE M\n! corrected by posegrid t\n LOCAL RECORD r\n num x;\n ENDRECORD ! r\n";
     assert!(
         marked.starts_with(&format!("{head}LOCAL CONST string posegrid_corrected:=\"t\";\n CONST")),
@@ -418,7 +418,7 @@ fn further_points_have_the_turns_of_their_joints_and_the_axes_of_the_end() {
         ),
         joints: vec![1.0, 0.0, 0.0, -0.5, 0.0, 200.0],
     };
-    let edit = programs.added(&programs.paths[1], &[point]).unwrap();
+    let edit = only_lines(&programs, &[point]);
     let expected = "    MoveL [[200.0000,20.5000,30.0000],[0.00000000,0.00000000,1.00000000,0.00000000],[0,-1,2,0],\
                     [9E9,9E+09,9E9,9E9,9E9,9E9]],v100\\V:=5,z10,tool1\\WObj:=wobj1; ! added by posegrid\r\n";
     assert_eq!(edit.text, expected);
@@ -444,14 +444,14 @@ fn further_points_of_a_circle_are_circles_before_it() {
         ),
         joints: vec![1.0, 0.0, 0.0, -0.5, 0.0, 200.0],
     };
-    let edit = programs.added(&programs.paths[1], &[point(100.0), point(200.0)]).unwrap();
+    let edit = only_lines(&programs, &[point(100.0), point(200.0)]);
     let value = |x: u32| {
         format!(
             "[[{x}.0000,20.5000,30.0000],[0.00000000,0.00000000,1.00000000,0.00000000],[0,-1,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
         )
     };
     let expected = format!(
-        " MoveC {},{},v100\\V:=5,z10,tool1\\WObj:=wobj1; ! added by posegrid\r\n",
+        " MoveC {}, {},v100\\V:=5,z10,tool1\\WObj:=wobj1; ! added by posegrid\r\n",
         value(100),
         value(200)
     );

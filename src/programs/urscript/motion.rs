@@ -10,11 +10,13 @@ use crate::ask::pose;
 use crate::flow::{Known, Setting, Slot, Step, known};
 use crate::frame::Chain;
 use crate::names::Written;
-use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
-use crate::reading::{Here, NOT_SPLIT, one};
+use crate::program::{Motion, Reads, Shape, Split, Stated, Target, Turn, Way};
+use crate::reading::{Here, NOT_SPLIT, one, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
+/// Why motions with a blend radius get no further points, nor those behind one: the controller passes over a position whose blend meets another.
+pub(crate) const BLENDED: &str = "blends with a radius would meet between further points";
 const MM: f64 = 1000.0;
 const DEGREES: f64 = 180.0 / PI;
 
@@ -95,6 +97,43 @@ pub(super) fn named(mut inside: Cursor<'_>) -> Vec<(String, Cursor<'_>)> {
     all
 }
 
+/// Whether an argument, by its name or its place, is other than 0.
+fn is_given(all: &[(String, Cursor<'_>)], name: &str, place: usize) -> bool {
+    let own = all.iter().find(|(own, _)| own == name);
+    own.or_else(|| all.get(place).filter(|(own, _)| own.is_empty())).is_some_and(|(_, part)| {
+        let mut rest = *part;
+        rest.take_number().is_none_or(|own| own.value != 0.0)
+    })
+}
+
+fn is_blended(word: &str, all: &[(String, Cursor<'_>)]) -> bool {
+    is_given(all, "R", if word == "MOVEP" { 3 } else { 4 })
+}
+
+/// Where further points may be written before a motion.
+fn place(
+    word: &str,
+    whole: Cursor<'_>,
+    all: &[(String, Cursor<'_>)],
+    count: usize,
+) -> Result<Split, &'static str> {
+    if !matches!(word, "MOVEL" | "MOVEC") {
+        return Err(NOT_SPLIT);
+    }
+    if is_blended(word, all) {
+        return Err(BLENDED);
+    }
+    if word == "MOVEL" && is_given(all, "T", 3) {
+        return Err("its time is for the whole of it");
+    }
+    let own = all.iter().take(count).map(|(_, part)| Read::of(*part));
+    let own = own.map(|read| read.filter(|read| read.near.is_none()).map(|read| read.target));
+    let targets: Vec<Cursor<'_>> =
+        own.collect::<Option<_>>().ok_or("it states joint angles near it")?;
+    let rest = whole.tokens.get(1..).unwrap_or_default();
+    split(word, Cursor { tokens: rest, ..whole }, &targets)
+}
+
 impl<'t> Read<'t> {
     fn of(part: Cursor<'t>) -> Option<Self> {
         let Some(own) = arguments(part, "GET_INVERSE_KIN") else {
@@ -123,7 +162,7 @@ impl Reading<'_> {
         &mut self,
         here: &Here<'_>,
         word: &str,
-        inside: Cursor<'_>,
+        [whole, inside]: [Cursor<'_>; 2],
         steps: &mut Vec<Step>,
     ) {
         let way = way(word).unwrap_or(Way::Other);
@@ -136,12 +175,6 @@ impl Reading<'_> {
             features.push(feature);
             targets.push(target);
         }
-        let is_zero = |part: &Cursor<'_>| {
-            let mut rest = *part;
-            rest.take_number().is_some_and(|own| own.value == 0.0)
-        };
-        let radius = all.iter().find(|(name, _)| name == "R");
-        let is_blended = radius.map_or(all.len() > 4, |(_, part)| !is_zero(part));
         let differs = features.windows(2).any(|own| own[0] != own[1]);
         let obstacle = if way == Way::Other {
             let (word, at) = (word.to_ascii_lowercase(), self.common.at(here));
@@ -160,8 +193,8 @@ impl Reading<'_> {
             is_held: false,
             reads: if states { Reads::Always } else { Reads::Never },
             way,
-            is_blended,
-            split: Err(NOT_SPLIT),
+            is_blended: is_blended(word, &all),
+            split: place(word, whole, &all, count),
             obstacle: obstacle.map(Arc::new),
         }));
     }

@@ -219,11 +219,12 @@ impl Reading<'_> {
         // What stands inside happens first.
         for (place, name) in calls.iter().enumerate().rev() {
             let is_first = place == 0 && begins(name);
-            let inside =
-                if is_first { inside(statement) } else { Cursor { tokens: &[], ..statement } };
+            let none = Cursor { tokens: &[], ..statement };
+            let (whole, inside) =
+                if is_first { (statement, inside(statement)) } else { (none, none) };
             match name.as_str() {
                 "SET_TCP" => steps.push(Step::Set(Slot::Tool, self.tool(&here, inside))),
-                own if way(own).is_some() => self.motion(&here, own, inside, &mut steps),
+                own if way(own).is_some() => self.motion(&here, own, [whole, inside], &mut steps),
                 own if has(DISPLACES, own) || has(REPLACES, own) => {
                     self.any_displacement = true;
                     let what = "a conveyor, a path offset or force mode";

@@ -1,9 +1,9 @@
 use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::motion::vector_near;
-use crate::tests::undone;
+use crate::tests::{only_lines, undone};
 use crate::write::{Command, applied, edits, mark, marks};
-use crate::{Branch, Cell, File, Programs, Wanted, Way, read};
+use crate::{Branch, Cell, File, Further, Programs, Wanted, Way, read};
 
 fn cell() -> Cell {
     let zeros = "place = { xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }";
@@ -80,7 +80,7 @@ fn joint_angles_are_radians_and_only_their_numbers_change() {
     let mut all = edits(&programs.positions[0], &asked, &command).all;
     assert_eq!(all.len(), 1, "{all:?}");
     assert_eq!(all[0].text, "-1.5600000");
-    all.extend(marks(&file, "run 1", "id"));
+    all.extend(marks(&file, "run 1", "id", &[]));
     let written = File { bytes: applied(&file.bytes, &all), ..file.clone() };
     assert!(written.bytes.starts_with(b"# corrected by posegrid run 1\r\ndef Part():"));
     assert_eq!(mark(&written), Some(1));
@@ -234,4 +234,27 @@ fn a_function_is_that_of_its_own_file_and_of_two_alike_in_capitals_neither() {
     let file = File { name: "a.script".to_owned(), bytes: text.into() };
     let found = verdicts(&read(vec![file], &cell()));
     assert!(found[1].contains("the call of HOLD"), "{found:?}");
+}
+
+#[test]
+fn further_points_stand_in_the_feature_of_their_motion() {
+    let body = format!(
+        "{BEGIN}\nmovel(pose_trans(Plane_1, Part_p), a=1.2, v=0.25, r=0.0) # weld\nmovec(p[.02,.1,.03,0,3.1,0],Part_p,a=1,v=1)\n\
+         movel(Over_p, a=1.2, v=0.25, t=2)\nmovel(p[.01,.02,.03,0,3.1,0], 1.2, 0.25, 0, 0.01)\nmovel(Over_p)\n\
+         movel(get_inverse_kin(Part_p, qnear=Over_q))\nmovep(Over_p, a=1.2, v=0.25)"
+    );
+    let programs = programs(&body);
+    let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
+    let [time, blend] = ["its time is for the whole of it", super::BLENDED];
+    assert_eq!(told[1..5], [Ok(()), Ok(()), Err(time), Err(blend)]);
+    let near = "it states joint angles near it";
+    assert_eq!(told[5..], [Err(blend), Err(near), Err(crate::reading::NOT_SPLIT)]);
+    let point = Further {
+        frame_from_tool: nalgebra::Isometry3::new(Vector3::new(10.5, -20.0, 30.0), Vector3::x()),
+        joints: vec![0.0; 6],
+    };
+    let edit = only_lines(&programs, &[point]);
+    let expected = "    movel(pose_trans(Plane_1, p[0.0105000, -0.0200000, 0.0300000, 1.0000000, 0.0000000, 0.0000000]), \
+                    a=1.2, v=0.25, r=0.0) # added by posegrid\r\n";
+    assert_eq!(edit.text, expected);
 }

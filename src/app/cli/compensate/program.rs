@@ -367,10 +367,9 @@ fn changes(
     mut of_positions: Vec<Vec<Edit>>,
     further: &[Densified],
 ) -> Vec<Vec<Edit>> {
-    let mut all = vec![Vec::new(); programs.files.len()];
-    for own in further {
-        let Ok(points) = &own.points else { continue };
-        all[programs.paths[own.path].file].push(points.lines.clone());
+    let points = || further.iter().filter_map(|own| own.points.as_ref().ok());
+    let mut all = programs.lines(points().map(|own| &own.added));
+    for points in points() {
         if let Some((helper, command)) = &points.helper
             && let Ok(asked) = &asked[*helper]
         {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::path::{Course, NotStated, Stop};
 use super::solve::Solver;
 use crate::programs::write::Command;
-use crate::programs::{Asked, Branch, Edit, Further, Path, Programs, Wanted, Way};
+use crate::programs::{Added, Asked, Branch, Further, Path, Programs, Wanted, Way};
 
 /// Shares that a way is cut into at most.
 const MOST: f64 = 128.0;
@@ -35,7 +35,7 @@ pub(super) struct Points {
     pub(super) count: usize,
     /// The largest distance from the wanted path with them, mm.
     pub(super) deviation_mm: f64,
-    pub(super) lines: Edit,
+    pub(super) added: Added,
     /// Of a circle its helper among the positions, and the command that it moves to.
     pub(super) helper: Option<(usize, Command)>,
 }
@@ -92,12 +92,12 @@ impl Solver<'_> {
             )]
             let cut = self.cut(&course, path.way, &stops, shares as u32)?;
             if cut.left_mm <= limit_mm || shares >= most {
-                let lines = known.programs.added(path, &cut.further);
+                let added = known.programs.added(path, &cut.further);
                 let helper = path.through.iter().flatten().copied().next().zip(cut.helper);
                 return Ok(Points {
                     count: cut.further.len() / (stops.len() - 1),
                     deviation_mm: cut.left_mm,
-                    lines: lines.ok_or("its text is not understood")?,
+                    added: added.ok_or("its text is not understood")?,
                     helper,
                 });
             }

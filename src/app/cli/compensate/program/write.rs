@@ -42,7 +42,7 @@ pub(super) fn written(
             digest(&file.bytes)
         );
         let mut edits = own.clone();
-        edits.extend(marks(file, &words, &arm.table_id));
+        edits.extend(marks(file, &words, &arm.table_id, own));
         let bytes = applied(&file.bytes, &edits);
         let changed = Changed::of(file, &bytes, &edits);
         Written { file: place, bytes, changed }
