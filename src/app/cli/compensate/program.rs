@@ -65,8 +65,8 @@ pub struct ProgramArgs {
     /// The largest correction, mm; a position that needs more is refused
     #[arg(long, value_name = "MM")]
     pub largest: Option<f64>,
-    /// Write further points before straight motions and circles (LIN, CIRC, `MoveL`, `MoveC`) that leave the wanted path by more than this
-    /// between two corrected positions, mm
+    /// Write further points before straight motions and circles (LIN, `MoveL`, L, movel; CIRC, `MoveC`, C, movec) that leave the wanted path
+    /// by more than this between two corrected positions, mm
     #[arg(long, value_name = "MM")]
     pub densify: Option<f64>,
     /// The form of the report on standard output
