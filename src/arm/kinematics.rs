@@ -1,7 +1,6 @@
 //! The arm as a chain of elementary transforms, each a constant, a joint variable, or a constant with a free parameter
-//! (an *elementary transform sequence*; `posegrid::method::kinematics`). DH, Hayati and a URDF are all such sequences,
-//! so one core serves every convention and the derivative of any element is one column: its unit twist carried to the
-//! end.
+//! (an *elementary transform sequence*; `posegrid::method::kinematics`). DH, Hayati and URDF are such sequences, so one
+//! core serves every convention and the derivative of any element is one column: its unit twist carried to the end.
 
 pub mod arm;
 mod arm_error;

@@ -1,7 +1,6 @@
-//! Figures of a set of error norms. Percentiles interpolate linearly between order statistics (Hyndman and Fan's type
-//! 7). The tolerance bound is the k-th smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ`
-//! (`posegrid::method::grids`). It assumes independent errors, which visits of one pose are not: [`PoseErrors`] counts
-//! poses.
+//! Figures of error norms. Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The
+//! tolerance bound is the k-th smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (`posegrid::method::grids`).
+//! It assumes independent errors, which visits of one pose are not: [`PoseErrors`] counts poses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;

@@ -1,5 +1,4 @@
-//! Dense factorisations that nalgebra does not block: the work is matrix products, on all cores, with the same bytes at
-//! any count.
+//! Dense factorisations that nalgebra does not block: matrix products, on all cores, with the same bytes at any count.
 
 use std::ops::Range;
 
@@ -32,8 +31,7 @@ impl Cholesky {
             let panel = corner.panel(&matrix.view((end, first), (size - end, width)));
             matrix.view_mut((first, first), (width, width)).copy_from(&corner.lower);
             for (place, part) in panel.iter().enumerate() {
-                let to = (end + place * WIDE, first);
-                matrix.view_mut(to, part.shape()).copy_from(part);
+                matrix.view_mut((end + place * WIDE, first), part.shape()).copy_from(part);
             }
             subtract_outer(&mut matrix, end, &panel);
             diagonal_inverses.extend(corner.diagonal_inverses);
@@ -129,8 +127,7 @@ impl Cholesky {
         rows
     }
 
-    /// Subtracts from the columns `own` of rows that start at column `first` what those of `before`, which are divided,
-    /// explain.
+    /// Subtracts from columns `own` of rows from column `first` on what those of `before`, divided, explain.
     fn subtract_before(
         &self,
         rows: &mut DMatrix<f64>,
@@ -186,8 +183,7 @@ pub fn stacked<'m>(
     parts: impl Iterator<Item = &'m DMatrix<f64>> + Clone,
     columns: usize,
 ) -> DMatrix<f64> {
-    let count = parts.clone().map(DMatrix::nrows).sum();
-    let mut stacked = DMatrix::zeros(count, columns);
+    let mut stacked = DMatrix::zeros(parts.clone().map(DMatrix::nrows).sum(), columns);
     let mut first = 0;
     for part in parts {
         let height = part.nrows();
@@ -208,9 +204,8 @@ fn turned_block(
     (height, width): (usize, usize),
 ) -> DMatrixView<'_, f64, Dyn, Dyn> {
     let stride = matrix.nrows();
-    let entries = &matrix.as_slice()[stride * column + row..];
     DMatrixView::from_slice_with_strides_generic(
-        entries,
+        &matrix.as_slice()[stride * column + row..],
         Dyn(width),
         Dyn(height),
         Dyn(stride),
@@ -226,8 +221,7 @@ fn subtract_outer(matrix: &mut DMatrix<f64>, end: usize, panel: &[DMatrix<f64>])
     }
     matrix.as_mut_slice()[end * size..].par_chunks_mut(size * WIDE).enumerate().for_each(
         |(block, columns)| {
-            let width = columns.len() / size;
-            let mut view = DMatrixViewMut::from_slice(columns, size, width);
+            let mut view = DMatrixViewMut::from_slice(columns, size, columns.len() / size);
             let right = turned(&panel[block]);
             for (place, part) in panel.iter().enumerate().skip(block) {
                 view.rows_mut(end + place * WIDE, part.nrows()).gemm(-1.0, part, &right, 1.0);
@@ -284,8 +278,7 @@ fn small_inverse(lower: &DMatrix<f64>) -> DMatrix<f64> {
     let mut inverse = DMatrix::zeros(size, size);
     for (first, solved) in inverse.as_mut_slice().chunks_exact_mut(size).enumerate() {
         solved[first] = 1.0;
-        let columns = lower.as_slice().chunks_exact(size).enumerate();
-        for (row, column) in columns.skip(first) {
+        for (row, column) in lower.as_slice().chunks_exact(size).enumerate().skip(first) {
             let entry = solved[row] / column[row];
             solved[row] = entry;
             subtract(&mut solved[row + 1..], entry, &column[row + 1..]);

@@ -1,6 +1,5 @@
-//! Provenance of a run: inputs, settings and counts. The run's name is derived from their digests and the program's
-//! version, so the same work has the same name anywhere; CPU features, which may change the last bits, are recorded
-//! beside.
+//! Provenance of a run: inputs, settings and counts. Its name is derived from their digests and the program's version,
+//! so the same work has one name anywhere; CPU features, which may change the last bits, are recorded beside.
 
 mod runs;
 
@@ -135,8 +134,7 @@ impl Work {
             add(&input.name);
             add(&input.digest);
         }
-        let name = hasher.finalize().to_hex();
-        RunKey::new(&self.robot, &self.session, &name[..2 * RUN_BYTES])
+        RunKey::new(&self.robot, &self.session, &hasher.finalize().to_hex()[..2 * RUN_BYTES])
     }
 }
 

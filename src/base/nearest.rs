@@ -2,15 +2,13 @@
 
 use strsim::osa_distance;
 
-/// ` (did you mean "unit"?)` of the known name that begins so, or that differs by the fewest letters, at most a third of them; nothing where
-/// there is none.
+/// ` (did you mean "unit"?)` of the known name that begins so, or differs by the fewest letters, at most a third of them; else nothing.
 pub fn did_you_mean<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> String {
     let letters = |name: &str| osa_distance(&word.to_lowercase(), &name.to_lowercase());
     let begins = |name: &str| word.len() >= LEAST && name.starts_with(word);
     let nearest = known.into_iter().min_by_key(|name| (!begins(name), letters(name)));
     let is_near = |name: &&str| begins(name) || 3 * letters(name) <= name.len().max(LEAST);
-    let near = nearest.filter(is_near);
-    near.map_or_else(String::new, |name| format!(" (did you mean {name:?}?)"))
+    nearest.filter(is_near).map_or_else(String::new, |name| format!(" (did you mean {name:?}?)"))
 }
 
 /// Fewer letters tell nothing.

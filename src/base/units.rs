@@ -19,8 +19,7 @@ pub const fn per_radian(slides: bool) -> f64 {
     if slides { SLIDE_MM_PER_RAD } else { 1.0 }
 }
 
-/// Separation of two joint values, rad: the chord `2 sin(Δq/2)`, or of a joint that slides the distance, a mm as a
-/// mrad.
+/// Separation of two joint values, rad: the chord `2 sin(Δq/2)`, or of a sliding one the distance, a mm as a mrad.
 pub fn chord(difference: f64, slides: bool) -> f64 {
     if slides { difference / SLIDE_MM_PER_RAD } else { 2.0 * (0.5 * difference).sin() }
 }
@@ -61,16 +60,14 @@ impl WallTime {
         }
     }
 
-    /// A moment as people write it, UTC: `2026-05-14`, `2026-05-14 14:30` or `2026-05-14T14:30:00`; `None` of another
-    /// text.
+    /// A moment as people write it, UTC: `2026-05-14`, `2026-05-14 14:30` or `2026-05-14T14:30:00`; else `None`.
     pub fn stated(text: &str) -> Option<Self> {
         let text = text.trim().replace('T', " ");
         let date = chrono::NaiveDate::parse_from_str(&text, "%Y-%m-%d").ok();
         let mut times = ["%Y-%m-%d %H:%M", "%Y-%m-%d %H:%M:%S"]
             .into_iter()
             .filter_map(|form| chrono::NaiveDateTime::parse_from_str(&text, form).ok());
-        let time = date.and_then(|date| date.and_hms_opt(0, 0, 0));
-        let time = time.or_else(|| times.next())?;
+        let time = date.and_then(|date| date.and_hms_opt(0, 0, 0)).or_else(|| times.next())?;
         Some(Self::of_us(time.and_utc().timestamp_micros()))
     }
 

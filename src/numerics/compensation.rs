@@ -73,8 +73,7 @@ pub struct Corrected {
     pub target: Position<Command>,
     /// The position to command, mm.
     pub command: Position<Command>,
-    /// The orientation to command: the target's, turned where the identified arm knows orientations; `None` where the target states
-    /// none.
+    /// The orientation to command: the target's, turned where the identified arm knows orientations; `None` where it states none.
     pub orientation: Option<UnitQuaternion<f64>>,
     /// The joint angles to command; `None` from a table, which has positions only.
     pub joints: Option<JointCommand>,
@@ -126,8 +125,7 @@ pub struct JointCommand {
 impl JointCommand {
     /// Command minus target, rad.
     pub fn correction(&self) -> Vec<f64> {
-        let pairs = self.command.iter().zip(&self.target);
-        pairs.map(|(command, target)| command - target).collect()
+        self.command.iter().zip(&self.target).map(|(command, target)| command - target).collect()
     }
 }
 
@@ -189,8 +187,7 @@ impl Corrected {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Corrected, Refused> {
-    let admitted = table.terms().admit(target);
-    let corrected = admitted.and_then(|()| {
+    let corrected = table.terms().admit(target).and_then(|()| {
         let wanted = target.position.ok_or(Reason::NoPosition)?;
         by_pose(table, target, &wanted)
     });

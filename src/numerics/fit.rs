@@ -110,8 +110,7 @@ pub struct FitSettings {
     pub length_tolerance_mm: f64,
     /// Whether orientations are fitted where the log has them.
     pub orientations: bool,
-    /// Known position of the measured target on the flange; absent when unknown. With one tool orientation nothing else
-    /// determines it.
+    /// Position of the measured target on the flange, where known. With one tool orientation nothing else tells it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<KnownTarget>,
     /// Known positions of targets on the flange by their names, where there are several.
@@ -119,8 +118,7 @@ pub struct FitSettings {
     pub targets: BTreeMap<String, KnownTarget>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub target_distances: Vec<KnownDistance>,
-    /// Names of the targets in the order of [`TargetId`]; empty for one target without a name. The input states them, not this
-    /// section.
+    /// Names of targets in order of [`TargetId`]; empty for one without a name. The input states them, not this section.
     #[serde(skip)]
     pub target_names: Vec<String>,
     /// Names of the sources in the order of [`SourceId`]; empty for one without a name. The input states them, not this section.
@@ -157,11 +155,10 @@ impl FitSettings {
     /// [`Self::target_names`] does not name have no part in it.
     pub fn prior(&self) -> Prior {
         let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
-        let distances = self.target_distances.iter();
         Prior {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
             targets: self.known_targets(),
-            distances: distances.filter_map(|own| self.distance(own)).collect(),
+            distances: self.target_distances.iter().filter_map(|own| self.distance(own)).collect(),
             gauges: self.gauges.clone(),
         }
     }
@@ -170,10 +167,7 @@ impl FitSettings {
         match &self.target_names[..] {
             [] => vec![self.target],
             [only] => vec![self.targets.get(only).copied().or(self.target)],
-            names => {
-                let names = names.iter();
-                names.map(|name| self.targets.get(name).copied()).collect()
-            }
+            names => names.iter().map(|name| self.targets.get(name).copied()).collect(),
         }
     }
 
@@ -200,8 +194,7 @@ impl FitSettings {
     pub fn check_targets(&self) -> Result<(), FitError> {
         let distances = self.target_distances.iter();
         let mut stated = self.targets.keys().chain(distances.flat_map(|known| &known.between));
-        let unknown = stated.find(|name| self.target_of(name).is_none());
-        unknown.map_or(Ok(()), |name| {
+        stated.find(|name| self.target_of(name).is_none()).map_or(Ok(()), |name| {
             Err(FitError::UnknownTarget { name: name.clone(), known: self.target_names.join(", ") })
         })
     }
@@ -324,8 +317,7 @@ pub fn identify(
     Ok(identify_from(arm, observations, &starts, freedom, settings))
 }
 
-/// [`identify`] from given starting frames, one for each session. Several sources have the sizes of their noise estimated
-/// ([`sources`]).
+/// [`identify`] from given starting frames, one a session. Sizes of noise of several sources are estimated ([`sources`]).
 pub fn identify_from(
     arm: &Arm,
     observations: &[Observation],

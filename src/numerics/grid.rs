@@ -4,8 +4,7 @@
 //! [`Judged`] row per step, node source, interpolation and judgement, and the chosen [`Table`]. Steps
 //! ([`crate::method::grids`]):
 //! 1. the box, the tool orientation and the arm configuration of the table ([`settings`]);
-//! 2. nodes of each step over the whole box ([`lattice`]), placed by inverse kinematics; refused where the arm cannot serve
-//!    ([`node`]);
+//! 2. nodes of each step over the box ([`lattice`]) by inverse kinematics; refused where the arm cannot serve ([`node`]);
 //! 3. the session's own nodes, where it was measured on a grid ([`measured`]);
 //! 4. every step judged on stations that took no part ([`judge`]), with the coverage of its table ([`covered`]);
 //! 5. for model nodes the largest step that is hardly worse than the model itself, for measured ones the largest whose
@@ -212,8 +211,7 @@ impl Grids {
     pub fn deciding(&self) -> Option<&Judged> {
         let chosen = self.chosen()?;
         let local = local_cells_of(&self.judged, chosen);
-        let local = local.filter(|_| chosen.decided_by == Judgement::LocalCell);
-        Some(local.unwrap_or(chosen))
+        Some(local.filter(|_| chosen.decided_by == Judgement::LocalCell).unwrap_or(chosen))
     }
 
     /// Judges the chosen table by a test session: by those of its stations that the table covers. Its row is added to the
@@ -228,8 +226,7 @@ impl Grids {
         let (Some(table), Some(chosen)) = (&self.table, self.chosen()) else { return };
         let held_out = table.judged_by(stations, model);
         let shown = table.interpolation_shown(stations);
-        let guard_mm = self.guard_mm;
-        let row = rows::session_row(chosen, session, held_out, tolerance, guard_mm, shown);
+        let row = rows::session_row(chosen, session, held_out, tolerance, self.guard_mm, shown);
         self.judged.push(row);
     }
 }

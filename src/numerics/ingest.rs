@@ -1,9 +1,8 @@
 //! Ingest: decoded log messages → samples in the crate's units and in order of time. Every message that is left out is
 //! counted with its reason.
 //!
-//! Input is one stream's decoded rows, block by block in the order of the file; output is its samples, in order of time and
-//! a piece at a time, and a [`StreamSummary`]. A log of a night need not fit into memory: only the latest samples are
-//! buffered.
+//! Input is one stream's decoded rows, block by block in order of the file; output is its samples, in order of time a piece
+//! at a time, and a [`StreamSummary`]. A log of a night need not fit into memory: only the latest are buffered.
 //!
 //! 1. Judge each row: numbers must be finite, quaternions must not be zero (`rows`).
 //! 2. Convert the rows kept to rad and mm and normalise quaternions, in the [`Buffer`] of the stream.
@@ -80,8 +79,7 @@ pub enum LossKind {
     Bytes,
     /// Messages were read but cannot be used.
     Unusable,
-    /// Messages that the log's own summary counts were not found: they were cut out, or are in bytes that do not show that
-    /// they hold messages.
+    /// Messages that the log's own summary counts were not found: they were cut out, or are in bytes that do not show it.
     Missing,
     Nothing,
     /// Nothing is lost, and the reason says how stamps of a topic are read.

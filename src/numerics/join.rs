@@ -1,10 +1,8 @@
 //! Join: two logs with a clock each → stations, each a dwell of the arm with the tracker's measurement of it.
 //!
-//! Input is the content of the logs ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`]. The method is in
-//! [`crate::method::join`].
+//! Input is the logs' content ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`] ([`crate::method::join`]).
 //!
-//! 1. [`readings`], [`observe`], [`stationary`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its
-//!    positions.
+//! 1. [`readings`], [`observe`], [`stationary`], [`dwell`]: dwells of the arm on joints, of the target on positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
 //! 3. [`decide`]: the relation under which the nominal arm ([`placement`]) agrees with the measured positions of the target.
 //! 4. [`clock`]: offset and drift on the matched edges; `clock_steps`: steps of a clock; `frozen`: readings that repeat the last one
@@ -188,8 +186,7 @@ impl Moves {
         let stretches = moved::stretches(&readings, &decision.placement, gate_mm);
         let ends = |own: &moved::Stretch| [own.first, own.last].map(|place| pairs[place]);
         let found = stretches.iter().map(|own| {
-            let stations = ends(own).map(|pair| pair.arm);
-            own.elsewhere(&readings, &decision.placement, stations)
+            own.elsewhere(&readings, &decision.placement, ends(own).map(|pair| pair.arm))
         });
         let spans = stretches.iter().map(|own| {
             let [first, last] = ends(own).map(|pair| &seen.target[pair.target]);
@@ -205,8 +202,7 @@ pub const MIN_PAIRS: usize = 6;
 /// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 
-/// Refines the clock on the supporting pairs: the published estimate, the relation in seconds since the first stamps, and whether it is
-/// by the edges of dwells.
+/// Refines the clock on the supporting pairs: published estimate, relation in s since the first stamps, and whether by edges of dwells.
 fn estimate_clock(
     seen: &Observation,
     decision: &Decision,

@@ -1,5 +1,4 @@
-//! Judgement: joined sessions → [`Outcome`]. It calls the stages after the join in order: fit, residuals, similarity, grid,
-//! accuracy.
+//! Judgement: joined sessions → [`Outcome`]. It calls, in order: fit, residuals, similarity, grid, accuracy.
 
 mod between_sessions;
 mod checks;
@@ -155,8 +154,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
-    let estimate = estimate(arm, (training, test), None, settings, progress)?;
-    results(arm, estimate, None, progress)
+    results(arm, estimate(arm, (training, test), None, settings, progress)?, None, progress)
 }
 
 /// The results of an estimate, by stations with one reading each; what steps answer is not found again where it is known.
@@ -271,6 +269,5 @@ fn semivariograms(
         let samples: Vec<_> = own.filter_map(sample).collect();
         Some((model, similarity::semivariograms(&samples, settings)))
     };
-    let of_each = |model: &Model| of(*model, *model.about().angles.first()?);
-    Model::ALL.iter().filter_map(of_each).collect()
+    Model::ALL.iter().filter_map(|model| of(*model, *model.about().angles.first()?)).collect()
 }

@@ -157,8 +157,7 @@ fn least_that_holds(rows: &[DesignRow]) -> Option<usize> {
 fn between(rows: &[DesignRow], least: usize) -> Option<usize> {
     let holds = least_that_holds(rows)?;
     let sizes = rows.iter().filter(|row| row.kind == session::KIND);
-    let smaller = sizes.map(|row| row.poses).filter(|&poses| poses < holds);
-    let below = smaller.max().unwrap_or(least);
+    let below = sizes.map(|row| row.poses).filter(|&poses| poses < holds).max().unwrap_or(least);
     let middle = below.midpoint(holds);
     (below < middle && middle < holds).then_some(middle)
 }

@@ -103,8 +103,7 @@ impl Residual {
 
     /// Squared Mahalanobis distance, `rᵀ Σ⁻¹ r`; `None` without a covariance, or with one that is not positive definite.
     pub fn mahalanobis_squared(&self) -> Option<f64> {
-        let factor = self.covariance?.cholesky()?;
-        Some(self.residual.dot(&factor.solve(&self.residual)))
+        Some(self.residual.dot(&self.covariance?.cholesky()?.solve(&self.residual)))
     }
 }
 
@@ -127,8 +126,7 @@ impl ResidualSet {
     }
 
     /// Errors of the stations that judge, by pose; several values for a station (`errors`, mm) are samples of its error.
-    /// Poses that the base was refitted on take no part: another visit of such a pose would be judged by a base fitted to
-    /// it.
+    /// Poses that the base was refitted on take no part: another visit of one would be judged by a base fitted to it.
     pub fn by_pose<E: IntoIterator<Item = f64>>(
         &self,
         errors: impl Fn(&Residual) -> E,

@@ -160,8 +160,7 @@ fn rounded(value: f64, resolution: f64) -> f64 {
 
 /// `value` to [`DIGITS`] significant digits.
 fn short(value: f64) -> f64 {
-    let text = format!("{value:.*e}", DIGITS - 1);
-    text.parse().expect("a formatted number is a number")
+    format!("{value:.*e}", DIGITS - 1).parse().expect("a formatted number is a number")
 }
 
 /// An axis that is far from a direction of length 1: z, or x of one that is near z.

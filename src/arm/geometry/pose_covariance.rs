@@ -22,8 +22,7 @@ pub struct TurnCovariance {
 pub struct PoseCovariance {
     /// Covariance of the position, mm²: xx xy xz yy yz zz; `None` where it is not known.
     pub position: Option<[f64; 6]>,
-    /// Covariance of the orientation, alone and with the position; `None` where it is not known, or where there is no
-    /// orientation.
+    /// Covariance of the orientation, alone and with the position; `None` where there is none, or it is not known.
     pub turn: Option<TurnCovariance>,
 }
 
@@ -98,8 +97,7 @@ pub fn joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> Matrix6<f64> {
 
 /// Whether both parts of a covariance together are one: means of parts that different readings state need not be.
 pub fn is_joint(position: &Matrix3<f64>, turn: &TurnCovariance) -> bool {
-    let whole = joint(position, turn);
-    is_covariance(&DMatrix::from_column_slice(6, 6, whole.as_slice()))
+    is_covariance(&DMatrix::from_column_slice(6, 6, joint(position, turn).as_slice()))
 }
 
 /// Whether a matrix is symmetric and positive semi-definite, but for the rounding of single precision.
@@ -126,8 +124,7 @@ pub fn is_covariance(matrix: &DMatrix<f64>) -> bool {
     is_symmetric && correlation.symmetric_eigenvalues().min() >= LEAST
 }
 
-/// Covariance of the inverse of a pose from the pose's own: `A C Aᵀ`, A the adjoint of the inverse with the signs of
-/// small motions.
+/// Covariance of a pose's inverse from its own: `A C Aᵀ`, A the adjoint of the inverse with signs of small motions.
 pub fn inverted(covariance: &Matrix6<f64>, pose: &Isometry3<f64>) -> Matrix6<f64> {
     let back = *pose.rotation.inverse().to_rotation_matrix().matrix();
     let mut adjoint = Matrix6::zeros();

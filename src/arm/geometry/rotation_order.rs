@@ -64,16 +64,14 @@ impl RotationOrder {
 impl TryFrom<String> for RotationOrder {
     type Error = NoOrder;
     fn try_from(word: String) -> Result<Self, NoOrder> {
-        let found = Self::all().find(|order| String::from(*order) == word);
-        found.ok_or(NoOrder(word))
+        Self::all().find(|order| String::from(*order) == word).ok_or(NoOrder(word))
     }
 }
 
 impl From<RotationOrder> for String {
     fn from(order: RotationOrder) -> Self {
         let frame = if order.moving { "moving" } else { "fixed" };
-        let axes = order.axes.iter().map(|&axis| AXES[axis]);
-        format!("{frame}-{}", axes.collect::<Self>())
+        format!("{frame}-{}", order.axes.iter().map(|&axis| AXES[axis]).collect::<Self>())
     }
 }
 

@@ -5,8 +5,7 @@ use crate::units::MM_PER_M;
 
 pub type Typed = (&'static str, String);
 
-/// The frame at `isometry` (mm) in the forms of KUKA, UR and ABB, and as a matrix; each line is an input for that
-/// controller.
+/// The frame at `isometry` (mm) as KUKA, UR and ABB take it, and as a matrix.
 pub fn forms(isometry: &Isometry3<f64>) -> [Typed; 4] {
     [
         ("KUKA, mm and degrees", kuka(isometry)),

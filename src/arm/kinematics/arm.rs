@@ -86,8 +86,7 @@ impl Arm {
         }
     }
 
-    /// An arm of a saved model; `map` is the joint map, row by row. The chain reads as many variables as there are
-    /// joints.
+    /// An arm of a saved model; `map` is the joint map, row by row. The chain reads a variable of each joint.
     pub fn new(
         model: String,
         convention: Convention,
@@ -143,10 +142,8 @@ impl Arm {
 
     /// The joint map, row by row, as a robot file states it; `None` for the identity.
     pub(super) fn map_rows(&self) -> Option<Vec<Vec<f64>>> {
-        let rows = |map: &DMatrix<f64>| {
-            let row = map.row_iter().map(|row| row.iter().copied().collect());
-            row.collect()
-        };
+        let rows =
+            |map: &DMatrix<f64>| map.row_iter().map(|row| row.iter().copied().collect()).collect();
         self.map.as_ref().map(rows)
     }
 

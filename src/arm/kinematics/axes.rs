@@ -9,8 +9,7 @@ use crate::units::MM_PER_M;
 pub struct Axes {
     /// Origin (mm) and direction of the first joint of each axis variable.
     pub first: Vec<(Point3<f64>, Vector3<f64>)>,
-    /// Every joint in the chain's order; empty where every variable has one joint, which turns, in the variables'
-    /// order.
+    /// Every joint in the chain's order; empty where every variable has one joint, which turns, in their order.
     pub(super) joints: Vec<AxisJoint>,
 }
 
@@ -52,13 +51,11 @@ impl Axes {
         down: Vector3<f64>,
     ) -> impl Iterator<Item = f64> {
         let later = self.first.iter().enumerate().skip(variable + 1);
-        let weights = later.map(|(place, (origin, _))| (Some(place), *origin));
-        let weights = weights.chain([(None, end)]);
+        let weights = later.map(|(place, (origin, _))| (Some(place), *origin)).chain([(None, end)]);
         weights.map(move |(place, weight)| self.force(variable, place, &weight, &down))
     }
 
-    /// Generalised force of a weight that moves with what is before the first joint of the variable `place`, or with
-    /// the end.
+    /// Generalised force of a weight moving with what is before the first joint of variable `place`, or with the end.
     fn force(
         &self,
         variable: usize,
@@ -71,8 +68,7 @@ impl Axes {
             return axis.dot(&(weight - origin).cross(down)) / MM_PER_M;
         }
         let before = |joint: &&AxisJoint| Some(joint.variable) != place;
-        let own = self.joints.iter().take_while(before);
-        let own = own.filter(|joint| joint.variable == variable);
+        let own = self.joints.iter().take_while(before).filter(|joint| joint.variable == variable);
         let sunk: f64 = own.map(|joint| joint.sinks(weight, down)).sum();
         let mut joints = self.joints.iter();
         let slides = joints.find(|joint| joint.variable == variable);

@@ -46,8 +46,7 @@ impl BatchChain {
         Self { joints, end, axes: chain.joint_count() }
     }
 
-    /// Positions of the end in the root frame, `[row][i]` in mm; `axes` has a column of one length for each axis
-    /// variable.
+    /// Positions of the end in the root frame, `[row][i]`, mm; `axes` has a column of one length per axis variable.
     pub fn positions<C: AsRef<[f64]>>(&self, axes: &[C]) -> [Vec<f64>; 3] {
         let mut positions = <[Vec<f64>; 3]>::default();
         self.positions_into(axes, &mut positions);
@@ -74,8 +73,7 @@ impl BatchChain {
 
     pub fn poses_into<C: AsRef<[f64]>>(&self, axes: &[C], poses: &mut Poses) {
         let count = self.pose_count(axes);
-        let columns = poses.rotation.iter_mut().flatten();
-        for column in columns.chain(&mut poses.position) {
+        for column in poses.rotation.iter_mut().flatten().chain(&mut poses.position) {
             column.resize(count, 0.0);
         }
         for first in (0..count).step_by(BLOCK) {
@@ -157,8 +155,7 @@ impl Joint {
 }
 
 impl Link {
-    /// Transforms vectors from the frame after the link to the frame before it; only the first is a point, and is
-    /// shifted.
+    /// Transforms vectors from the frame after the link to the frame before it; only the first, a point, is shifted.
     fn pass<const N: usize>(&self, vectors: &mut Vectors<N>) {
         for (place, vector) in vectors.iter_mut().enumerate() {
             let shift = if place == 0 { self.origin() } else { [0.0; 3] };

@@ -74,8 +74,7 @@ impl fmt::Display for Configuration {
 }
 
 impl SingularityFactors {
-    /// Factors at reported joint angles (rad); `None` for an arm that has none, or whose upper arm or
-    /// forearm has no length.
+    /// Factors at reported joint angles (rad); `None` for an arm without, or whose upper arm or forearm has no length.
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
         Self::of_view(&HeldChain::fixed(arm.chain(), offsets).view(&arm.axes(joints)))
     }
@@ -163,8 +162,7 @@ fn meeting(line: &Line, other: &Line) -> Option<(Point3<f64>, f64)> {
 }
 
 /// The smallest singular value of the Jacobian over `lever_mm`: 0 at a singularity. Rows of angles are multiplied by
-/// `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a length); it works for any
-/// arm.
+/// `lever_mm`, and columns by `scales` (1 for an angle, the mm that count as a radian for a length); for any arm.
 pub(super) fn conditioning(twists: &[Twist], scales: &[f64], lever_mm: f64) -> f64 {
     let least = DMatrix::from_fn(6, twists.len(), |row, column| {
         let value = if row < 3 {

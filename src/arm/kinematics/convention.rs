@@ -80,8 +80,7 @@ impl Convention {
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moving {
-    /// The joint's number in parameters, from 1: that of its axis variable, or one after those for a joint that
-    /// follows.
+    /// The joint's number in parameters, from 1: that of its axis variable, or one after those where it follows.
     pub(super) number: usize,
     pub(super) variable: usize,
     pub(super) factor: f64,

@@ -44,8 +44,7 @@ impl HeldChain {
         Self::new(chain, offsets, &vec![None; offsets.len()])
     }
 
-    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed
-    /// one.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` where fixed.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
         let mut segments = Vec::with_capacity(chain.joint_count() + 1);
         let (mut free, mut end, mut parameter) = (Vec::new(), Isometry3::identity(), 0);
@@ -87,8 +86,7 @@ impl HeldChain {
         (frame.isometry(), self.joint_twists(&axes, &frame.origin))
     }
 
-    /// By how much the links between the joints together fall short of an end, mm; at most 0 for one that the chain may have, and where a
-    /// joint slides.
+    /// By how much all links between joints fall short of an end, mm; at most 0 for one the chain may have, or where a joint slides.
     pub(super) fn beyond_links(&self, end: &Isometry3<f64>) -> f64 {
         let slides = |own: &Segment| matches!(own.joint, Some((Motion::Translation(_), ..)));
         let [base, first, others @ .., last] = self.segments.as_slice() else { return 0.0 };

@@ -1,8 +1,7 @@
 //! Inverse kinematics of any chain: reported joint angles that bring the end to a pose, or why there are none.
 //!
-//! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a
-//!    lever). Damping proportional to the squared residual keeps the convergence quadratic (Yamashita and Fukushima
-//!    2001).
+//! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation times a lever).
+//!    Damping proportional to the squared residual keeps convergence quadratic (Yamashita and Fukushima 2001).
 //! 2. Where that fails or ends in another configuration, the pose is approached from the seed's in small steps.
 //! 3. The result is checked against the limits, the seed's arm configuration and the nearest singularity; an arm
 //!    without configurations keeps the sign of its determinant.
@@ -30,8 +29,7 @@ pub use variables::{JointVariable, spread};
 pub struct InverseSettings {
     pub position_tolerance_mm: f64,
     pub orientation_tolerance_rad: f64,
-    /// Length that makes a turn of the end comparable with its position, mm. It changes the path of the search, not its
-    /// result.
+    /// Length that makes a turn of the end comparable with its position, mm. It changes the path, not the result.
     pub lever_mm: f64,
     pub iterations: usize,
     /// Refuse solutions with a smaller singularity factor, or [conditioning](super::configuration) of an arm without

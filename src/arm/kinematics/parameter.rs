@@ -58,8 +58,7 @@ impl GaugePart {
     }
 }
 
-/// The quantities of a link in every convention. Θ and d are a joint's own zero: the turn about its axis and the shift
-/// along it.
+/// Quantities of a link in every convention. Θ and d are a joint's zero: turn about its axis and shift along it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum LinkQuantity {
     /// Joint offset, about z; a small turn about the joint's axis where the convention places axes.

@@ -1,7 +1,6 @@
 //! A robot file stated again in another convention. From the [lines of the axes](super::screws) follow common normals
 //! for the tables (Denavit and Hartenberg 1955; Craig 1986), directions and shifts for CPC (Zhuang, Roth and Hamano
-//! 1992), the lines themselves for products of exponentials. What a table cannot state stands in `[base]` and
-//! `[flange]`.
+//! 1992), lines for products of exponentials. What a table cannot state stands in `[base]` and `[flange]`.
 
 mod tables;
 
@@ -31,8 +30,7 @@ pub enum RestateError {
 impl RobotFile {
     /// The file of an arm in a convention. A joint that follows another is named after it.
     pub fn of_arm(arm: &Arm, convention: Convention) -> Result<Self, RestateError> {
-        let offsets = arm.no_offsets();
-        let screws = Screws::of(arm.chain(), &offsets);
+        let screws = Screws::of(arm.chain(), &arm.no_offsets());
         let mut named = vec![false; arm.joints().len()];
         let mut joint = Vec::with_capacity(screws.axes.len());
         for screw in &screws.axes {
@@ -55,8 +53,7 @@ impl RobotFile {
 
     pub fn restated(&self, convention: Convention) -> Result<Self, RestateError> {
         let arm = self.arm()?;
-        let offsets = arm.no_offsets();
-        let screws = Screws::of(arm.chain(), &offsets);
+        let screws = Screws::of(arm.chain(), &arm.no_offsets());
         let moving: Vec<&JointFile> =
             self.joint.iter().filter(|joint| joint.kind != JointKind::Fixed).collect();
         let file = Self {
@@ -125,8 +122,7 @@ fn unlinked(joint: &JointFile) -> JointFile {
 
 /// The frame on the first axis where a base frame is stated: nearest to the base, turned as little as may be.
 fn on_first_axis(first: &Line) -> Isometry3<f64> {
-    let point = first.nearest_to(&Point3::origin());
-    lines::frame_along(point.coords, &first.direction)
+    lines::frame_along(first.nearest_to(&Point3::origin()).coords, &first.direction)
 }
 
 fn cpc(file: &mut RobotFile, screws: &Screws) {
@@ -184,8 +180,7 @@ fn origins(file: &mut RobotFile, screws: &Screws) {
 fn placement(isometry: &Isometry3<f64>) -> Option<Placement> {
     let stated = stated(isometry);
     let angles = stated.euler_deg.unwrap_or_default();
-    let changes = stated.xyz_mm.iter().chain(&angles).any(|&number| number != 0.0);
-    changes.then_some(stated)
+    stated.xyz_mm.iter().chain(&angles).any(|&number| number != 0.0).then_some(stated)
 }
 
 fn stated(isometry: &Isometry3<f64>) -> Placement {

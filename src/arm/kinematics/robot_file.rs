@@ -1,6 +1,5 @@
 //! A robot file: a nominal arm as its maker states it, in one of the [conventions](super::convention). Which keys a
-//! joint has to have follows from the convention and the kind of joint (`keys`); numbers in other units than the keys
-//! say are refused (`checks`).
+//! joint has to have follows from convention and kind of joint (`keys`); numbers in other units are refused (`checks`).
 
 mod checks;
 mod keys;
@@ -27,8 +26,7 @@ pub struct RobotFile {
     /// A pose that can be checked at the cell, degrees or mm: `posegrid check` prints the nominal flange there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home_deg: Option<Vec<f64>>,
-    /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when
-    /// absent.
+    /// Coupling of axes: row i is axis i as a linear combination of reported joint angles. Identity when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_map: Option<Vec<Vec<f64>>>,
     /// The frame of the first link in the base frame; the base frame itself when absent.
@@ -85,8 +83,7 @@ pub struct JointFile {
     /// CPC: shift to the next joint's frame, in that frame's axes, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift_mm: Option<[f64; 3]>,
-    /// Direction of the joint's axis: in the base frame at zero (product of exponentials), or in the joint's frame
-    /// (URDF).
+    /// Direction of the axis in the base frame at zero (product of exponentials), or in the joint's frame (URDF).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// A point of the joint's axis in the base frame at zero, mm.
@@ -195,8 +192,7 @@ impl RobotFile {
         Some(Moving { number, variable, factor, slides, shift })
     }
 
-    /// The elements of a joint's link; `before` is the frame of the joint before in the base frame, for products of
-    /// exponentials.
+    /// Elements of a joint's link; `before`: the frame of the joint before in the base's, for products of exponentials.
     fn link(
         &self,
         file: &JointFile,
@@ -247,8 +243,7 @@ impl RobotFile {
             Convention::ModifiedDh => file.table(&joint).modified(&joint, Parallel::No),
             _ => file.table(&joint).s_model(&joint, Parallel::No),
         };
-        let constants = Chain::new(elements);
-        Ok(Element::Fixed(constants.nominal(&[0.0])))
+        Ok(Element::Fixed(Chain::new(elements).nominal(&[0.0])))
     }
 
     /// For each joint of the file, how its axis lies to the next one's, as far as a table of twists says so.
@@ -352,8 +347,7 @@ impl JointFile {
 
     fn origin(&self) -> Result<Isometry3<f64>, ArmError> {
         let place = format!("origin of joint {:?}", self.name);
-        let stated = placement(&place, self.origin.as_ref())?;
-        Ok(stated.unwrap_or_else(Isometry3::identity))
+        Ok(placement(&place, self.origin.as_ref())?.unwrap_or_else(Isometry3::identity))
     }
 }
 

@@ -32,8 +32,7 @@ pub(super) enum UnitMotion {
 
 impl UnitMotion {
     pub(super) fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
-        let axis = frame.rotation * motion.axis();
-        Self::along(motion, axis, frame.translation.vector)
+        Self::along(motion, frame.rotation * motion.axis(), frame.translation.vector)
     }
 
     pub(super) const fn along(motion: Motion, axis: Vector3<f64>, through: Vector3<f64>) -> Self {

@@ -80,8 +80,7 @@ impl ArmModel {
 impl IdentifiedArm {
     /// The error reference frame in which errors are stated.
     pub fn error_frame(&self) -> ErrorFrame<'_> {
-        let tool = *self.flange_from_tool.isometry();
-        ErrorFrame::new(&self.arm, self.frames, Some(tool), false)
+        ErrorFrame::new(&self.arm, self.frames, Some(*self.flange_from_tool.isometry()), false)
     }
 
     /// The commands at which the tool point attains each of `targets`, in their order, or the reasons why there is none.
@@ -99,8 +98,7 @@ impl IdentifiedArm {
         let poses = Poses::new(self, &error_frame, &reach);
         let correction = Correction { identified: self, errors, reach: &reach, allow };
         let one = |target: &Target| {
-            let admitted = self.validity.admit(target);
-            let wanted = admitted.and_then(|()| poses.wanted(target));
+            let wanted = self.validity.admit(target).and_then(|()| poses.wanted(target));
             wanted.and_then(|wanted| correction.of(&wanted))
         };
         let some = |targets: &[Target]| {
@@ -269,8 +267,7 @@ impl Correction<'_> {
     fn add_covariances(&self, some: &mut [Result<Found, Reason>]) {
         let joints = some.iter().flatten().map(|own| own.joints.as_slice());
         let errors = self.errors.errors_with_covariance(&joints.collect::<Vec<_>>());
-        let found = some.iter_mut().filter(|own| own.is_ok()).zip(errors);
-        for (own, error) in found {
+        for (own, error) in some.iter_mut().filter(|own| own.is_ok()).zip(errors) {
             match (own.as_mut(), error) {
                 (Ok(own), Ok((_, covariance))) => {
                     let covariance = self.in_command_frame(covariance);
@@ -297,8 +294,7 @@ impl Correction<'_> {
         let Some(shown) = &self.identified.model.shown else {
             return Ok(*wanted);
         };
-        let turn = self.errors.turn(joints, shown).map_err(Reason::Target)?;
-        Ok(turn.inverse() * wanted)
+        Ok(self.errors.turn(joints, shown).map_err(Reason::Target)?.inverse() * wanted)
     }
 
     /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.

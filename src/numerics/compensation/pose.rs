@@ -131,8 +131,7 @@ impl<'a> Poses<'a> {
         if given.angles.len() != own().len() {
             return Err(other());
         }
-        let stated = given.slides.iter().flatten();
-        let mut stated = self.identified.arm.joints().iter().zip(stated);
+        let mut stated = self.identified.arm.joints().iter().zip(given.slides.iter().flatten());
         if let Some((joint, _)) = stated.find(|(joint, is_length)| joint.slides != **is_length) {
             return Err(Reason::JointUnit { joint: joint.name.clone(), slides: joint.slides });
         }
@@ -185,8 +184,7 @@ impl<'a> Poses<'a> {
             }
         }
         let is_wanted = |joints: &[f64]| {
-            let own = self.reach.configuration(joints).map(|c| c.to_string());
-            own.as_deref() == wanted
+            self.reach.configuration(joints).map(|c| c.to_string()).as_deref() == wanted
         };
         let anywhere = || self.reach.anywhere(pose, is_wanted).ok();
         let found = beyond.or_else(|| anywhere().map(|joints| self.on_measured_turn(joints)));

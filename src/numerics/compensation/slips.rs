@@ -1,8 +1,7 @@
 //! Slips of units in a file of targets: what a refused target would be in the unit that was probably meant.
 //!
-//! A slip is named only where the target has a command without it: what it would be is corrected as any other target, and given to
-//! nobody. Angles in the other unit are only looked for where their numbers can be of it: degrees beyond a turn of radians, radians
-//! within one.
+//! A slip is named only where the target has a command without it: what it would be is corrected as any target and given to nobody.
+//! Angles in the other unit are looked for only where numbers can be of it: degrees beyond a turn of radians, radians within one.
 
 use std::f64::consts::TAU;
 use std::fmt;

@@ -13,8 +13,7 @@ use crate::fit::{At, FrameUncertainty, Frames, Gap, PoseModel, Prediction, Sourc
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
-use crate::grid::{self, Interpolation, Lattice, Refusal};
-use crate::kinematics::Arm;
+use crate::grid::{Interpolation, Lattice, Refusal};
 
 /// The properties of a table in addition to its nodes.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,8 +30,7 @@ pub struct Terms {
     pub interpolation: Interpolation,
     /// The power of inverse distance weighting (IDW); trilinear interpolation does not use it.
     pub idw_power: f64,
-    /// Second moment of what interpolation adds to the nodes' errors inside a cell, in the frame of commands, mm²; zero where it is not
-    /// known.
+    /// Second moment of what interpolation adds to the nodes' errors inside a cell, frame of commands, mm²; zero where not known.
     pub interpolation_mm2: Matrix3<f64>,
     /// The conditions that it is valid for.
     pub validity: Validity,
@@ -108,8 +106,7 @@ impl Terms {
             });
         }
         self.validity.admit(target)?;
-        let turned = self.serves(target.orientation.as_ref());
-        turned.map_err(Reason::Target)
+        self.serves(target.orientation.as_ref()).map_err(Reason::Target)
     }
 
     /// Refuses a tool orientation too far from the table's; `None` is accepted.
@@ -147,40 +144,6 @@ impl CompensationTable {
         Ok(Self { terms, command_from_base, lattice, nodes })
     }
 
-    /// The table that the grid stage chose, transformed from the base frame into the frame of commands.
-    pub fn of_grid(
-        table: &grid::Table,
-        command_from_base: &Transform<Command, Base>,
-        table_id: String,
-        validity: Validity,
-        frame: FrameUncertainty,
-    ) -> Result<Self, Misfit> {
-        let turn = command_from_base.isometry().rotation;
-        let matrix = turn.to_rotation_matrix();
-        let turned = |own: Matrix3<f64>| matrix * own * matrix.transpose();
-        let terms = Terms {
-            table_id,
-            orientation: turn * table.orientation,
-            orientation_tolerance_rad: table.orientation_tolerance_rad,
-            configuration: table.configuration.map(|c| c.to_string()),
-            interpolation: table.interpolation,
-            idw_power: table.idw_power,
-            interpolation_mm2: table.interpolation_mm2.map_or_else(Matrix3::zeros, turned),
-            validity,
-            frame,
-            counted: table.counted.clone(),
-        };
-        let known = |node: &grid::TableNode| {
-            let (error, covariance) = node.error?;
-            Ok(Known {
-                joints: node.joints.clone()?,
-                error: matrix * error,
-                covariance: turned(covariance),
-            })
-        };
-        Self::new(terms, *command_from_base, table.lattice, table.nodes.iter().map(known).collect())
-    }
-
     pub const fn terms(&self) -> &Terms {
         &self.terms
     }
@@ -205,8 +168,7 @@ impl CompensationTable {
         let place = *(self.command_from_base.inverse() * *command).point();
         let cell = self.lattice.locate(&place).ok_or_else(|| self.outside(&place))?;
         let vertices = self.vertices(&cell)?;
-        let joints = vertices.map(|known| known.joints.as_slice());
-        if !on_one_branch(&joints, &self.terms.counted) {
+        if !on_one_branch(&vertices.map(|known| known.joints.as_slice()), &self.terms.counted) {
             return Err(Gap::Branches);
         }
         let weights = self.terms.interpolation.weights(
@@ -230,8 +192,7 @@ impl CompensationTable {
         matrix * self.terms.frame.covariance(in_base.point()) * matrix.transpose()
     }
 
-    /// The point of the box nearest to a command (mm), if the command is beyond the rim by no more than is allowed; otherwise
-    /// the command itself.
+    /// The point of the box nearest to a command (mm) that is beyond the rim by no more than is allowed; else the command.
     pub(super) fn at_rim(&self, command: &Point3<f64>) -> Point3<f64> {
         let place =
             *(self.command_from_base.inverse() * Position::<Command>::claim(*command)).point();
@@ -294,10 +255,5 @@ impl PoseModel for CompensationTable {
     fn spread(&self, _: usize, _: SourceId, prediction: &Prediction) -> Spread {
         let open = prediction.open.as_ref();
         Spread::Of(open.map_or_else(Matrix3::zeros, |open| open.alone))
-    }
-
-    /// None: its nodes are rows of a table of their own.
-    fn saved(&self, _: &Arm, _: &[&str]) -> Option<Result<String, serde_json::Error>> {
-        None
     }
 }

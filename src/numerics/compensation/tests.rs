@@ -55,8 +55,43 @@ fn surveyed(
     let conditions = Conditions { tool: Some("drill".to_owned()), ..Conditions::default() };
     let validity = Validity { conditions, ..Validity::default() };
     let command_from_base = Transform::<Command, Base>::claim(command_from_base);
-    CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity, frame)
+    of_grid(table, &command_from_base, "t-1".to_owned(), validity, frame)
         .expect("the nodes fill the lattice")
+}
+
+/// The table that the grid stage chose, transformed from the base frame into the frame of commands.
+fn of_grid(
+    table: &grid::Table,
+    command_from_base: &Transform<Command, Base>,
+    table_id: String,
+    validity: Validity,
+    frame: FrameUncertainty,
+) -> Result<CompensationTable, Misfit> {
+    let turn = command_from_base.isometry().rotation;
+    let matrix = turn.to_rotation_matrix();
+    let turned = |own: Matrix3<f64>| matrix * own * matrix.transpose();
+    let terms = Terms {
+        table_id,
+        orientation: turn * table.orientation,
+        orientation_tolerance_rad: table.orientation_tolerance_rad,
+        configuration: table.configuration.map(|c| c.to_string()),
+        interpolation: table.interpolation,
+        idw_power: table.idw_power,
+        interpolation_mm2: table.interpolation_mm2.map_or_else(Matrix3::zeros, turned),
+        validity,
+        frame,
+        counted: table.counted.clone(),
+    };
+    let known = |node: &TableNode| {
+        let (error, covariance) = node.error?;
+        Ok(Known {
+            joints: node.joints.clone()?,
+            error: matrix * error,
+            covariance: turned(covariance),
+        })
+    };
+    let nodes = table.nodes.iter().map(known).collect();
+    CompensationTable::new(terms, *command_from_base, table.lattice, nodes)
 }
 
 fn table(
@@ -336,7 +371,7 @@ fn nodes_that_do_not_fill_the_lattice_are_no_table() {
     let mut grid_table = grid_table(Interpolation::Trilinear, stretch);
     grid_table.nodes[5].joints = Ok(vec![0.1; 7]);
     let of = |table: &grid::Table| {
-        CompensationTable::of_grid(
+        of_grid(
             table,
             &Transform::identity(),
             String::new(),

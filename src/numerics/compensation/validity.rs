@@ -143,15 +143,13 @@ impl Validity {
             said.absolute_accuracy_option,
             other_option,
         );
-        let range = self.temperature_c;
-        held.take(Term::Temperature, range, used.temperature_c, other_temperature);
+        held.take(Term::Temperature, self.temperature_c, used.temperature_c, other_temperature);
         held
     }
 }
 
 impl Held {
-    /// Adds the result for `term`. `outside` describes the difference of the table's value and the caller's; `None` if they
-    /// agree.
+    /// Adds the result for `term`. `outside` describes how the table's value and the caller's differ; `None` if they agree.
     fn take<T, U>(
         &mut self,
         term: Term,

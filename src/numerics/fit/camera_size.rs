@@ -44,8 +44,7 @@ pub fn found(
     let left = Residuals::of(arm, observations, calibration);
     let row =
         |own: &Observation| Row { residual: left.residual(own), camera: own.measured.instrument() };
-    let own = observations.iter().filter(|own| own.source == source);
-    let rows: Vec<Row> = own.map(row).collect();
+    let rows: Vec<Row> = observations.iter().filter(|own| own.source == source).map(row).collect();
     (rows.len() >= 10).then(|| scored(&rows, left.counted)).flatten()
 }
 

@@ -4,8 +4,7 @@
 //! and the arm may be nearer to the command ([`crate::method::error_model`]). Steps:
 //! 1. the constant turn between commanded and nominal orientation comes from the controller's rounded tool and is no error
 //!    of the arm: its median per axis is removed;
-//! 2. one regularised step of inverse kinematics from the reported angles, bounded at singularities, gives the
-//!    settling error;
+//! 2. one regularised step of inverse kinematics from reported angles, bounded at singularities: the settling error;
 //! 3. where orientations scatter far beyond any arm's, the commanded orientation is not the one that was sent: it is weighted
 //!    by that scatter, so the settling error is mostly one of position and is comparable within its own session only.
 

@@ -1,11 +1,10 @@
 //! Identified errors of an arm converted from one convention into another, with their covariance.
 //!
-//! Both conventions describe the chain from base to target of the same arm. Inputs: the offsets of one convention's parameters and
-//! their covariance. Outputs: those of the other. With `J` the twists of the target per unit of each parameter at poses spread over
-//! the joints' ranges, the offsets of the other convention solve `J' x' = J x` (by Gauss and Newton, since errors of an angle are not
-//! quite linear), and `T = J'⁺ J` carries the covariance: `C' = T C Tᵀ`. Directions that belong to the convention alone have no
-//! effect on the target; of all solutions the least is taken, 1 mm counted as 1 mrad, and what a link can say is not said by base or
-//! target.
+//! Both conventions describe the chain from base to target of one arm. Inputs: the offsets of one convention's parameters and their
+//! covariance. Outputs: those of the other. With `J` the twists of the target per unit of each parameter at poses spread over the
+//! joints' ranges, the offsets of the other convention solve `J' x' = J x` (by Gauss and Newton, as errors of angles are not quite
+//! linear), and `T = J'⁺ J` carries the covariance: `C' = T C Tᵀ`. Directions that belong to the convention alone have no effect on
+//! the target; of all solutions the least is taken, 1 mm counted as 1 mrad, and what a link can say is not said by base or target.
 
 use nalgebra::{DMatrix, DVector, Isometry3};
 
@@ -61,8 +60,7 @@ pub struct Converted {
 
 /// The errors of `from`, stated in the parameters of `to`: the same nominal arm in another convention.
 ///
-/// `flange_from_target` is the target on the flange that the target's offsets are counted from. A parameter that `errors` does not
-/// name has none.
+/// `flange_from_target` is what the target's offsets are counted from. A parameter that `errors` does not name has none.
 pub fn converted(
     from: &Arm,
     errors: &Errors,
@@ -161,8 +159,7 @@ pub fn measured(arm: &Chain, flange_from_target: &Isometry3<f64>) -> Chain {
 
 /// Joint positions spread over the ranges, rad or mm, another pose for each `place`.
 pub fn spread_joints(arm: &Arm, place: u32) -> Vec<f64> {
-    let joints = arm.joints().iter();
-    let ranges: Vec<_> = joints.map(|joint| [joint.lower, joint.upper]).collect();
+    let ranges: Vec<_> = arm.joints().iter().map(|joint| [joint.lower, joint.upper]).collect();
     spread(place, &ranges)
 }
 

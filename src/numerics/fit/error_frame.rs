@@ -1,10 +1,9 @@
 //! The error reference frame in which errors are stated: the nominal arm on a base that is surveyed or fitted
 //! ([`crate::method::compensation`]).
 //!
-//! An error is attained minus commanded position in the controller's base frame. The measured target is a separate point;
-//! the controller's tool point is calculated from it with the lever between the two. The lever has the flange's measured
-//! orientation where one was measured, otherwise the nominal arm's. An error reference frame is for one tool point, so it goes
-//! by one source and one target.
+//! An error is attained minus commanded position in the controller's base frame. The controller's tool point follows from the
+//! measured target by the lever between the two. The lever has the flange's measured orientation where one was measured,
+//! otherwise the nominal arm's. An error reference frame is for one tool point, so it goes by one source and one target.
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
@@ -30,8 +29,7 @@ pub struct SurveyedBase {
 }
 
 impl SurveyedBase {
-    /// The uncertainty that the survey leaves, with that of a lever (`lever_sd_mm`, of each coordinate, mm); what is not stated counts
-    /// as zero.
+    /// The uncertainty that the survey leaves, with that of a lever (`lever_sd_mm`, of each coordinate); what is not stated is zero.
     pub fn uncertainty(&self, lever_sd_mm: Option<f64>) -> FrameUncertainty {
         FrameUncertainty {
             origin_mm: self.sd_mm.unwrap_or_default(),
@@ -119,18 +117,12 @@ impl<'a> ErrorFrame<'a> {
     fn measured_target(&self, reading: &Reading) -> Option<Point3<f64>> {
         let own = (reading.source, reading.target) == (self.frames.source, self.frames.target);
         let position = reading.position().filter(|_| own)?;
-        let base = self.frames.tracker_from_base.isometry();
-        Some(base.inverse_transform_point(&position))
+        Some(self.frames.tracker_from_base.isometry().inverse_transform_point(&position))
     }
 
     pub fn nominal_target(&self, joints: &[f64]) -> Point3<f64> {
         self.arm.flange(joints).isometry()
             * Point3::from(self.frames.flange_from_target.isometry().translation.vector)
-    }
-
-    /// Error of the measured point: measured minus nominal target, mm. `None` of a reading without a position.
-    pub fn target_error(&self, joints: &[f64], reading: &Reading) -> Option<Vector3<f64>> {
-        Some(self.measured_target(reading)? - self.nominal_target(joints))
     }
 
     /// The attained position of the tool point, in the base frame, mm. `None` of a reading without a position.
@@ -141,8 +133,7 @@ impl<'a> ErrorFrame<'a> {
         Some(target + flange * self.lever())
     }
 
-    /// Error of the tool point in the base frame: attained minus commanded position, mm. `None` for a
-    /// station without a measurement.
+    /// Error of the tool point in the base frame: attained minus commanded position, mm. `None` without a measurement.
     pub fn tool_error(&self, station: &Station, commanded: &Point3<f64>) -> Option<Vector3<f64>> {
         let attained = self.attained_tool(&station.joints, station.one_reading()?)?;
         Some(attained - commanded)

@@ -49,8 +49,7 @@ impl OneReading {
         let readings = station.measured();
         let own = || {
             let mut places = readings.iter().filter(|reading| reading.value.point().is_some());
-            let main = places.find(|reading| reading.target == TargetId::MAIN);
-            main.cloned().map(Self::Point)
+            places.find(|reading| reading.target == TargetId::MAIN).cloned().map(Self::Point)
         };
         if noise.takes_orientations() {
             return own();

@@ -62,8 +62,7 @@ pub fn check(
     let gate = FAR * median(&norms).unwrap_or(0.0).max(LEAST_MEDIAN);
     let flipped = compared.iter().filter_map(|own| {
         let reading = &observations[own.place];
-        let reason = own.flipped(gate, reading.station)?;
-        Some(Suspect::of(reading, reason, Unmeasured::FlippedView))
+        Some(Suspect::of(reading, own.flipped(gate, reading.station)?, Unmeasured::FlippedView))
     });
     Ok(flipped.collect())
 }
@@ -110,8 +109,7 @@ pub fn mirrored(pose: &Isometry3<f64>, mounted: Mounted) -> UnitQuaternion<f64> 
         Mounted::Fixed => *pose,
         Mounted::Flange => pose.inverse(),
     };
-    let ray = camera_from_target.translation.vector.try_normalize(0.0);
-    let ray = ray.unwrap_or_else(Vector3::z);
+    let ray = camera_from_target.translation.vector.try_normalize(0.0).unwrap_or_else(Vector3::z);
     let mirror = Matrix3::identity() - ray * ray.transpose() * 2.0;
     let own = camera_from_target.rotation.to_rotation_matrix();
     // The mirror turns the target's handedness around; its points have no z, so that its normal is turned back.

@@ -1,10 +1,9 @@
 //! The full error model: geometry, joint curves, gravity, gear lines, drift and command–feedback weight as one Gaussian model.
 //!
-//! All parts are linear in their unknowns around the geometric fit ([`crate::method::error_model`]), so they are one
-//! Bayesian linear regression with a diagonal prior: curves are Fourier series whose coefficients' variances are those of
-//! the kernels ([`spectrum`]), sizes follow from the marginal likelihood ([`components`]), noise and weights from
-//! leave-one-out residuals ([`noise`]), gear lines from their periodogram ([`lines`]). The cost is linear in the number of
-//! stations.
+//! All parts are linear in their unknowns around the geometric fit ([`crate::method::error_model`]): one Bayesian linear
+//! regression with a diagonal prior. Curves are Fourier series whose coefficients' variances are those of the kernels
+//! ([`spectrum`]), sizes follow from the marginal likelihood ([`components`]), noise and weights from leave-one-out
+//! residuals ([`noise`]), gear lines from their periodogram ([`lines`]). The cost is linear in the number of stations.
 //!
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.
@@ -265,12 +264,10 @@ impl FullModel {
     /// and the other parts, which [`Predicted::flange`] leaves out.
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
-        let rows = self.pose(query, &view);
-        let moved = rows.rows(&self.layout, &Shown::Pose) * &self.mean;
+        let moved = self.pose(query, &view).rows(&self.layout, &Shown::Pose) * &self.mean;
         let against = self.against(query);
         let approach = against.map_or_else(Vector3::zeros, |against| {
-            let joints = view.joints.iter().zip(&against.mean);
-            joints.map(|(twist, mean)| twist.angular * *mean).sum()
+            view.joints.iter().zip(&against.mean).map(|(twist, mean)| twist.angular * *mean).sum()
         });
         let turn = Vector3::new(moved[3], moved[4], moved[5]) + approach;
         UnitQuaternion::from_scaled_axis(turn) * view.end.rotation * self.target_from_flange(query)
@@ -304,13 +301,11 @@ impl FullModel {
 
     /// The rotation from the flange's axes to the target's.
     fn target_from_flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
-        let flange_from_target = self.frames[query.session].flange_from_target(query.target);
-        flange_from_target.isometry().rotation.inverse()
+        self.frames[query.session].flange_from_target(query.target).isometry().rotation.inverse()
     }
 
     fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
-        let base = self.frames[query.session].tracker_from_base(query.source);
-        let base = base.isometry();
+        let base = self.frames[query.session].tracker_from_base(query.source).isometry();
         let root = base.rotation;
         PoseView {
             unknowns: &view.unknowns,
@@ -420,8 +415,7 @@ impl FullModel {
         if observation.point().is_none() {
             return Matrix3::zeros();
         }
-        let end = view.end.translation.vector.into();
-        let shown = observation.measured.shown(None, &end);
+        let shown = observation.measured.shown(None, &view.end.translation.vector.into());
         let covariance = self.covariance_of_one(observation, &shown, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }

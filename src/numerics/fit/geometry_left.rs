@@ -1,5 +1,4 @@
-//! What an identified geometry leaves of readings, for the sizes of noise that follow from it ([`super::camera_size`],
-//! [`super::stated_size`]).
+//! What an identified geometry leaves of readings, for [`super::camera_size`] and [`super::stated_size`].
 
 use nalgebra::DVector;
 

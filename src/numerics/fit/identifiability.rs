@@ -89,8 +89,7 @@ impl Calibration {
         with_correlations(&alone, &self.covariance)
     }
 
-    /// Whether unknown `place` is identifiable by its own `standard_error`, which may be that of another model, and by the structure
-    /// of the nominal arm.
+    /// Whether unknown `place` is identifiable by its `standard_error`, maybe of another model, and by the nominal arm's structure.
     pub fn alone(&self, place: usize, standard_error: f64) -> Identifiability {
         let structure = &self.nominal_structure;
         let is_dependent = !structure.indistinguishable[place].is_empty();

@@ -94,8 +94,7 @@ impl Poses {
         Some(Estimator { used: used.to_vec(), from, columns })
     }
 
-    /// The unknowns `β̂` by the residuals of all poses, and their covariance `V`. `None` where a factorisation fails, which only rounding
-    /// can cause.
+    /// The unknowns `β̂` by the residuals of all poses, and their covariance `V`. `None` where rounding makes a factorisation fail.
     pub fn unknowns(&self, residuals: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let all: Vec<usize> = (0..self.len()).collect();
         let solved = self.between(&all).cholesky()?.solve(&self.columns);
@@ -290,8 +289,7 @@ impl<'p> Search<'p> {
     fn best(&self, chosen: &[usize], but: Option<usize>) -> Option<(usize, f64)> {
         let some = self.sums(chosen)?;
         let left = |candidate: usize| {
-            let is_taken = chosen.contains(&candidate) || but == Some(candidate);
-            if is_taken {
+            if chosen.contains(&candidate) || but == Some(candidate) {
                 return None;
             }
             self.left_with(&some, candidate)

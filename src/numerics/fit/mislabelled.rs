@@ -35,8 +35,7 @@ const EXPLAINS: f64 = 1.0 / 3.0;
 /// Targets whose places are all permuted; of more, two are exchanged at a time.
 const MOST_PERMUTED: usize = 6;
 
-/// Readings that are not of the target they name, in the order of sessions and stations; an error where targets are swapped throughout a
-/// session.
+/// Readings not of the target they name, in order of sessions and stations; an error where targets are swapped throughout a session.
 pub fn check(
     arm: &Arm,
     observations: &[Observation],
@@ -58,8 +57,7 @@ pub fn check(
     };
     let stations = by_station(arm, observations, &fitted.frames);
     let gate = Gate::of(&stations);
-    let wrong = stations.iter().flat_map(|own| own.wrong(&gate, &settings.target_names));
-    let wrong = wrong.collect();
+    let wrong = stations.iter().flat_map(|own| own.wrong(&gate, &settings.target_names)).collect();
     throughout(&fitted.frames, settings).map_or(Ok(wrong), Err)
 }
 
@@ -75,8 +73,7 @@ fn by_station(arm: &Arm, observations: &[Observation], frames: &[Frames]) -> Vec
     let mut stations: BTreeMap<(usize, usize), Read> = BTreeMap::new();
     for own in observations {
         let Some(point) = own.point() else { continue };
-        let at = (own.session, own.station);
-        let station = stations.entry(at).or_insert_with(|| {
+        let station = stations.entry((own.session, own.station)).or_insert_with(|| {
             let frames = &frames[own.session];
             let base = frames.tracker_from_base(own.source).isometry();
             let flange = base * arm.chain().nominal(&own.axes);
@@ -175,8 +172,7 @@ impl Read {
                  names"
             ))];
         }
-        let far = far.into_iter().map(|place| self.far(place, names));
-        far.collect()
+        far.into_iter().map(|place| self.far(place, names)).collect()
     }
 
     fn without(&self, places: &[usize]) -> Self {
@@ -300,14 +296,12 @@ fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroug
         }
         let first: Vec<_> = self::places(&frames[0]).into_iter().enumerate().collect();
         let alike = session > 0 && first.len() == places.len();
-        let swap = alike.then(|| by_places(&places, &first)).flatten();
-        swap.map(found(Against::FirstSession))
+        alike.then(|| by_places(&places, &first)).flatten().map(found(Against::FirstSession))
     })
 }
 
 fn places(frames: &Frames) -> Vec<Vector3<f64>> {
-    let targets = frames.targets().iter();
-    targets.map(|target| target.isometry().translation.vector).collect()
+    frames.targets().iter().map(|target| target.isometry().translation.vector).collect()
 }
 
 fn stated_places(settings: &FitSettings, targets: usize) -> Vec<(usize, Vector3<f64>)> {
@@ -345,8 +339,7 @@ fn by_distances(fitted: &[Vector3<f64>], settings: &FitSettings) -> Option<Swap>
 /// stands under a name.
 fn swapped(named: &[usize], targets: usize, misfit_mm: impl Fn(&[usize]) -> f64) -> Option<Swap> {
     let swap = best(named, assignments(named, targets), misfit_mm, |_| true)?;
-    let read = swap.read.iter().map(|(wanted, own)| (*own, *wanted));
-    let mut read: Vec<_> = read.collect();
+    let mut read: Vec<_> = swap.read.iter().map(|(wanted, own)| (*own, *wanted)).collect();
     read.sort_unstable();
     (swap.given_mm > LEAST_AWAY_MM).then_some(Swap { read, ..swap })
 }

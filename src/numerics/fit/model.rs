@@ -39,8 +39,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         Ok(self.predict(&At::Joints(*query))?.flange)
     }
 
-    /// The uncertainty of a prediction in the frame of a session's source, for a command used in another session; in that
-    /// frame.
+    /// Uncertainty, in the frame of a session's source, of a prediction there for a command used in another session.
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread;
 
     /// [`Self::spread`] of many predictions, where that is faster together.
@@ -58,8 +57,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         vec![Matrix3::zeros(); rows.nrows() / 3]
     }
 
-    /// Noise covariance of one position measured with the base of a session, in addition to the model's own covariance, tracker frame,
-    /// mm².
+    /// Noise covariance of one position measured with the base of a session, in addition to the model's own, tracker frame, mm².
     fn noise(&self, observation: &Observation, _session: usize) -> Matrix3<f64> {
         let point = observation.point();
         point.map_or_else(Matrix3::zeros, |point| point.factor * point.factor.transpose())
@@ -96,7 +94,9 @@ pub trait PoseModel: Any + Debug + Send + Sync {
     /// The model as JSON, which its registry entry reads back ([`super::registry::About::load`]); `names` are the sessions'. It
     /// has version, arm and sessions in the form of [`super::saved::SavedHead`].
     /// `None` for a model that is stored elsewhere: a table is its own file, and a model that was read already has a file.
-    fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>>;
+    fn saved(&self, _arm: &Arm, _names: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        None
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -183,8 +183,7 @@ impl<'q> At<'q> {
 
 impl<'q> Known<'q> {
     pub fn of(observation: &'q Observation) -> Self {
-        let settling_error = observation.settling_error.as_ref();
-        settling_error.map_or(Self::Reported, Self::Both)
+        observation.settling_error.as_ref().map_or(Self::Reported, Self::Both)
     }
 }
 

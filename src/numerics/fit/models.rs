@@ -36,11 +36,10 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        let start = (&frames[..], &geometry[..]);
         FullModel::train_for(
             arm,
             observations,
-            start,
+            (&frames[..], &geometry[..]),
             &prior,
             settings.full,
             settings.purpose,
@@ -57,8 +56,7 @@ pub(super) fn full_prior(geometric: &Calibration, settings: &TrainingSettings<'_
 }
 
 impl Models {
-    /// The latest session that trained, of which another session has what is not found of its own: its base, and its targets where they
-    /// were not taken off since.
+    /// The latest session that trained: another has its base where it finds none, and its targets where they were not taken off since.
     pub const fn latest(&self) -> usize {
         self.base_target.frames.len().saturating_sub(1)
     }

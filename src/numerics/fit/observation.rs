@@ -1,9 +1,8 @@
 //! Readings of paired stations → observations: the measured values with their covariances.
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
-//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
-//! `scatter²/n`. Readings that state their covariance scatter in its shape. The use of each kind of reading in a fit is in [`measured`]
-//! and [`rows`].
+//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean: `scatter²/n`. Readings that
+//! state their covariance scatter in its shape. Each kind of reading in a fit: [`measured`], [`rows`].
 
 pub mod camera;
 pub mod measured;
@@ -110,8 +109,7 @@ pub struct Observation {
     pub measured: Measured,
     /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
-    /// The flange's orientation from the readings of several targets; only on the main target's observation, and not fitted: the
-    /// readings that it is from are.
+    /// The flange's orientation from several targets; only on the main target's observation, and not fitted: its readings are.
     pub flange: Option<MeasuredFlange>,
     /// Whether the motion that references show was taken out of it: what drifts then drifts no more.
     pub follows_references: bool,
@@ -174,8 +172,7 @@ impl Source {
 pub struct Noise {
     pub sources: Vec<Source>,
     pub repeatability_mm: f64,
-    /// The size of the covariances that readings of each source state, in the order of [`SourceId`]; of sources behind the last it is
-    /// as stated.
+    /// Size of the covariances that each source's readings state, in order of [`SourceId`]; behind the last as stated.
     pub stated: Vec<StatedSize>,
 }
 
@@ -212,8 +209,7 @@ impl Noise {
     }
 
     pub fn stated_size(&self, source: SourceId) -> StatedSize {
-        let own = self.stated.get(source.0).copied();
-        own.unwrap_or(StatedSize::ONE)
+        self.stated.get(source.0).copied().unwrap_or(StatedSize::ONE)
     }
 
     /// This noise with these sizes of what readings state.
@@ -261,8 +257,7 @@ pub fn observations(
         })
     };
     let of = |station| {
-        let readings = Station::measured(station).iter();
-        readings.filter_map(move |reading| observation(station, reading))
+        Station::measured(station).iter().filter_map(move |reading| observation(station, reading))
     };
     stations.iter().flat_map(of).collect()
 }

@@ -2,8 +2,7 @@
 //!
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` ([`crate::method::kinematics`]). Geometry is
 //! shared by all sessions of an arm; each session has its own base in the frame of each of its sources and its own place of
-//! each of its targets, and they are always part of the fit. An observation is predicted by the chain of its channel: from its
-//! source to its target.
+//! each of its targets, all always fitted. An observation is predicted by its channel's chain, from source to target.
 
 mod distances;
 mod unknowns;
@@ -77,8 +76,7 @@ impl<'a> Problem<'a> {
         freedom: Freedom,
         prior: &Prior,
     ) -> Self {
-        let turned = is_turned(observations);
-        Self::with_target_turn(observations, arm, starts, freedom, prior, turned)
+        Self::with_target_turn(observations, arm, starts, freedom, prior, is_turned(observations))
     }
 
     /// [`Self::new`] with the target's orientation free or fixed as stated, for predictions without observations.
@@ -113,8 +111,7 @@ impl<'a> Problem<'a> {
             DVector::from_iterator(priors.len(), priors.iter().map(pick))
         };
         let (expected, precision) = (column(|prior| prior.0), column(|prior| prior.1));
-        let blocks = channels.each().iter().enumerate();
-        let blocks = blocks.flat_map(|(place, channel)| {
+        let blocks = channels.each().iter().enumerate().flat_map(|(place, channel)| {
             let firsts = (0..channel.stations.places.len()).step_by(BLOCK);
             firsts.map(move |first| (place, first))
         });
@@ -172,8 +169,7 @@ impl<'a> Problem<'a> {
     /// The prior's part of the cost at `offsets`.
     pub(super) fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
         let away = offsets - &self.expected;
-        let distances = self.distances(offsets);
-        let distances: f64 = distances.map(|row| row.residual.powi(2)).sum();
+        let distances: f64 = self.distances(offsets).map(|row| row.residual.powi(2)).sum();
         self.precision.dot(&away.component_mul(&away)) + distances
     }
 
@@ -229,8 +225,7 @@ impl<'a> Problem<'a> {
     /// predicted length where there are none.
     pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
         let mut sum = 0.0;
-        let of_places = |own: &&Measuring| own.gauge.is_none();
-        let places = self.channels.each().iter().filter(of_places);
+        let places = self.channels.each().iter().filter(|own| own.gauge.is_none());
         let mut count = 0;
         for own in places {
             own.stations.add_squares(&own.batch(offsets), &mut sum);
@@ -241,8 +236,7 @@ impl<'a> Problem<'a> {
                 let Some(gauge) = own.gauge(offsets) else {
                     continue;
                 };
-                let chain = own.batch(offsets);
-                own.stations.add_squares_of_lengths(&chain, &gauge, &mut sum);
+                own.stations.add_squares_of_lengths(&own.batch(offsets), &gauge, &mut sum);
                 count += own.stations.places.len();
             }
         }
@@ -436,8 +430,7 @@ pub(super) fn is_turned(observations: &[Observation]) -> bool {
     }
 }
 
-/// The unknowns in the order of the vector: the arm's, then session by session the base of each source and the place of each
-/// target.
+/// The unknowns in the vector's order: the arm's, then session by session base of each source and place of each target.
 fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     if freedom == Freedom::Geometry {
@@ -458,8 +451,7 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
                     unknowns.extend(motions.map(|motion| own(Parameter::Base(*motion))));
                 }
                 Sees::Length(gauge) => {
-                    let parts = gauge.parts().iter();
-                    unknowns.extend(parts.map(|part| own(Parameter::Gauge(*part))));
+                    unknowns.extend(gauge.parts().iter().map(|part| own(Parameter::Gauge(*part))));
                 }
                 Sees::Nothing => {}
             }

@@ -94,8 +94,7 @@ impl Model {
 
     /// The models that grids, `compensate` and verdicts use, the best first.
     pub fn serving() -> impl Iterator<Item = Self> {
-        let all = Self::ALL.iter().rev().copied();
-        all.filter(|model| model.about().serves)
+        Self::ALL.iter().rev().copied().filter(|model| model.about().serves)
     }
 
     /// The models that verdicts use with their angles, the most relevant for a program first: commanded angles, all it has.

@@ -104,8 +104,7 @@ fn angles_away(
 ) -> Option<DVector<f64>> {
     let mut commanded = station.clone();
     for _ in 0..ROUNDS {
-        let axes = away(&commanded, arm, frames)?;
-        let by = joints_from_axes * DVector::from_vec(axes);
+        let by = joints_from_axes * DVector::from_vec(away(&commanded, arm, frames)?);
         commanded.joints.iter_mut().zip(&by).for_each(|(joint, by)| *joint += by);
     }
     let reported = DVector::from_column_slice(&station.joints);

@@ -3,8 +3,7 @@
 //! Inputs: the full error model of a pool, the base + target fit and the observations of the same pool. Output: per session,
 //! the residual of the shared arm beside that of the nominal arm, and a verdict.
 //!
-//! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew with each source; the median
-//!    distance left.
+//! 1. Shared arm: prediction without the session's own changes, its base aligned anew with each source; median distance left.
 //! 2. Nominal arm: base and target fitted; the median residual.
 //! 3. Residual allowed for one arm: the instrument's noise, and a change of every joint [`CHANGES`] times as large as expected
 //!    between sessions. The model's own noise is not used: in a pool of two arms it has grown to hide them.
@@ -103,9 +102,8 @@ pub fn fits(
 ) -> Vec<SharedFit> {
     let sessions = full.starts().len();
     let fit = |session: usize| {
-        let weighted = observations.iter().zip(&full.weights);
         let (own, weights): (Vec<&Observation>, Vec<f64>) =
-            weighted.filter(|(o, _)| o.session == session).unzip();
+            observations.iter().zip(&full.weights).filter(|(o, _)| o.session == session).unzip();
         let stations = own.iter().map(|o| Shared::of(full, o, change_rad));
         let stations: Vec<Shared> = stations.collect::<Option<_>>()?;
         let allowed: Vec<f64> = stations.iter().map(|s| s.allowed_mm).collect();
@@ -118,8 +116,7 @@ pub fn fits(
         let nominal: Option<Vec<f64>> = own.iter().map(left_by_nominal).collect();
         let sources = (0..frames.sources().len()).map(SourceId);
         let shared = sources.map(|source| {
-            let own = stations.iter().zip(&weights);
-            let own = own.filter(|(station, _)| station.source == source);
+            let own = stations.iter().zip(&weights).filter(|(station, _)| station.source == source);
             let (own, weights): (Vec<&Shared>, Vec<f64>) = own.unzip();
             aligned_distances(&own, &weights)
         });
@@ -219,6 +216,5 @@ fn aligned_distances(stations: &[&Shared], weights: &[f64]) -> Option<Vec<f64>> 
     let measured: Vec<Point3<f64>> = stations.iter().map(|s| s.measured).collect();
     let predicted: Vec<Point3<f64>> = stations.iter().map(|s| s.predicted).collect();
     let base = align(&predicted, &measured, weights)?;
-    let distances = measured.iter().zip(&predicted);
-    Some(distances.map(|(m, p)| (base * m - p).norm()).collect())
+    Some(measured.iter().zip(&predicted).map(|(m, p)| (base * m - p).norm()).collect())
 }

@@ -180,8 +180,7 @@ impl SavedSession {
             same_length("sources and what they read", counts.1, self.sees.len())?;
         }
         let sees: Vec<Sees> = self.sees.iter().map(SavedSees::sees).collect();
-        let frames = frames.map(|frames| frames.seeing(&sees));
-        frames.ok_or(SavedError::Length {
+        frames.map(|frames| frames.seeing(&sees)).ok_or(SavedError::Length {
             what: "frames of sources or targets in a session",
             expected: 1,
             found: counts.0,

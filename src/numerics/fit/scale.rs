@@ -1,5 +1,4 @@
-//! Whether an instrument's length unit agrees with the arm's lengths: the scale of each session, tested against nominal
-//! lengths.
+//! Whether an instrument's length unit agrees with the arm's lengths: each session's scale against nominal lengths.
 //!
 //! Measured positions that are all too long by one share have the same effect as links that are too long by it: with a weak
 //! prior on lengths no residual remains, and every held-out station is predicted to the micrometre in the wrong unit. The
@@ -27,8 +26,7 @@ pub const EXPANSION_PPM_PER_K: [f64; 2] = [11.0, 24.0];
 const FREE: f64 = 1e-2;
 pub(super) const PPM: f64 = 1e6;
 
-/// The stations' evidence on an arm's lengths and on each session's scale, without a prior on either; all else is integrated
-/// out.
+/// The stations' evidence on an arm's lengths and each session's scale, without a prior on either; all else integrated out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScaleEvidence {
     /// Number of lengths, which come before the scales.
@@ -43,8 +41,7 @@ pub struct ScaleEvidence {
 pub struct FreeScale {
     /// Scale of the instrument relative to the arm's lengths, ppm; positive when it measures too long.
     pub ppm: f64,
-    /// The scale's standard deviation, ppm; nearly all of it comes from the lengths, whose found errors are used where they
-    /// exceed the tolerance.
+    /// Its standard deviation, ppm; nearly all from the lengths, whose found errors count where they exceed the tolerance.
     pub sd_ppm: f64,
     pub length_rms_mm: f64,
 }
@@ -91,8 +88,7 @@ pub struct SessionScale {
     /// The scale in the full error model; `None` where it has none.
     pub fitted: Option<FittedScale>,
     pub length_sd_mm: f64,
-    /// The scale constrained by the arm's lengths alone; `None` without a full error model, or where rounding made it
-    /// indefinite.
+    /// The scale by the arm's lengths alone; `None` without a full error model, or where rounding made it indefinite.
     pub free: Option<FreeScale>,
 }
 
@@ -147,10 +143,8 @@ impl SessionScale {
         };
         let lengths = format!("nominal lengths that are right within {} mm", self.length_sd_mm);
         let free = self.free.filter(FreeScale::is_named);
-        let free = free.map(|free| of(free.ppm, free.sd_ppm, &lengths));
-        free.or_else(|| {
-            let fitted = self.beside_others()?;
-            Some(of(fitted.ppm, self.prior_sd_ppm, "the other sessions of the pool"))
+        free.map(|free| of(free.ppm, free.sd_ppm, &lengths)).or_else(|| {
+            Some(of(self.beside_others()?.ppm, self.prior_sd_ppm, "the other sessions of the pool"))
         })
     }
 }
@@ -201,8 +195,7 @@ impl ScaleEvidence {
             length_rms_mm,
         };
         let scales: Vec<FreeScale> = (self.lengths..mean.len()).map(free).collect();
-        let sound = |free: &FreeScale| free.ppm.is_finite() && free.sd_ppm.is_finite();
-        scales.iter().all(sound).then_some(scales)
+        scales.iter().all(|free| free.ppm.is_finite() && free.sd_ppm.is_finite()).then_some(scales)
     }
 }
 

@@ -216,8 +216,7 @@ impl Slope {
 fn robust_weights(problem: &Problem<'_>, loss: Loss, norms: &[f64]) -> Vec<f64> {
     let mut sources: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (place, own) in problem.observations().iter().enumerate() {
-        let key = (own.source, Numbers::of(own.measured.kind()));
-        sources.entry(key).or_default().push(place);
+        sources.entry((own.source, Numbers::of(own.measured.kind()))).or_default().push(place);
     }
     let mut weights = vec![1.0; norms.len()];
     for ((_, numbers), places) in sources {

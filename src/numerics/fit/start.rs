@@ -104,8 +104,7 @@ fn far(arm: &Arm, observations: &[Observation], session: usize, near: &Frames) -
         let place = found.map_or(near.isometry().translation, |found| found.target_mm.into());
         Transform::claim(Isometry3::from_parts(place, turn(arm, &seen, &bases)))
     });
-    let targets = targets.collect();
-    let found = Frames::new(bases.clone(), targets);
+    let found = Frames::new(bases.clone(), targets.collect());
     found.map_or_else(|| near.clone(), |found| found.seeing(near.sees()))
 }
 
@@ -140,8 +139,7 @@ fn aligned(
     });
     let places = places.collect::<Result<Vec<_>, _>>()?;
     let sees: Vec<Sees> = starts.iter().map(|start| start.sees).collect();
-    let frames = Frames::new(bases, places).expect("at least one of each is asked for");
-    Ok(frames.seeing(&sees))
+    Ok(Frames::new(bases, places).expect("at least one of each is asked for").seeing(&sees))
 }
 
 struct Start {
@@ -161,8 +159,7 @@ fn start(
 ) -> Result<Start, FitError> {
     let mut readings = own.iter().filter(|o| o.source == source);
     let kinds = readings.clone().map(|o| o.measured.kind());
-    let is_place = |kind: ReadingKind| !kind.is_length();
-    if kinds.clone().any(is_place) {
+    if kinds.clone().any(|kind| !kind.is_length()) {
         return Ok(Start {
             sees: Sees::Places,
             base: base(arm, own, session, source)?,
@@ -186,8 +183,7 @@ fn length(
 ) -> Result<Start, FitError> {
     let mut of_targets: BTreeMap<TargetId, Vec<&Observation>> = BTreeMap::new();
     for observation in own.iter().filter(|o| o.source == source) {
-        let seen = of_targets.entry(observation.target).or_default();
-        seen.push(observation);
+        of_targets.entry(observation.target).or_default().push(observation);
     }
     let most = of_targets.into_iter().rev().max_by_key(|(_, own)| own.len());
     let (target, own) = most.unwrap_or((TargetId::MAIN, Vec::new()));
@@ -200,8 +196,7 @@ fn length(
     if own.len() < LEAST_LENGTHS {
         return Err(too_few);
     }
-    let flanges = flanges(arm, &own);
-    let seen = own.iter().zip(flanges).filter_map(|(o, flange)| {
+    let seen = own.iter().zip(flanges(arm, &own)).filter_map(|(o, flange)| {
         let mm = o.measured.length()?.mm;
         Some(SeenAt { flange, mm })
     });
@@ -249,8 +244,7 @@ fn base(
     let mut of_targets: BTreeMap<TargetId, Vec<(&Observation, Point3<f64>)>> = BTreeMap::new();
     for observation in observations.iter().filter(|o| o.source == source) {
         if let Some(point) = observation.point() {
-            let seen = of_targets.entry(observation.target).or_default();
-            seen.push((observation, point.position));
+            of_targets.entry(observation.target).or_default().push((observation, point.position));
         }
     }
     // Of equally many the first target, so that the order of observations does not matter.
@@ -264,9 +258,8 @@ fn base(
             needed: LEAST_STATIONS,
         });
     }
-    let flanges = flanges(arm, &own);
     let origins: Vec<Point3<f64>> =
-        flanges.iter().map(|f| Point3::from(f.translation.vector)).collect();
+        flanges(arm, &own).iter().map(|f| Point3::from(f.translation.vector)).collect();
     let spread_mm = spread(&measured).min(spread(&origins));
     if spread_mm < LEAST_SPREAD_MM {
         return Err(FitError::Degenerate { session, spread_mm });

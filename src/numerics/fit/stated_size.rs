@@ -103,11 +103,9 @@ pub fn found(
     channels.into_iter().filter_map(of).collect()
 }
 
-/// The mean of the sizes of one source over sessions, by what each of them tells: for sessions of the same instrument that do not determine
-/// one themselves.
+/// Mean size of one source over sessions, by what each tells: for sessions of the same instrument that do not determine one.
 pub fn mean(found: &[FoundSize], source: SourceId) -> Option<StatedSize> {
-    let own = found.iter().filter(|own| own.source == source);
-    let own: Vec<&FoundSize> = own.collect();
+    let own: Vec<&FoundSize> = found.iter().filter(|own| own.source == source).collect();
     let of = |part: fn(&StatedSize) -> f64| {
         let (mut sum, mut weights) = (0.0, 0.0);
         for own in &own {
@@ -160,8 +158,7 @@ fn scored(rows: &[Row], factors: Factors) -> Option<(At, [f64; 2])> {
         let last = gradient.len() - 1;
         let at_zero = at.arm_mm2 <= LEAST_MM2 && gradient[last] <= 0.0;
         let free = if at_zero { last } else { last + 1 };
-        let own = information.view((0, 0), (free, free)).into_owned();
-        let inverse = conditioned(&own)?;
+        let inverse = conditioned(&information.view((0, 0), (free, free)).into_owned())?;
         let step = &inverse * gradient.rows(0, free);
         let moved = at.moved(&step);
         if moved < CONVERGED {
@@ -215,8 +212,7 @@ impl At {
 
     fn sized(&self, row: &Row) -> DMatrix<f64> {
         let [position, orientation] = self.factors();
-        let size = StatedSize { position, orientation };
-        with_factors(&row.stated, size)
+        with_factors(&row.stated, StatedSize { position, orientation })
     }
 
     fn derivatives(&self, row: &Row) -> Vec<DMatrix<f64>> {

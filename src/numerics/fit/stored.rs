@@ -40,8 +40,7 @@ impl StoredModels {
         self.restored(arm, observations, settings, StoredFull::model)
     }
 
-    /// [`Self::models`] for their predictions alone: covariances of the full error model are those before its training, and no rows are
-    /// summed for them.
+    /// [`Self::models`] for predictions alone: covariances of the full error model are those before training, no rows are summed.
     pub fn predicting(
         self,
         arm: &Arm,

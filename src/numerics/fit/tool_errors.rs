@@ -34,8 +34,7 @@ impl<'m> ToolErrors<'m> {
 
     /// Attained minus commanded position of the tool point in the base frame, mm.
     pub fn error(&self, joints: &[f64]) -> Result<Vector3<f64>, Gap> {
-        let axes = self.error_frame.arm().axes(joints);
-        let tool = self.model.position(&self.at(&axes))?;
+        let tool = self.model.position(&self.at(&self.error_frame.arm().axes(joints)))?;
         Ok(self.in_error_frame(joints, &tool))
     }
 
@@ -49,26 +48,16 @@ impl<'m> ToolErrors<'m> {
         many.par_iter().zip(tools).map(in_error_frame).collect()
     }
 
-    /// [`Self::error`] with the covariance of what one visit attains by a command used in another session, mm²: that of the error, and
-    /// [`Self::visit`].
-    pub fn error_with_covariance(&self, joints: &[f64]) -> Result<ErrorWithCovariance, Gap> {
-        let mut one = self.some(&[joints]);
-        one.remove(0)
-    }
-
-    /// [`Self::error_with_covariance`] at many joint angles, on all cores; a model's covariance of some together costs far less than of
-    /// each.
+    /// [`Self::errors`] with the covariance of what one visit attains by a command used in another session, mm²: that of the error, and
+    /// [`Self::visit`]. A model's covariance of some together costs far less.
     pub fn errors_with_covariance(&self, many: &[&[f64]]) -> Vec<Result<ErrorWithCovariance, Gap>> {
-        let parts = many.par_chunks(TOGETHER).map(|some| self.some(some));
-        let parts: Vec<Vec<_>> = parts.collect();
+        let parts: Vec<Vec<_>> = many.par_chunks(TOGETHER).map(|some| self.some(some)).collect();
         parts.into_iter().flatten().collect()
     }
 
     fn some(&self, some: &[&[f64]]) -> Vec<Result<ErrorWithCovariance, Gap>> {
-        let predict = |joints: &&[f64]| {
-            let axes = self.error_frame.arm().axes(joints);
-            self.model.predict(&self.at(&axes))
-        };
+        let predict =
+            |joints: &&[f64]| self.model.predict(&self.at(&self.error_frame.arm().axes(joints)));
         let predicted: Vec<Result<Prediction, Gap>> = some.iter().map(predict).collect();
         let sound: Vec<&Prediction> =
             predicted.iter().filter_map(|own| own.as_ref().ok()).collect();

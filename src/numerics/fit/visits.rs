@@ -95,16 +95,14 @@ impl Firsts {
         let own = self.slice(dwell);
         let near = (own - 1..=own + 1).filter_map(|slice| self.found.get(&slice));
         let alike = near.flatten().filter(|first| is_alike(&dwells[**first], dwell));
-        let first = alike.min().copied();
-        first.unwrap_or_else(|| {
+        alike.min().copied().unwrap_or_else(|| {
             self.add(dwells, place);
             place
         })
     }
 
     fn add(&mut self, dwells: &[Dwell<'_>], place: usize) {
-        let slice = self.slice(&dwells[place]);
-        self.found.entry(slice).or_default().push(place);
+        self.found.entry(self.slice(&dwells[place])).or_default().push(place);
     }
 
     #[expect(

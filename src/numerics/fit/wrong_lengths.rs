@@ -1,5 +1,4 @@
-//! Wrong numbers among readings of one length: a slip of the pen, a wire that slipped, a beam on something else. They are named and not
-//! fitted.
+//! Wrong numbers among readings of one length: a slip of the pen, a slipped wire, a beam on something else. They are named, not fitted.
 //!
 //! Inputs: the observations of all sessions. Output: readings that are too far from what all others predict. Steps:
 //! 1. geometry, frames, anchors and planes are fitted with Cauchy's loss, so that wrong numbers do not pull them;
@@ -92,14 +91,12 @@ fn far(observations: &[Observation], fitted: &Calibration) -> Vec<WrongLength> {
     let mut left: BTreeMap<(usize, SourceId), Vec<(usize, f64)>> = BTreeMap::new();
     for (place, own) in observations.iter().enumerate() {
         if let Some(away_mm) = left_mm(own, fitted) {
-            let key = (own.session, own.source);
-            left.entry(key).or_default().push((place, away_mm));
+            left.entry((own.session, own.source)).or_default().push((place, away_mm));
         }
     }
-    let far = left.iter().filter_map(|((_, source), own)| {
-        let shrunk = shrunk(fitted, *source)?;
-        Some(far_of_one(own, shrunk))
-    });
+    let far = left
+        .iter()
+        .filter_map(|((_, source), own)| Some(far_of_one(own, shrunk(fitted, *source)?)));
     far.flatten().collect()
 }
 

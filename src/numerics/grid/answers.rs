@@ -63,8 +63,7 @@ impl Answers {
             return;
         };
         let predicted = |interpolated| {
-            let error = model.error(&station.joints);
-            Ok((interpolated, Some(error.map_err(|gap| gap.refusal())?)))
+            Ok((interpolated, Some(model.error(&station.joints).map_err(|gap| gap.refusal())?)))
         };
         self.add(station, found.and_then(predicted));
     }

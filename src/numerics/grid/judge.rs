@@ -31,8 +31,7 @@ pub struct HeldOut {
     /// Norms by pose of the errors of these stations with between-session variation, the same number for each; empty where
     /// that variation is not known, and in a row of steps, which keeps the bound they have.
     pub between_sessions: PoseErrors,
-    /// Norm of the errors that the model itself leaves on the same stations, without any grid, mm; empty for measured
-    /// nodes.
+    /// Norm of the errors that the model leaves on the same stations, without any grid, mm; empty for measured nodes.
     pub direct: Vec<f64>,
     /// Norms by pose of the errors that the model itself leaves there, for its bound; empty for measured nodes.
     pub direct_by_pose: PoseErrors,
@@ -186,8 +185,7 @@ pub(super) fn local_cells(
             };
             let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>()?;
             let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
-            let is_one = on_one_branch(&slices, reach.counted());
-            is_one.then_some(vertices).ok_or(Refusal::Branches)
+            on_one_branch(&slices, reach.counted()).then_some(vertices).ok_or(Refusal::Branches)
         };
         let mirrored = |axes: usize| {
             let of = |axis: usize, f: f64| if axes >> axis & 1 == 1 { 1.0 - f } else { f };
@@ -215,8 +213,7 @@ pub(super) fn left_by_model(
     folds: &[ToolErrors<'_>],
 ) -> Result<Vec<Vector3<f64>>, Refusal> {
     let left = |own: &&GridStation| {
-        let error = folds[own.fold].error(&own.joints);
-        Ok(own.error - error.map_err(|gap| gap.refusal())?)
+        Ok(own.error - folds[own.fold].error(&own.joints).map_err(|gap| gap.refusal())?)
     };
     stations.par_iter().map(left).collect()
 }
@@ -306,8 +303,7 @@ pub fn by_nodes(
 
 /// The model's error at every node.
 pub fn node_errors(grid: &PlacedGrid, model: &ToolErrors<'_>) -> Vec<NodeError> {
-    let nodes = (0..grid.nodes.len()).collect();
-    errors_at(grid, nodes, model).into_values().collect()
+    errors_at(grid, (0..grid.nodes.len()).collect(), model).into_values().collect()
 }
 
 /// The model's error at some nodes, by their numbers.

@@ -79,8 +79,7 @@ pub struct InCell {
     pub fraction: Vector3<f64>,
 }
 
-/// A point this close to the box's rim, in pitches, counts as on it, and a step that fits so nearly into the box counts as fitting:
-/// commands carry rounding.
+/// A point this close to the rim, in pitches, counts as on it, and a step that fits so nearly as fitting: commands carry rounding.
 const RIM: f64 = 1e-6;
 /// Coordinates nearer to each other than this are one plane, mm: commands carry rounding, and no grid is this fine.
 pub(super) const PLANE_MM: f64 = 1.0;
@@ -115,8 +114,7 @@ impl Lattice {
 
     /// The lattice that divides `bounds` into so many equal cells along each axis, one at least.
     pub fn of_cells(bounds: &WorkBox, cells: [usize; 3]) -> Result<Self, NoLattice> {
-        let flat = (0..3).find(|&axis| bounds.size(axis) < PLANE_MM);
-        match flat {
+        match (0..3).find(|&axis| bounds.size(axis) < PLANE_MM) {
             Some(axis) => {
                 Err(NoLattice::Flat { axis: ['x', 'y', 'z'][axis], size_mm: bounds.size(axis) })
             }

@@ -42,8 +42,7 @@ pub enum NotOnGrid {
 const ONE_ORIENTATION_RAD: f64 = 0.02;
 
 impl MeasuredGrid {
-    /// The grid that `stations` were measured on. `counted` has the radians that one unit of each joint's variable counts as; empty
-    /// where all are angles.
+    /// The grid that `stations` are on. `counted`: radians that one unit of each joint's variable counts as; empty: all are angles.
     pub fn of(stations: &[GridStation], counted: &[f64]) -> Result<Self, NotOnGrid> {
         let axes: Vec<_> = (0..3).map(|axis| planes(stations, axis)).collect::<Result<_, _>>()?;
         let lattice = Lattice {
@@ -143,8 +142,7 @@ pub struct Decimated {
 }
 
 impl Decimated {
-    /// Adds the answer of this grid, which is number `sample` of several, at the station at `place`; visits of its own nodes take
-    /// no part.
+    /// Adds the answer of this grid, number `sample` of several, at the station at `place`; visits of its own nodes take no part.
     fn add(
         &self,
         answers: &mut Answers,

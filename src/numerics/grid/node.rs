@@ -33,8 +33,7 @@ pub struct GridStation {
     pub error: Vector3<f64>,
     /// The fold that holds it out.
     pub fold: usize,
-    /// Changes of its error that another session may bring, mm: several, all equally likely; empty where they are not
-    /// known.
+    /// Changes of its error that another session may bring, mm: several, all equally likely; empty where not known.
     pub between_sessions: Vec<Vector3<f64>>,
 }
 
@@ -129,8 +128,7 @@ impl<'a> Reach<'a> {
         })
     }
 
-    /// Joint angles for a tool pose, in the arm configuration of `seed`; the error states how far from reachable the pose
-    /// is.
+    /// Joint angles for a tool pose, in the configuration of `seed`; the error states how far from reachable the pose is.
     pub fn solve(&self, pose: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
         self.inverse.joints(pose, seed)
     }
@@ -183,8 +181,7 @@ pub struct PlacedGrid {
 }
 
 impl PlacedGrid {
-    /// Places nodes by inverse kinematics seeded at the nearest of `stations` (all of one arm configuration): every node, or `some` by
-    /// their numbers.
+    /// Places nodes by inverse kinematics seeded at the nearest of `stations` (of one configuration): every node, or `some` by number.
     pub fn new(
         reach: &Reach<'_>,
         lattice: Lattice,

@@ -290,8 +290,7 @@ impl Judging<'_> {
         interpolations.flat_map(both).collect()
     }
 
-    /// The session's own grid, the number of its pitches in the step along each axis, and the grid of the nodes that lie so far apart; or
-    /// why there is none.
+    /// The session's grid, its pitches in the step along each axis, and the grid of nodes so far apart; or why there is none.
     fn decimated(&self, step_mm: f64) -> Result<(&MeasuredGrid, [usize; 3], Decimated), String> {
         let own = self.own.as_ref();
         let own = own.map_err(|reason| format!("the session is not on a grid: {reason}"))?;
@@ -468,8 +467,7 @@ pub(super) fn combine(judged: &mut [Judged], tolerance: &Tolerance, guard_mm: f6
         let (bound, model_bound) = (local.bound, local.model_bound);
         let counted = local.held_out.counted();
         let table = &mut judged[row];
-        let is_larger = |own: f64| bound.is_none_or(|bound| bound > own);
-        if table.bound.is_some_and(is_larger) {
+        if table.bound.is_some_and(|own| bound.is_none_or(|bound| bound > own)) {
             table.bound = bound;
             table.model_bound = model_bound;
             table.decided_by = Judgement::LocalCell;

@@ -91,8 +91,7 @@ impl GridSettings {
         let tolerance_rad = self.orientation_tolerance_deg.to_radians();
         let near =
             |station: &&&GridStation| station.orientation.angle_to(&orientation) <= tolerance_rad;
-        // A session of many orientations has few stations near any one: then its box is around all stations of the
-        // configuration.
+        // A session of many orientations has few stations near one: then its box is around all of the configuration.
         let alike: Vec<&GridStation> = own.iter().filter(near).copied().collect();
         let alike = if 2 * alike.len() >= own.len() { alike } else { own.clone() };
         let positions: Vec<_> = alike.iter().map(|station| station.position).collect();
@@ -113,8 +112,7 @@ impl GridPlan {
     pub(super) fn lattice(&self, step_mm: f64, steps_mm: &[f64]) -> Result<Lattice, NotJudged> {
         let lattice = Lattice::new(&self.bounds, step_mm)?;
         let is_same = |other: &f64| Lattice::new(&self.bounds, *other).is_ok_and(|o| o == lattice);
-        let least_mm = steps_mm.iter().copied().filter(is_same);
-        let least_mm = least_mm.fold(step_mm, f64::min);
+        let least_mm = steps_mm.iter().copied().filter(is_same).fold(step_mm, f64::min);
         if least_mm < step_mm {
             return Err(NotJudged::SamePitches { judged_mm: least_mm, pitch_mm: lattice.step });
         }

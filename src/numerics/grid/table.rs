@@ -68,8 +68,7 @@ impl Table {
     /// The error at a point from the nodes around it, mm; `None` outside the table, or why its cell cannot serve.
     fn error_at(&self, point: &Point3<f64>) -> Option<Result<Vector3<f64>, Refusal>> {
         let cell = self.lattice.locate(point)?;
-        let nodes = cell.vertices.map(|vertex| &self.nodes[vertex]);
-        Some(self.interpolated(&nodes, &cell))
+        Some(self.interpolated(&cell.vertices.map(|vertex| &self.nodes[vertex]), &cell))
     }
 
     fn interpolated(
@@ -112,12 +111,10 @@ fn model_nodes(
     progress.end();
     let mut error = |joints: &Result<Vec<f64>, Refusal>| {
         joints.as_ref().map_err(|refusal| *refusal)?;
-        let own = errors.next().unwrap_or(Err(Gap::NoJoints));
-        own.map_err(|gap| gap.refusal())
+        errors.next().unwrap_or(Err(Gap::NoJoints)).map_err(|gap| gap.refusal())
     };
     let errors: Vec<_> = grid.nodes.iter().map(|node| error(&node.joints)).collect();
-    let nodes = grid.nodes.into_iter().zip(errors);
-    let nodes = nodes.map(|(node, error)| TableNode {
+    let nodes = grid.nodes.into_iter().zip(errors).map(|(node, error)| TableNode {
         error,
         joints: node.joints,
         nearest_mm: node.nearest_mm,

@@ -106,6 +106,5 @@ fn write<S: Serializer>(values: &[f64], to: S) -> Result<S::Ok, S::Error> {
 }
 
 fn numbers<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f64>, D::Error> {
-    let bits = Vec::<u64>::deserialize(from)?;
-    Ok(bits.into_iter().map(f64::from_bits).collect())
+    Ok(Vec::<u64>::deserialize(from)?.into_iter().map(f64::from_bits).collect())
 }

@@ -199,11 +199,9 @@ pub fn find(comparison: &Comparison, hypotheses: &[Hypothesis]) -> (Vec<Asked>, 
         Asked { hypothesis, alone, remainder: alone.remainder(all) }
     };
     let asked: Vec<Asked> = hypotheses.iter().map(asked).collect();
-    let least = asked.iter().map(|asked| asked.alone.p_value());
-    let least = least.fold(1.0, f64::min);
+    let least = asked.iter().map(|asked| asked.alone.p_value()).fold(1.0, f64::min);
     if least * hypotheses.len() as f64 >= FALSE_ALARM {
         return (asked, Finding::Nothing);
     }
-    let finding = test_of_all.moved();
-    (asked, finding)
+    (asked, test_of_all.moved())
 }

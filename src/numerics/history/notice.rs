@@ -101,8 +101,7 @@ fn moved(arm: &Arm, pose: &Differential, target: &Isometry3<f64>, column: &Colum
         // A deflection is of some joint: as if of the one that moves the point most.
         Column::Gravity(_) | Column::SlideGravity(_) => {
             let longest = |a: &Vector3<f64>, b: &Vector3<f64>| a.norm().total_cmp(&b.norm());
-            let each = pose.joints.iter().map(by);
-            each.max_by(longest).unwrap_or_default()
+            pose.joints.iter().map(by).max_by(longest).unwrap_or_default()
         }
     }
 }

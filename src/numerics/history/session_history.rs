@@ -66,8 +66,7 @@ impl SessionHistory {
     ) -> Judged {
         let (pool, against, settles) = self.settled(pool, own, noticed);
         let (known, anew) = without_parts_set_up_anew(&pool, own);
-        let comparison = Comparison::new(&known, own);
-        let judged = tested(&comparison, noticed);
+        let judged = tested(&Comparison::new(&known, own), noticed);
         let moved = judged.finding.parts();
         let kept = forgetting(&known, &moved);
         self.before = (!moved.is_empty()).then(|| (known.clone(), against));
@@ -87,8 +86,7 @@ impl SessionHistory {
     ) -> (Estimate, usize, Option<bool>) {
         let Some((before, count)) = self.before.take() else { return (pool, self.pooled, None) };
         let (known, _) = without_parts_set_up_anew(&before, own);
-        let comparison = Comparison::new(&known, own);
-        if tested(&comparison, noticed).finding == Finding::Nothing {
+        if tested(&Comparison::new(&known, own), noticed).finding == Finding::Nothing {
             (before, count, Some(false))
         } else {
             (pool, self.pooled, Some(true))

@@ -151,8 +151,7 @@ fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> 
 /// The least number of poses that can show the promise's share with its confidence.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of stations")]
 fn needed(promise: &Promise) -> usize {
-    let coverage = Coverage { share: promise.share, confidence: promise.confidence };
-    least_count(coverage) as usize
+    least_count(Coverage { share: promise.share, confidence: promise.confidence }) as usize
 }
 
 impl fmt::Display for TableState {

@@ -92,8 +92,7 @@ impl JointAngles {
 
     /// Multiplies each joint's value in the rows from `first` on by its factor.
     pub(super) fn scale_from(&mut self, first: usize, factors: &[f64]) {
-        let changes = |&factor: &f64| (factor - 1.0).abs() > 0.0;
-        if !factors.iter().any(changes) {
+        if !factors.iter().any(|&factor| (factor - 1.0).abs() > 0.0) {
             return;
         }
         let places = self.places(first..self.len());

@@ -133,8 +133,7 @@ impl Amendments {
         steps.chain(silent)
     }
 
-    /// Changes the stamps of a block's rows: `first` is the number of its first row in the file. Rows whose stamps are no times get
-    /// `i64::MIN`.
+    /// Changes the stamps of a block's rows: `first` is its first row's number in the file. Rows without a time get `i64::MIN`.
     pub(super) fn amend(
         &self,
         (file, topic, clock): (&str, &str, SpanClock),

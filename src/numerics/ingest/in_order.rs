@@ -1,5 +1,4 @@
-//! One stream's decoded rows, block by block in the order of the files → its samples in order of time, while the logs are
-//! read.
+//! One stream's decoded rows, block by block in order of the files → its samples in order of time, while logs are read.
 //!
 //! 1. The rows of a block are judged and those kept are buffered, in the crate's units ([`Buffer`]).
 //! 2. The earliest samples are emitted, a piece at a time; the latest stay buffered, so that a stamp that goes back can
@@ -196,18 +195,15 @@ impl<B: Buffer> InOrder<B> {
         self.emit(|own| own.buffer.stamps().len(), &mut emit);
         let mut amendments = Amendments { wrapped: self.buffer.wrapped(), ..Amendments::default() };
         for file in &self.files {
-            let found = file.runs.found(&file.name, &self.topic, self.buffer.clock());
-            amendments.extend(found);
+            amendments.extend(file.runs.found(&file.name, &self.topic, self.buffer.clock()));
         }
         let silent = self.publishers.silent().cloned();
         amendments.silent.extend(silent.map(|content| (self.topic.clone(), content)));
         let files = self.files_by_time();
         let by_time: Vec<Span> = files.iter().filter_map(|file| file.span).collect();
-        let back = |pair: &&[Span]| pair[1].first < pair[0].last;
-        let backward = by_time.windows(2).filter(back).count();
-        let names = files.iter().map(|file| file.name.clone()).collect();
+        let backward = by_time.windows(2).filter(|pair| pair[1].first < pair[0].last).count();
         StreamSummary {
-            files: names,
+            files: files.iter().map(|file| file.name.clone()).collect(),
             counts: StreamCounts {
                 backward_stamps: self.counts.backward_stamps + backward as u64,
                 ..self.counts

@@ -19,8 +19,7 @@ pub struct PoseSamples<C> {
     pub covariances: Option<Vec<PoseCovariance>>,
 }
 
-/// Commanded tool poses, as the controller stated them: poses of the tool point in the command frame. They have no
-/// covariances.
+/// Commanded tool poses as the controller stated them: of the tool point in the command frame, without covariances.
 pub type CommandSamples = PoseSamples<Controller>;
 /// Readings of the measured target, in the tracker frame.
 pub type TargetReadings = PoseSamples<Tracker>;
@@ -77,21 +76,17 @@ impl<C: Debug + Send + Sync> Poses<C> for PoseSamples<C> {
 
     fn read(&self, rows: Range<usize>) -> Result<Self, PosesError> {
         fn of<T: Copy>(column: &[T], rows: &Range<usize>) -> Result<Vec<T>, PosesError> {
-            let part = column.get(rows.clone()).map(<[T]>::to_vec);
-            part.ok_or_else(PosesError::too_short)
+            column.get(rows.clone()).map(<[T]>::to_vec).ok_or_else(PosesError::too_short)
         }
-        let orientations = self.orientations.as_ref();
-        let covariances = self.covariances.as_ref();
         Ok(Self {
             stamps: of(&self.stamps, &rows)?,
             positions: of(&self.positions, &rows)?,
-            orientations: orientations.map(|all| of(all, &rows)).transpose()?,
-            covariances: covariances.map(|all| of(all, &rows)).transpose()?,
+            orientations: self.orientations.as_ref().map(|all| of(all, &rows)).transpose()?,
+            covariances: self.covariances.as_ref().map(|all| of(all, &rows)).transpose()?,
         })
     }
 
     fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError> {
-        let stamp = self.stamps.get(row).copied();
-        stamp.ok_or_else(PosesError::too_short)
+        self.stamps.get(row).copied().ok_or_else(PosesError::too_short)
     }
 }

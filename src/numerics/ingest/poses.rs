@@ -28,8 +28,7 @@ pub(super) fn fault(
     (reads_something && zero).then_some(RowFault::ZeroQuaternion)
 }
 
-/// Makes readings that are not numbers, as some instruments log while the beam is lost, the zeros that others log: the join has to see
-/// and count them.
+/// Makes readings that are no numbers, as some instruments log at a lost beam, the zeros that others log: the join counts them.
 pub(super) fn zero_lost(block: &mut DecodedPoses) {
     for row in 0..block.positions.len() {
         if !block.positions[row].iter().any(|x| x.is_nan()) {
@@ -53,8 +52,7 @@ pub(super) fn scale<const N: usize>(column: &mut [[f64; N]], factor: f64) {
 
 /// Normalises the quaternions; returns how many had a norm that differs from 1 by more than a thousandth.
 pub(super) fn normalise_all(column: &mut [[f64; 4]]) -> u64 {
-    let norms = column.iter_mut().filter_map(normalise);
-    norms.filter(|norm| (norm - 1.0).abs() > 1e-3).count() as u64
+    column.iter_mut().filter_map(normalise).filter(|norm| (norm - 1.0).abs() > 1e-3).count() as u64
 }
 
 /// Normalises a quaternion and returns its norm before; a zero quaternion becomes the identity and gives `None`.

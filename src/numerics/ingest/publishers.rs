@@ -42,8 +42,7 @@ pub(super) struct Publishers {
 }
 
 impl Publishers {
-    /// Takes samples in order of time, with the content of each; one that leaves those around it by more than `jump` and comes back is
-    /// another publisher's.
+    /// Takes samples in order of time with their content; one further than `jump` from those around it is another publisher's.
     pub fn push<'b>(&mut self, stamps: &[i64], content: impl Fn(usize) -> &'b [f64], jump: f64) {
         self.samples += stamps.len() as u64;
         for row in 1..stamps.len().saturating_sub(1) {

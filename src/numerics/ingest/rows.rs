@@ -24,8 +24,7 @@ impl RowFault {
         (!finite).then_some(Self::Angle)
     }
 
-    /// Whether any row of joint angles has a fault. It tests all exponents at once: only the exponents of infinities and
-    /// NaN are all ones.
+    /// Whether any row of angles has a fault, by all exponents at once: only those of infinities and NaN are all ones.
     pub(super) fn in_angles(angles: &JointAngles) -> bool {
         const EXPONENT: u64 = 0x7FF << 52;
         const CARRY: u64 = 1 << 52;

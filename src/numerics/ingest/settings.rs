@@ -68,16 +68,14 @@ pub struct TrackerSettings {
     pub fields: PoseFields,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
-    /// The targets at the flange, the main one first, where there are several or one is told by its name; otherwise all readings are of
-    /// one.
+    /// The targets at the flange, the main first, where there are several or one is told by its name; else all readings are of one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub targets: Vec<LoggedTarget>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub references: Vec<LoggedReference>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lengths: Vec<LoggedLength>,
-    /// Whether the readings are of a camera on the flange, which measures a target in the cell: they are inverted. `[tracker] camera`
-    /// states it.
+    /// Whether readings are of a camera on the flange, which measures a target in the cell: they are inverted (`[tracker] camera`).
     #[serde(skip)]
     pub eye_in_hand: bool,
 }

@@ -94,14 +94,12 @@ impl StreamSummary {
             let of_topic = reject.topic.as_ref().is_none_or(|of| *of == topic);
             of_topic && self.files.contains(&reject.file)
         };
-        let undecoded = undecoded.iter().filter(of_stream);
-        let first = self.rejects.iter().chain(undecoded).next();
-        let first_reason = first.map(|reject| format!(": {}", reject.reason));
+        let first = self.rejects.iter().chain(undecoded.iter().filter(of_stream)).next();
         Err(IngestError::NoSamples {
             file,
             topic,
             decoded,
-            first_reason: first_reason.unwrap_or_default(),
+            first_reason: first.map(|reject| format!(": {}", reject.reason)).unwrap_or_default(),
         })
     }
 

@@ -129,8 +129,7 @@ fn changes(dwells: Dwells, pairs: usize) -> Vec<Change> {
         supported(dwells, offset_s, near.map_or(best, |(_, placement)| placement), reach_mm)
     });
     let supported: Vec<Vec<Option<Pair>>> = supported.collect();
-    let path = best_path(&supported, dwells.target.len());
-    let explained: Vec<(usize, Pair)> = path
+    let explained: Vec<(usize, Pair)> = best_path(&supported, dwells.target.len())
         .iter()
         .enumerate()
         .filter_map(|(target, &own)| Some((own, supported[own][target]?)))

@@ -46,8 +46,7 @@ pub(super) fn in_force(
     // Of equally good rules the first is kept: a wrong one places commands a whole move away.
     let mut best: Option<(f64, Placement, &Vec<Option<Stated>>)> = None;
     for rule in [&by_end, &by_middle, &by_start] {
-        let placed = placed(dwells, rule);
-        if let Some((median_mm, placement)) = placed
+        if let Some((median_mm, placement)) = placed(dwells, rule)
             && best.as_ref().is_none_or(|(least, ..)| 2.0 * median_mm < *least)
         {
             best = Some((median_mm, placement, rule));
@@ -59,8 +58,7 @@ pub(super) fn in_force(
             let near = |(dwell, stated): (&Occasion, &Option<Stated>)| {
                 stated.filter(|stated| placement.distance_mm(&reading(dwell, stated)) <= reach_mm)
             };
-            let near = dwells.iter().zip(rule).map(near);
-            near.map(|stated| stated.map(Command::from)).collect()
+            dwells.iter().zip(rule).map(near).map(|stated| stated.map(Command::from)).collect()
         }
         _ => by_end.into_iter().map(|stated| stated.map(Command::from)).collect(),
     })

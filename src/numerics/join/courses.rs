@@ -1,10 +1,9 @@
 //! The references of a session are followed, and their motion is taken out of the readings of its targets. Rows of a table (`join::tabled`)
 //! and readings of logs (`join::logged_references`) become the same looks.
 //!
-//! References on the base show the base itself and are taken where they tell all six motions; otherwise those on the floor, which
-//! show the instrument, where they do. A reading stays out where the motion at its station is not known: between the two looks
-//! that a bump is between, at a station where all references were elsewhere, and in the smaller parts of a session that nothing
-//! ties to its largest.
+//! References on the base show it and are taken where they tell all six motions; otherwise those on the floor, which show the
+//! instrument, where they do. A reading stays out where the motion at its station is not known: between the looks around a bump,
+//! at a station where all references were elsewhere, and in the smaller parts of a session that nothing ties to its largest.
 //!
 //! Lengths stay as they are. Floor references show the instrument of places, which reads no lengths. Beside references on the base
 //! only instruments that stand on the base too are allowed: in its frame they do not move. One on the floor would, by as much as the
@@ -115,8 +114,7 @@ pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec
     read
 }
 
-/// The courses of the references on the base and of those on the floor, and the readings that were left out. None of them is taken out
-/// of readings yet.
+/// The courses of references on the base and on the floor, and the readings left out. None is taken out of readings yet.
 pub(super) fn courses(
     stops: &[Stop<'_>],
     references: &[(String, StandsOn)],
@@ -160,8 +158,7 @@ pub(super) fn taken_out(
     courses: &mut [ReferenceCourse],
     measured: impl Fn(usize) -> bool,
 ) -> Vec<(usize, Result<Motion, String>)> {
-    let taken = courses.iter().position(|own| own.followed.tells_turns);
-    let taken = taken.unwrap_or(0);
+    let taken = courses.iter().position(|own| own.followed.tells_turns).unwrap_or(0);
     let Some(course) = courses.get_mut(taken) else { return Vec::new() };
     course.is_taken_out = true;
     let main = main_part(course, measured);
@@ -216,8 +213,7 @@ fn alone(stops: &[Stop<'_>], stands: impl Fn(ReferenceId) -> bool, on: StandsOn)
     let own = stops.iter().flat_map(|stop| stop.references.iter().map(move |own| (stop, own)));
     let own = own.filter(|(_, own)| stands(own.reference));
     own.map(|(stop, own)| {
-        let code = RejectCode::Alone;
-        RowReject::of(RowItem::Reference, own.line, stop.row, code, reason.clone())
+        RowReject::of(RowItem::Reference, own.line, stop.row, RejectCode::Alone, reason.clone())
     })
     .collect()
 }
@@ -234,8 +230,7 @@ fn strays(course: &ReferenceCourse, stops: &[Stop<'_>]) -> Vec<RowReject> {
                 course.names[reference.0]
             );
             let line = own.map_or(stop.line, |own| own.line);
-            let code = RejectCode::Outlier;
-            Some(RowReject::of(RowItem::Reference, line, stop.row, code, reason))
+            Some(RowReject::of(RowItem::Reference, line, stop.row, RejectCode::Outlier, reason))
         }
         Event::Bump { .. } | Event::Shock { .. } | Event::Moved { .. } => None,
     };

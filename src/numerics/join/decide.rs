@@ -20,8 +20,7 @@ const FIT_PAIRS: usize = 250;
 const REACH: f64 = 6.0;
 /// Least reach, mm: no nominal arm agrees with a tracker better than this.
 const LEAST_REACH_MM: f64 = 0.5;
-/// A rival with this share of the winner's support and a residual no worse than this many times the winner's
-/// explains the session as well.
+/// A rival of this share of the winner's support and at most so many times its residual explains the session as well.
 const RIVAL_SUPPORT: f64 = 0.98;
 const RIVAL_RESIDUAL: f64 = 2.0;
 
@@ -59,8 +58,7 @@ fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
     let of_half = |rows: Range<usize>| {
         let half = Dwells { arm: dwells.arm, target: &dwells.target[rows.clone()] };
         let mut decision = decided(half, gate_mm).ok()?;
-        let support = decision.support.iter_mut();
-        support.for_each(|pair| pair.target += rows.start);
+        decision.support.iter_mut().for_each(|pair| pair.target += rows.start);
         let pairs = overlaps(dwells, decision.relation);
         let readings = pairs.iter().map(|&pair| reading(dwells, pair));
         let readings: Vec<ReadingAtFlange> = readings.collect();

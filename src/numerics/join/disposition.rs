@@ -98,8 +98,7 @@ impl Dispositions {
         if rows.is_empty() {
             return;
         }
-        let behind = self.runs.range(..=rows.end).next_back();
-        let behind = behind.map(|(_, &disposition)| disposition);
+        let behind = self.runs.range(..=rows.end).next_back().map(|(_, &disposition)| disposition);
         while let Some((&covered, _)) = self.runs.range(rows.clone()).next() {
             self.runs.remove(&covered);
         }

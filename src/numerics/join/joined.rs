@@ -33,9 +33,7 @@ pub struct Joined {
 
 impl Joined {
     pub fn paired(&self) -> usize {
-        let stations = self.stations.iter();
-        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
-        paired.count()
+        self.stations.iter().filter(|station| station.pairing == Pairing::Paired).count()
     }
 
     /// Takes the readings of a station for which `is_wrong` is true out of it; they count as unpaired and are named as rejects. A station

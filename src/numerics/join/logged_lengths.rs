@@ -97,8 +97,7 @@ impl<'a> Dwelling<'a> {
         let clock: &ClockModel = &joined.clock.model;
         let window = |station: &Station| {
             let arrival = clock.to_tracker(station.start);
-            let departure = clock.to_tracker(station.end);
-            [arrival, arrival.plus_ns(settle_ns), departure]
+            [arrival, arrival.plus_ns(settle_ns), clock.to_tracker(station.end)]
         };
         Self { windows: joined.stations.iter().map(window).collect(), settings }
     }
@@ -219,8 +218,7 @@ fn missing(own: &LengthReadings) -> Result<Vec<Range<usize>>, JoinError> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     for seen in pieces(&*own.readings) {
         let seen = seen?;
-        let rows = seen.rows.clone();
-        for row in rows.filter(|&row| !own.is_reading(seen.position(row)[0])) {
+        for row in seen.rows.clone().filter(|&row| !own.is_reading(seen.position(row)[0])) {
             match runs.last_mut() {
                 Some(run) if run.end == row => run.end += 1,
                 _ => runs.push(row..row + 1),

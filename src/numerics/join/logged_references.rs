@@ -114,8 +114,7 @@ impl<'a> Looking<'a> {
         let begun = self.dwells.partition_point(|(start, _)| *start <= at);
         let last = begun.checked_sub(1).and_then(|last| self.dwells.get(last));
         let behind_ns = last.map(|(_, end)| at.since_ns(*end).max(0));
-        let next = self.dwells.get(begun);
-        let before_ns = next.map(|(start, _)| start.since_ns(at));
+        let before_ns = self.dwells.get(begun).map(|(start, _)| start.since_ns(at));
         let near = |away_ns: Option<i64>| away_ns.filter(|away_ns| *away_ns <= NEAR_NS);
         match (near(behind_ns), near(before_ns)) {
             (Some(behind), before) if before.is_none_or(|before| behind <= before) => {
@@ -328,8 +327,7 @@ fn between_ns(clock: &ClockModel, runs: &[(u64, &Run)]) -> i64 {
     let starts = runs.iter().map(|(_, run)| run.start.ns());
     let ends = runs.iter().map(|(_, run)| run.end.ns());
     let (start, end) = (starts.min().unwrap_or(0), ends.max().unwrap_or(0));
-    let middle = Stamp::from_ns(i64::midpoint(start, end));
-    clock.to_controller(middle).ns()
+    clock.to_controller(Stamp::from_ns(i64::midpoint(start, end))).ns()
 }
 
 impl Look {

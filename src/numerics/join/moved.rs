@@ -143,8 +143,7 @@ pub(super) fn stretches(
 
 /// Whether nearly all readings agree with the arm under a placement, or in stretches with the base placed anew.
 pub(super) fn explains(readings: &[ReadingAtFlange], placement: &Placement, gate_mm: f64) -> bool {
-    let is_near = |own: &&ReadingAtFlange| placement.distance_mm(own) <= gate_mm;
-    let near = readings.iter().filter(is_near).count();
+    let near = readings.iter().filter(|own| placement.distance_mm(own) <= gate_mm).count();
     let moved = stretches(readings, placement, gate_mm);
     let moved: usize = moved.iter().map(|own| own.readings.len()).sum();
     (near + moved) as f64 >= EXPLAINED * readings.len() as f64
@@ -197,8 +196,7 @@ fn base_of(
     let to: Vec<Point3<f64>> = own().map(|own| Point3::from(own.attained)).collect();
     let from: Vec<Point3<f64>> = own().map(|own| at_base(own, placement)).collect();
     let base = align(&to, &from, &vec![1.0; to.len()])?;
-    let left = own().map(|own| away_mm(own, placement, &base));
-    let left: Vec<f64> = left.collect();
+    let left: Vec<f64> = own().map(|own| away_mm(own, placement, &base)).collect();
     (median(&left)? <= gate_mm).then_some(base)
 }
 

@@ -40,8 +40,7 @@ pub fn placed(readings: &[ReadingAtFlange], settings: &JoinSettings) -> Option<(
     let halves = [first, second].map(|half| {
         let (placement, gate_mm) = placed_by(half, settings)?;
         let is_sound = placement.median_mm(half) <= NOMINAL_MM;
-        let found = Some((placement, gate_mm));
-        found.filter(|_| is_sound && explains(readings, &placement, gate_mm))
+        Some((placement, gate_mm)).filter(|_| is_sound && explains(readings, &placement, gate_mm))
     });
     Some(halves.into_iter().flatten().next().unwrap_or(whole))
 }
@@ -92,8 +91,7 @@ impl Evidence<'_> {
         let seen = self.readings.between(window.start, window.end)?;
         let candidates = self.candidates(window);
         if candidates.is_empty() {
-            let why = self.why_nothing(window, &seen)?;
-            return Ok((Pairing::Unmeasured(why), None));
+            return Ok((Pairing::Unmeasured(self.why_nothing(window, &seen)?), None));
         }
         let predicted = self.placement.predict(&dwell.flange);
         let far = |index: usize| (self.target[index].position - predicted).norm() > self.gate_mm;
@@ -117,8 +115,7 @@ impl Evidence<'_> {
         }
         let reading = self.reading(&near, window, &seen, dispositions);
         let too_few = Pairing::Unmeasured(Unmeasured::TooFewReadings);
-        let pairing = reading.as_ref().map_or(too_few, |_| Pairing::Paired);
-        Ok((pairing, reading))
+        Ok((reading.as_ref().map_or(too_few, |_| Pairing::Paired), reading))
     }
 
     /// Whether a dwell of the target is in a stretch at which the instrument or the base stood elsewhere.
@@ -131,8 +128,7 @@ impl Evidence<'_> {
     /// The dwell from edge to edge: half a sample beyond the first and last stationary joint sample.
     fn window(&self, dwell: &ArmDwell) -> Window {
         let moment = |seconds: f64| {
-            let controller = self.clock.origin.plus_ns(round_ns(seconds * NS_PER_S));
-            self.clock.to_tracker(controller)
+            self.clock.to_tracker(self.clock.origin.plus_ns(round_ns(seconds * NS_PER_S)))
         };
         Window { start: moment(dwell.span.arrival_s()), end: moment(dwell.span.departure_s()) }
     }
@@ -169,8 +165,7 @@ impl Evidence<'_> {
         first..(stretch.last + 1).min(seen.rows.end).max(first)
     }
 
-    /// The rows from the first to the last reading of one group: noise and single bad readings break a stationary stretch, but
-    /// not the dwell.
+    /// Rows from first to last reading of one group: noise and single bad readings break a stationary stretch, not the dwell.
     fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
         let parts = near.iter().map(|&target| self.part(target, seen));
         parts.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(0..0)
@@ -245,11 +240,10 @@ impl Evidence<'_> {
 /// The temperature nearest in time; of two equally near the earlier one.
 pub(super) fn nearest(temperatures: &TemperatureSamples, moment: Stamp<Tracker>) -> Option<f64> {
     let after = temperatures.stamps.partition_point(|&stamp| stamp < moment);
-    let distance = |&index: &usize| temperatures.stamps[index].since_ns(moment).saturating_abs();
     [after.checked_sub(1), Some(after)]
         .into_iter()
         .flatten()
         .filter(|&index| index < temperatures.stamps.len())
-        .min_by_key(distance)
+        .min_by_key(|&index| temperatures.stamps[index].since_ns(moment).saturating_abs())
         .and_then(|index| temperatures.celsius.get(index).copied())
 }

@@ -25,8 +25,7 @@ const PLACES_PER_BLOCK: usize = 64;
 const RELATIONS: usize = 16;
 /// Relations closer than this in the middle of the session are the same, s.
 pub const SAME_S: f64 = 0.1;
-/// Moves are compared between neighbours, and between dwells further apart for sessions where neighbouring moves repeat (a
-/// grid's rows).
+/// Moves are compared between neighbours, and between dwells further apart where those repeat (a grid's rows).
 const LAGS: [usize; 2] = [1, 5];
 /// Prior standard deviation of the drift: oscillators are within 100 ppm.
 const DRIFT_PRIOR: f64 = 1e-4;
@@ -87,8 +86,7 @@ impl Ruler {
         }
     }
 
-    /// The comparison at the target, once it is roughly known in the flange frame: only the nominal arm's error (`median_mm`)
-    /// remains.
+    /// The comparison at the target, once roughly known at the flange: only the nominal arm's error (`median_mm`) remains.
     pub fn at_target(dwells: Dwells, target_mm: Vector3<f64>, median_mm: f64) -> Self {
         let point = |dwell: &ArmDwell| (dwell.flange * Point3::from(target_mm)).coords;
         let coarse_mm = 0.5 * usual_move_mm(dwells.target);
@@ -114,19 +112,16 @@ pub(super) fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
                 continue;
             }
             let relation = grow(dwells, block.clone(), offset_s);
-            let score = agreement(dwells, &overlaps(dwells, relation), ruler);
-            grown.push((score, relation));
+            grown.push((agreement(dwells, &overlaps(dwells, relation), ruler), relation));
         }
     }
-    let ahead = |relation: &Relation| relation.ahead_s(session_middle_s);
-    best_distinct(grown, RELATIONS, ahead)
+    best_distinct(grown, RELATIONS, |relation| relation.ahead_s(session_middle_s))
 }
 
 /// The best offsets of many blocks of target dwells, each for itself, s.
 pub(super) fn block_offsets(dwells: Dwells, ruler: &Ruler) -> Vec<(Range<usize>, f64)> {
     let length = BLOCK_DWELLS.min(dwells.target.len() / 4).max(2 * super::MIN_PAIRS);
-    let blocks = blocks(dwells.target.len(), length, MANY_BLOCKS).into_iter();
-    let best = blocks.flat_map(|block| {
+    let best = blocks(dwells.target.len(), length, MANY_BLOCKS).into_iter().flat_map(|block| {
         let offsets = places(dwells, block.clone(), ruler).into_iter().take(BEST_PLACES);
         offsets.map(move |offset_s| (block.clone(), offset_s))
     });
@@ -257,8 +252,7 @@ fn lag(dwells: Dwells, pair: Pair) -> (f64, f64) {
     let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
     let edge = |arm: Option<f64>, target: Option<f64>| Some((arm?, target? - arm?));
     let arrived = edge(arm.arrived_s, target.arrived_s);
-    let left = edge(arm.left_s, target.left_s);
-    match (arrived, left) {
+    match (arrived, edge(arm.left_s, target.left_s)) {
         (Some(a), Some(b)) => (f64::midpoint(a.0, b.0), f64::midpoint(a.1, b.1)),
         (Some(one), None) | (None, Some(one)) => one,
         (None, None) => (arm.middle_s(), target.middle_s() - arm.middle_s()),

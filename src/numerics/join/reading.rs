@@ -133,8 +133,7 @@ impl Value {
             motion_covariance: point.motion_covariance.map(|own| upper(&turned(symmetric(own)))),
         };
         let (orientation, stated_covariance) = (inverse.rotation, stated.turn);
-        let turn = MeanOrientation { orientation, stated_covariance, ..*turn };
-        Some(Self::Pose(point, turn))
+        Some(Self::Pose(point, MeanOrientation { orientation, stated_covariance, ..*turn }))
     }
 }
 

@@ -151,8 +151,7 @@ impl Seen {
 
     /// The rows that are measurements.
     pub fn measured(&self) -> impl Iterator<Item = usize> {
-        let rows = self.rows.clone();
-        rows.filter(|&row| is_measurement(&self.position(row)))
+        self.rows.clone().filter(|&row| is_measurement(&self.position(row)))
     }
 
     pub(super) fn is_measured(&self, row: usize) -> bool {
@@ -161,10 +160,7 @@ impl Seen {
 
     /// The coordinates of the measurements, mm, one column per axis.
     pub fn axes(&self) -> [Vec<f64>; 3] {
-        let axis = |axis: usize| {
-            let measured = self.measured().map(|row| self.position(row)[axis]);
-            measured.collect()
-        };
+        let axis = |axis: usize| self.measured().map(|row| self.position(row)[axis]).collect();
         std::array::from_fn(axis)
     }
 
@@ -217,8 +213,7 @@ impl Equal {
 
     fn push(&mut self, row: usize, position: [f64; 3]) {
         let is_same = self.last.map(f64::to_bits) == position.map(f64::to_bits);
-        let is_equal = self.run.end == row && is_same && is_measurement(&position);
-        if is_equal {
+        if self.run.end == row && is_same && is_measurement(&position) {
             self.run.end += 1;
         } else {
             self.finish();

@@ -151,8 +151,7 @@ impl Motion {
 
 /// Follows a set of references; `None` where fewer than two looks saw any.
 pub fn follow(looks: &[Look]) -> Option<Followed> {
-    let seen = looks.iter().filter(|look| !look.seen.is_empty());
-    if seen.count() < 2 {
+    if looks.iter().filter(|look| !look.seen.is_empty()).count() < 2 {
         return None;
     }
     let robust = sizes::robust(looks);
@@ -217,8 +216,7 @@ impl<'a> Work<'a> {
     ) -> impl Iterator<Item = (ReferenceId, Matrix3x6<f64>, Vector3<f64>)> {
         let about = Turned::of(&self.states[i]);
         shape::used(i, look, &self.events).filter_map(move |(reference, at)| {
-            let place = self.events.place_of(reference, i);
-            let place = self.shape.places.get(&place)?;
+            let place = self.shape.places.get(&self.events.place_of(reference, i))?;
             let (row, y) = self.shape.row(place, at, &about);
             Some((reference, row, y))
         })
@@ -228,8 +226,7 @@ impl<'a> Work<'a> {
     fn tell(&mut self) {
         let mut told = std::mem::take(&mut self.told);
         told.clear();
-        let looks = self.looks.iter().enumerate();
-        told.extend(looks.map(|(i, look)| self.told_by(i, look)));
+        told.extend(self.looks.iter().enumerate().map(|(i, look)| self.told_by(i, look)));
         self.told = told;
     }
 
@@ -393,8 +390,7 @@ impl<'a> Work<'a> {
     fn away_mm(&self, look: usize, reference: ReferenceId) -> f64 {
         let mut seen = self.looks[look].seen.iter();
         let at = seen.find(|(own, _)| *own == reference).map(|(_, at)| at);
-        let place = self.events.place_of(reference, look);
-        let place = self.shape.places.get(&place);
+        let place = self.shape.places.get(&self.events.place_of(reference, look));
         let (Some(at), Some(place)) = (at, place) else { return 0.0 };
         (self.shape.undone(at, &self.states[look]) - place).norm()
     }

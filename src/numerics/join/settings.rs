@@ -16,8 +16,7 @@ pub struct JoinSettings {
     pub window_s: f64,
     /// A break between samples longer than this ends a dwell, s (at least five usual intervals).
     pub gap_s: f64,
-    /// Joint motion within the window that still counts as stationary, rad; a mm of sliding counts as a mrad. Found from the
-    /// log where absent.
+    /// Joint motion within the window that counts as stationary, rad; a mm of sliding as a mrad; absent: found from the log.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stationary_rad: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]

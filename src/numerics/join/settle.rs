@@ -14,8 +14,7 @@ use super::observe::Observation;
 use super::pattern::{Pair, Relation};
 use super::readings::Readings;
 
-/// Distance at which the target has settled, in usual distances: a vibration of half the usual scatter does not show in the
-/// mean.
+/// Distance at which the target has settled, in usual distances: a vibration of half the usual scatter hides in the mean.
 const SETTLED: f64 = 1.5;
 const MIN_READINGS: usize = 8;
 /// Least step of ages, s; otherwise the interval of readings.

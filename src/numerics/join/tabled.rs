@@ -74,8 +74,7 @@ impl Rows {
     #[must_use]
     pub fn of_camera_on_flange(mut self) -> Self {
         for row in &mut self.rows {
-            let readings = std::mem::take(&mut row.readings);
-            for reading in readings {
+            for reading in std::mem::take(&mut row.readings) {
                 match reading.value.inverted() {
                     Some(value) => row.readings.push(RowReading { value, ..reading }),
                     None => self.rejects.push(RowReject::of(
@@ -106,10 +105,8 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let unpaired = unmoved.len() as u64;
     rejects.extend(unmoved);
     let gates = Gates::new(&rows, arm, settings);
-    let judged = rows.iter().enumerate();
-    let judged = judged.map(|(number, row)| {
-        let moved = followed.left_out.contains_key(&number);
-        gates.judged(number, row, timed, moved)
+    let judged = rows.iter().enumerate().map(|(number, row)| {
+        gates.judged(number, row, timed, followed.left_out.contains_key(&number))
     });
     let (stations, far): (Vec<Station>, Vec<Vec<RowReject>>) = judged.unzip();
     let far = far.concat();
@@ -144,9 +141,8 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
 fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>) -> Vec<RowReject> {
     let mut rejects = Vec::new();
     for (place, reason) in left_out {
-        let readings = rows[*place].readings.drain(..);
         let (lengths, places): (Vec<RowReading>, Vec<RowReading>) =
-            readings.partition(|reading| reading.value.kind().is_length());
+            rows[*place].readings.drain(..).partition(|reading| reading.value.kind().is_length());
         rows[*place].readings = lengths;
         rejects.extend(places.into_iter().map(|reading| {
             let code = RejectCode::MOVED;
@@ -247,16 +243,14 @@ impl<'a> Gates<'a> {
                 }
             }
         }
-        let targets = readings.iter();
-        let targets = targets.map(|(target, own)| (*target, placed(own, settings)));
+        let targets = readings.iter().map(|(target, own)| (*target, placed(own, settings)));
         let targets: BTreeMap<_, _> = targets.collect();
         let mut elsewhere = readings.iter().filter_map(|(target, own)| {
             let (placement, gate_mm) = targets[target].as_ref()?;
             let found = stretches(own, placement, *gate_mm);
             let stations = |place: usize| places[target][place];
             let found = found.iter().map(|stretch| {
-                let ends = [stretch.first, stretch.last].map(stations);
-                stretch.elsewhere(own, placement, ends)
+                stretch.elsewhere(own, placement, [stretch.first, stretch.last].map(stations))
             });
             Some(found.collect::<Vec<_>>())
         });
@@ -373,12 +367,10 @@ fn follow(
     let (mut courses, rejects) = courses(&stops, references, origin);
     let read = read_references(&stops, references);
     let mut left_out = BTreeMap::new();
-    let measured = |place: usize| !rows[place].readings.is_empty();
-    for (place, motion) in taken_out(&mut courses, measured) {
+    for (place, motion) in taken_out(&mut courses, |place| !rows[place].readings.is_empty()) {
         match motion {
             Ok(motion) => {
-                let readings = rows[place].readings.iter_mut();
-                readings.for_each(|own| undo(&mut own.value, &motion));
+                rows[place].readings.iter_mut().for_each(|own| undo(&mut own.value, &motion));
             }
             Err(reason) => {
                 left_out.insert(place, reason);

@@ -183,8 +183,7 @@ impl Even {
 
     /// The next coordinate as a normal number.
     fn normal(&mut self) -> f64 {
-        let standard = Normal::standard();
-        standard.inverse_cdf(self.next().clamp(1e-9, 1.0 - 1e-9))
+        Normal::standard().inverse_cdf(self.next().clamp(1e-9, 1.0 - 1e-9))
     }
 }
 

@@ -55,8 +55,7 @@ fn check_no_copy(
     trained: &HashMap<Vec<u64>, &str>,
 ) -> Result<(), StageError> {
     let measured: Vec<_> = session.joined.stations.iter().filter_map(bits).collect();
-    let copies = measured.iter().filter_map(|own| trained.get(own).copied());
-    let copies: Vec<&str> = copies.collect();
+    let copies: Vec<&str> = measured.iter().filter_map(|own| trained.get(own).copied()).collect();
     if copies.len() < COPIED {
         return Ok(());
     }
@@ -109,8 +108,7 @@ pub(super) fn repairs(
                 repair: *repair,
             });
         }
-        let dated = training.iter().zip(&days);
-        let before = dated.filter(|(_, day)| repair.is_to_come(**day));
+        let before = training.iter().zip(&days).filter(|(_, day)| repair.is_to_come(**day));
         let before: Vec<&str> = before.map(|(own, _)| own.name.as_str()).collect();
         if !before.is_empty() {
             tracing::info!(

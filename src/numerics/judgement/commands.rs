@@ -22,8 +22,7 @@ pub(super) fn raw_command(
     if settings.base? == ErrorBase::Fitted && !is_tool {
         return None;
     }
-    let turns = commanded_turns(session, error_frame);
-    let turns = without_constant(&turns, |_| true);
+    let turns = without_constant(&commanded_turns(session, error_frame), |_| true);
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
@@ -113,8 +112,7 @@ pub(super) fn commanded_turns(
             wanted: pose.as_ref()?.orientation? * tool_from_flange,
         })
     };
-    let stations = session.joined.stations.iter();
-    stations.zip(&session.commanded.poses).map(turn).collect()
+    session.joined.stations.iter().zip(&session.commanded.poses).map(turn).collect()
 }
 
 /// The reason why a model's residuals of a session have no turns.

@@ -16,7 +16,7 @@ use crate::fit::{Model, Models};
 use crate::geometry::{symmetric, upper};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::{Residual, ResidualSet};
+use crate::report::ResidualSet;
 
 /// The sessions of a piece of work, without readings that are wrong, and the models trained on them.
 #[derive(Debug)]
@@ -173,12 +173,10 @@ fn in_order(mut sets: Vec<ResidualSet>, training: &[JoinedSession]) -> Vec<Resid
         (own.split, session, own.base_refit, model)
     });
     for residual in sets.iter_mut().flat_map(|set| &mut set.residuals) {
-        let covariance = residual.covariance.as_ref();
-        residual.covariance = covariance.map(|own| symmetric(upper(own)));
+        residual.covariance = residual.covariance.as_ref().map(|own| symmetric(upper(own)));
     }
     for set in &mut sets {
-        let place = |residual: &Residual| (residual.station, residual.target);
-        set.residuals.sort_by_key(place);
+        set.residuals.sort_by_key(|residual| (residual.station, residual.target));
     }
     sets
 }
@@ -218,10 +216,8 @@ fn restored(
     let has_lengths = observed.all.iter().any(|own| own.measured.length().is_some());
     let residuals = stored.residuals.filter(|_| !has_lengths);
     let of = if residuals.is_some() { StoredModels::predicting } else { StoredModels::models };
-    let folds = stored.folds.into_iter().enumerate();
-    let folds = folds.map(|(fold, stored)| {
-        let own = |stored: StoredModels| of(stored, arm, &observed.without(fold), &train);
-        stored.map(own).transpose()
+    let folds = stored.folds.into_iter().enumerate().map(|(fold, stored)| {
+        stored.map(|stored| of(stored, arm, &observed.without(fold), &train)).transpose()
     });
     let folds = folds.collect::<Result<Vec<_>, _>>()?;
     Ok(Known { models, folds, sessions_left_out: Some(stored.sessions_left_out), residuals })

@@ -1,5 +1,4 @@
-//! Accuracy figures of residuals, for the point that was measured and, where the pipeline file states its position, for the
-//! tool tip.
+//! Accuracy figures of residuals, for the measured point and, where the pipeline file states it, for the tool tip.
 
 use std::collections::BTreeMap;
 
@@ -126,8 +125,7 @@ impl FigureMaker<'_> {
         expanded_uncertainty_mm(self.grids.guard_mm, orientation_rad.unwrap_or_default(), lever)
     }
 
-    /// The figures of the chosen table, of its nodes or of local cells, whichever has the larger bound; without any where no step gives a
-    /// table.
+    /// The figures of the chosen table, of its nodes or local cells, whichever has the larger bound; none where no step gives a table.
     fn of_table(&self) -> Accuracy {
         let chosen = self.grids.deciding();
         Accuracy {

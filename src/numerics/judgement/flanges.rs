@@ -41,16 +41,14 @@ impl Flanges {
     ) -> Result<Self, StageError> {
         let frames = &models.base_target.frames;
         let targets = frames.iter().map(|own| own.targets().len()).max();
-        let target = settings.locate.target;
-        if let (Some(targets @ 2..), LocateTarget::Own) = (targets, target) {
+        if let (Some(targets @ 2..), LocateTarget::Own) = (targets, settings.locate.target) {
             return Err(StageError::OwnTargets { targets });
         }
         let known = known_targets(observed);
         let test: Vec<JoinedSession> =
             test.into_iter().map(|session| of_targets(session, &known)).collect();
-        let seen = test.iter();
         let mut seen: Vec<_> =
-            seen.map(|session| places(observations(arm, 0, session, settings))).collect();
+            test.iter().map(|session| places(observations(arm, 0, session, settings))).collect();
         let mut derived = Derived::default();
         let own = training.into_iter().zip(frames);
         let training: Vec<JoinedSession> =
@@ -82,8 +80,7 @@ impl Flanges {
 
 /// The targets that the first session of the training read: an unseen session has them in their places there.
 fn known_targets(observed: &Observed) -> BTreeSet<TargetId> {
-    let first = observed.of_session(0);
-    first.map(|(own, _)| own.target).collect()
+    observed.of_session(0).map(|(own, _)| own.target).collect()
 }
 
 /// A session that judges, with its readings of these targets alone: nothing predicts the places of others.
@@ -153,11 +150,9 @@ fn add_flanges<'o>(
     }
     let places = frames.places();
     let turn = |station: &Station| Some((station.number, station.one_reading()?.orientation()?));
-    let turns = session.joined.stations.iter().filter_map(turn);
-    let turns: BTreeMap<usize, _> = turns.collect();
+    let turns: BTreeMap<usize, _> = session.joined.stations.iter().filter_map(turn).collect();
     for observation in observations.filter(|own| own.target == TargetId::MAIN) {
-        let turn = turns.get(&observation.station);
-        observation.flange = turn.map(|orientation| MeasuredFlange {
+        observation.flange = turns.get(&observation.station).map(|orientation| MeasuredFlange {
             orientation: *orientation,
             places: places.clone(),
         });

@@ -21,8 +21,7 @@ pub(super) fn grid_stations(
     let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
-    let paired = all.iter().zip(commands);
-    let paired = paired.filter(|(station, _)| station.one_reading().is_some());
+    let paired = all.iter().zip(commands).filter(|(station, _)| station.one_reading().is_some());
     let station = |(station, (pose, &visited)): Paired<'_>| {
         let fold = fold(station.number)?;
         let position = pose.map(|pose| pose.position);

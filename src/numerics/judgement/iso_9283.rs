@@ -58,16 +58,14 @@ impl Sources<'_> {
         }
         if let Some((driven, visits)) = self.driven.zip(training.last()) {
             let by = Some(driven.key.run.as_str());
-            let own = driven.sets();
-            figures.extend(own.filter_map(|set| self.of_residuals(set, visits, by)));
+            figures.extend(driven.sets().filter_map(|set| self.of_residuals(set, visits, by)));
         }
         figures
     }
 
     fn error_frame(&self, frames: FramePair) -> ErrorFrame<'_> {
         let Judges { arm, settings, .. } = self.judges;
-        let turned = settings.noise.takes_orientations();
-        ErrorFrame::new(arm, frames, settings.flange_from_tool, turned)
+        ErrorFrame::new(arm, frames, settings.flange_from_tool, settings.noise.takes_orientations())
     }
 
     /// The commands compared with the tool point, at all stations or, of a session that took no part, at those which did not find
@@ -151,12 +149,11 @@ impl Sources<'_> {
             ..trained
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let oriented = self.judges.settings.noise.takes_orientations() && !with_target;
         let error_frame = ErrorFrame::new(
             self.judges.arm,
             frames,
             self.judges.settings.flange_from_tool,
-            oriented,
+            self.judges.settings.noise.takes_orientations() && !with_target,
         );
         Some(self.base_target(visits, &error_frame, Some(&finders)))
     }
@@ -186,8 +183,7 @@ impl Sources<'_> {
             .iter()
             .filter(|residual| !residual.used_for_refit && residual.is_of_main());
         let at = |r: &Residual| (r.station, (r.predicted(), r.attained, None));
-        let visited = visits.visited(&judged.map(at).collect());
-        let figures = iso_9283::figures(&visited, says);
+        let figures = iso_9283::figures(&visits.visited(&judged.map(at).collect()), says);
         (!figures.is_empty()).then(|| Iso9283 {
             subject: subject.clone(),
             // A session that a table drove is judged at the point that the table is for.

@@ -97,8 +97,7 @@ pub(super) fn train(
         side_by_side(1 + holdout::FOLDS, observed.all.len(), one);
     progress.end();
     let mut trained = trained?.into_iter();
-    let models = trained.next().flatten().expect("all stations are needed");
-    Ok((models, trained.collect()))
+    Ok((trained.next().flatten().expect("all stations are needed"), trained.collect()))
 }
 
 /// Every session of a pool judged by the models of all the others, its base and target refitted; but those before a repair, whose arm is not
@@ -185,16 +184,14 @@ impl Judged<'_> {
                 let weights = model.map_or(&[][..], |model| model.weights());
                 // Lengths have no residual of a position.
                 let weighed = weights.iter().zip(&self.observed.all).skip(first);
-                let own = weighed.filter(|(_, o)| o.point().is_some());
-                let own = own.map(|(weight, _)| weight);
+                let own = weighed.filter(|(_, o)| o.point().is_some()).map(|(weight, _)| weight);
                 for (residual, weight) in set.residuals.iter_mut().zip(own) {
                     residual.weight = Some(*weight);
                 }
             }
             sets
         };
-        let sessions = self.training.par_iter().enumerate();
-        sessions.flat_map_iter(of).collect()
+        self.training.par_iter().enumerate().flat_map_iter(of).collect()
     }
 
     /// Every station judged once, by the models of the fold that held it out.
@@ -205,8 +202,7 @@ impl Judged<'_> {
         };
         let parts: Vec<_> = (0..self.training.len()).flat_map(held_out).collect();
         let judged = parts.par_iter().map(|&(place, fold, models)| {
-            let own = self.observed.of_session(place);
-            let own = own.filter(|(_, of)| *of == fold);
+            let own = self.observed.of_session(place).filter(|(_, of)| *of == fold);
             let own: Vec<_> = own.map(|(o, _)| o.clone()).collect();
             let stations = Stations { session: &self.training[place].name, observations: &own };
             evaluate::own_session(models, stations, Split::Blocks, Some(fold))
@@ -302,8 +298,7 @@ impl<'s> TestSession<'s> {
 
     /// The stations that find its base, by their numbers.
     pub(super) fn numbers(&self) -> BTreeSet<usize> {
-        let finders = self.located.finders.iter();
-        finders.map(|&place| self.observations[place].station).collect()
+        self.located.finders.iter().map(|&place| self.observations[place].station).collect()
     }
 }
 

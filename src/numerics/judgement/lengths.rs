@@ -1,8 +1,7 @@
 //! Instruments that read one length: their readings at stations that took no part, and sessions without them for what comes after the fit.
 //!
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
-//! their readings, along the direction that is read, is in the table `length_residuals`; its size where they are held out is in
-//! `sources`.
+//! their readings, along the direction read, is in the table `length_residuals`; its size where held out is in `sources`.
 
 use nalgebra::Vector3;
 
@@ -102,8 +101,7 @@ fn source(
     let of_full = of_full.filter(|_| size.kind.is_length());
     let fitted = model != Model::Full;
     let is_own = |own: &&LengthResidual| (own.model, own.source) == (model, size.source);
-    let left = left.iter().filter(is_own);
-    let left = left.filter(|own| own.fold.is_some());
+    let left = left.iter().filter(is_own).filter(|own| own.fold.is_some());
     let left: Vec<f64> = left.map(LengthResidual::residual_mm).collect();
     let gauge = frames(models, model).last().and_then(|own| own.gauge(size.source).copied());
     Source {
@@ -133,8 +131,7 @@ pub(super) fn residuals(
 ) -> Vec<LengthResidual> {
     let of = |model: Model| {
         let trained = left_by(models, None, model, observed, sessions, settings);
-        let folds = folds.iter().enumerate();
-        let held_out = folds.flat_map(move |(fold, models)| {
+        let held_out = folds.iter().enumerate().flat_map(move |(fold, models)| {
             let own = models.as_ref();
             own.map_or_else(Vec::new, |own| {
                 left_by(own, Some(fold), model, observed, sessions, settings)
@@ -182,8 +179,7 @@ fn left_by(
             weight: weights.get(place).copied().filter(|_| fold.is_none()),
         })
     };
-    let all = observed.all.iter().zip(&observed.folds).enumerate();
-    all.filter_map(of).collect()
+    observed.all.iter().zip(&observed.folds).enumerate().filter_map(of).collect()
 }
 
 /// The frames of each session at the model's best estimate.
@@ -199,7 +195,6 @@ fn frames(models: &Models, model: Model) -> Vec<Frames> {
 fn left_of(model: &dyn PoseModel, frames: &[Frames], observation: &Observation) -> Option<f64> {
     let Channel { session, source, .. } = observation.channel();
     let gauge = frames.get(session)?.gauge(source)?;
-    let query = At::Joints(Query::of(observation));
-    let place = model.position(&query).ok()?;
+    let place = model.position(&At::Joints(Query::of(observation))).ok()?;
     Some(observation.measured.length()?.mm - gauge.reading_mm(&place))
 }

@@ -46,8 +46,7 @@ fn is_moved(set: &ResidualSet, residuals: &[ResidualSet]) -> bool {
             && other.base_refit != BaseRefit::None
     };
     let median_mm = |set: &ResidualSet| {
-        let norms = set.residuals.iter().map(|own| own.residual.norm());
-        median(&norms.collect::<Vec<f64>>())
+        median(&set.residuals.iter().map(|own| own.residual.norm()).collect::<Vec<f64>>())
     };
     let in_own_base = residuals.iter().find(is_own_base).and_then(median_mm);
     in_own_base.zip(median_mm(set)).is_some_and(|(own_mm, mm)| mm - own_mm > MOVED_MM)

@@ -39,14 +39,12 @@ impl Observed {
 
     /// The fold of each station of a session, by its number.
     pub(super) fn folds_of(&self, session: usize) -> BTreeMap<usize, usize> {
-        let own = self.of_session(session);
-        own.map(|(o, fold)| (o.station, fold)).collect()
+        self.of_session(session).map(|(o, fold)| (o.station, fold)).collect()
     }
 
     /// The observations of all other sessions, with the sessions numbered again.
     pub(super) fn without_session(&self, session: usize) -> Vec<Observation> {
-        let others = self.all.iter().filter(|o| o.session != session);
-        let renumbered = others.map(|o| Observation {
+        let renumbered = self.all.iter().filter(|o| o.session != session).map(|o| Observation {
             session: o.session - usize::from(o.session > session),
             ..o.clone()
         });

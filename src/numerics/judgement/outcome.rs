@@ -39,8 +39,7 @@ pub struct JoinedSession {
     pub sampling_plan: Option<String>,
     /// A small disagreement of its logs with the stated set-up; `None` where they agree.
     pub set_up: Option<Finding>,
-    /// The size of the covariances that its readings state, by source, as [`Noise::stated`](crate::fit::Noise); empty before it is
-    /// estimated.
+    /// Size of the covariances its readings state, by source, as [`Noise::stated`](crate::fit::Noise); empty until estimated.
     pub stated_sizes: Vec<StatedSize>,
 }
 

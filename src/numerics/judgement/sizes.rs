@@ -1,5 +1,4 @@
-//! Sizes that the sessions which train show: of a camera's noise, of the covariances that readings state of themselves, and the scale of
-//! each session.
+//! Sizes that training sessions show: of a camera's noise, of the covariances that readings state, and each session's scale.
 //!
 //! A session that does not determine the size of a source has the mean of those that do, and so has a session that only judges: its own
 //! residuals would flatter what judges it.
@@ -66,8 +65,7 @@ pub(super) fn stated(
         return Ok(found);
     }
     let of = |own: &Observation| {
-        let place = (own.session, own.station, own.source, own.target);
-        stated.get(&place).cloned()
+        stated.get(&(own.session, own.station, own.source, own.target)).cloned()
     };
     for _ in 0..ROUNDS {
         let seen = observations_of(arm, &*training, settings);
@@ -76,8 +74,7 @@ pub(super) fn stated(
         let sizes: Vec<Vec<StatedSize>> =
             training.iter().map(|own| own.stated_sizes.clone()).collect();
         found = stated_size::found(arm, &seen, &geometric, of, |own: &Observation| {
-            let own = sizes[own.session].get(own.source.0).copied();
-            own.unwrap_or(StatedSize::ONE)
+            sizes[own.session].get(own.source.0).copied().unwrap_or(StatedSize::ONE)
         });
         give(training, test, settings, &found);
     }
@@ -91,8 +88,7 @@ fn stated_by(
 ) -> BTreeMap<Place, DMatrix<f64>> {
     let of_session = |(session, own): (usize, &JoinedSession)| {
         let of_station = |station: &Station| {
-            let readings = station.measured().iter();
-            let own = readings.filter_map(|reading| {
+            let own = station.measured().iter().filter_map(|reading| {
                 let source = settings.noise.sources.get(reading.source.0)?;
                 let place = (session, station.number, reading.source, reading.target);
                 Some((place, stated_of(reading, source)?))

@@ -32,8 +32,7 @@ pub(super) fn error_frame<'a>(
         flange_from_target: Transform::claim(target(fitted, settings)),
         ..*fitted
     };
-    let oriented = settings.noise.takes_orientations();
-    ErrorFrame::new(arm, frames, settings.flange_from_tool, oriented)
+    ErrorFrame::new(arm, frames, settings.flange_from_tool, settings.noise.takes_orientations())
 }
 
 /// The measured target at the flange: its stated place where there is one, its orientation as fitted.
@@ -82,8 +81,7 @@ fn open_mm(base_target: &Calibration, session: usize, settings: &StageSettings) 
     (EXPANDED * open > settings.tolerance.mm).then_some(open)
 }
 
-/// The uncertainty that the survey of the base, and the lever from measured target to tool, leave at every point; zero where the base
-/// is fitted.
+/// The uncertainty that base survey and lever from measured target to tool leave at every point; zero of a fitted base.
 pub(super) fn uncertainty(settings: &StageSettings) -> FrameUncertainty {
     let base = settings.surveyed();
     base.map_or_else(FrameUncertainty::default, |base| base.uncertainty(lever_sd_mm(settings)))
@@ -94,6 +92,5 @@ pub(super) fn uncertainty(settings: &StageSettings) -> FrameUncertainty {
 fn lever_sd_mm(settings: &StageSettings) -> Option<f64> {
     settings.surveyed()?;
     let is_tool = settings.target_is_tool == Some(true);
-    let known = settings.fit.target.filter(|_| !is_tool)?;
-    Some(known.sd_mm)
+    Some(settings.fit.target.filter(|_| !is_tool)?.sd_mm)
 }

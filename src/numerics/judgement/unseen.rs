@@ -1,5 +1,4 @@
-//! Sessions that only judge: the judgement of each on the full error model and on the published table, and whether it is of
-//! this arm.
+//! Sessions that only judge: the judgement of each on full error model and published table, and whether of this arm.
 //!
 //! The table is stated in the frame of the session that it was made from. A test session is carried there by the stations that
 //! find its base for every verdict: their predictions in that frame are aligned with the positions that the tracker measured. The
@@ -29,13 +28,11 @@ use crate::similarity::Semivariogram;
 impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
-        let model = self.models.best().1;
-        let errors = ToolErrors::new(model, self.last(), self.error_frame);
+        let errors = ToolErrors::new(self.models.best().1, self.last(), self.error_frame);
         for test in self.test {
-            let stations = self.stations(test, &errors);
             grids.judge_by_session(
                 &test.session.name,
-                &stations,
+                &self.stations(test, &errors),
                 &errors,
                 &self.settings.tolerance,
             );
@@ -137,8 +134,7 @@ impl Judges<'_> {
             let name = &test.session.name;
             let model = figure_of_model(accuracy, name);
             let table = model.and_then(|_| of_table(accuracy, Split::Session, name));
-            let is_own = |row: &&Judged| row.of_test.as_ref() == Some(name);
-            let row = grids.judged.iter().find(is_own);
+            let row = grids.judged.iter().find(|row| row.of_test.as_ref() == Some(name));
             let covered = row.and_then(|row| row.covered.as_ref());
             let table = table.map(|table| (table, covered));
             let harms = row.is_some_and(|row| row.held_out.is_no_help());
@@ -183,8 +179,7 @@ impl Judges<'_> {
         residuals: &[ResidualSet],
     ) -> Result<Option<Remark>, SeveralSources> {
         let Some(away) = test.located.contradicted else {
-            let unfit = self.unfit(test, residuals, residuals);
-            return Ok(unfit.map(Remark::OtherArm));
+            return Ok(self.unfit(test, residuals, residuals).map(Remark::OtherArm));
         };
         // The same session with the other target.
         let is_found = test.located.with_target();
@@ -249,8 +244,7 @@ impl Judges<'_> {
         if fit.is_same_arm() || (!full && left.identified < left.nominal) {
             return None;
         }
-        let name = &self.own().name;
-        let blocks = left_by(residuals, best, name, Split::Blocks, BaseRefit::None);
+        let blocks = left_by(residuals, best, &self.own().name, Split::Blocks, BaseRefit::None);
         let improves = blocks.is_some_and(|blocks| blocks.improves());
         let question = if improves {
             "another arm, this one before or after a repair, or poses unlike those it was learnt at?"
@@ -283,9 +277,8 @@ pub(super) fn table_figures(
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
         let test = tested.iter().find(|test| test.session.name == *session)?;
-        let finders = locate.finders(test.numbers().len(), test.located.with_target());
         Some(Accuracy {
-            finders: Some(finders),
+            finders: Some(locate.finders(test.numbers().len(), test.located.with_target())),
             ..table_figure(row, session, locate.base_refit(), grids.guard_mm)
         })
     };
@@ -330,8 +323,7 @@ fn left_by(
             (subject.model, subject.angles, subject.split) == (model, angles, split)
                 && (subject.base_refit, &*subject.of_session) == (base_refit, session)
         })?;
-        let norms = set.residuals.iter().map(|r| r.residual.norm());
-        median(&norms.collect::<Vec<_>>())
+        median(&set.residuals.iter().map(|r| r.residual.norm()).collect::<Vec<_>>())
     };
     Some(LeftBy { identified: of(best)?, nominal: of(Model::BaseTarget)? })
 }

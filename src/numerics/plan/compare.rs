@@ -1,8 +1,7 @@
 //! Designs compared: accuracy of the full error model against the number of poses, for grid, random and chosen poses.
 //!
 //! Inputs: the nominal arm and the expected robots. Output: a row for each design and number of poses.
-//! 1. Candidates are random poses of the region that suit the constraints; each design takes its own from them, except the
-//!    grid, which has its nodes.
+//! 1. Candidates are random poses of the region that suit the constraints; each design takes its own, the grid its nodes.
 //! 2. Each robot measures each design at each number of poses; the full error model is trained on it.
 //! 3. Its predictions from commands alone are compared with the robot's true errors at fresh poses of the region: the
 //!    difference is the error that compensation by the identified arm leaves.
@@ -120,8 +119,7 @@ impl Designs {
         settings: &PlanSettings,
     ) -> Vec<Commanded> {
         let taken = |order: &mut dyn Iterator<Item = usize>| {
-            let taken = order.take(count);
-            taken.map(|c| self.candidates.0[c].clone()).collect()
+            order.take(count).map(|c| self.candidates.0[c].clone()).collect()
         };
         match kind {
             Kind::UniformGrid => {
@@ -231,8 +229,7 @@ pub fn candidate(
     model: &FullModel,
     settings: &PlanSettings,
 ) -> Candidate {
-    let source = settings.noise.source(SourceId::ONLY);
-    let instrument = source.uncertainty.covariance(&position);
+    let instrument = settings.noise.source(SourceId::ONLY).uncertainty.covariance(&position);
     let observation = Observation::planned(0, arm.axes(joints), position, instrument);
     Candidate { noise: model.noise(&observation, 0), axes: observation.axes }
 }
@@ -321,8 +318,7 @@ pub fn left_at(
     tests: &[Commanded],
     settings: &PlanSettings,
 ) -> RobotOutcome {
-    let visits = robot.session(tests);
-    let errors = fitted.true_errors(&visits, settings);
+    let errors = fitted.true_errors(&robot.session(tests), settings);
     let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.error_frame);
     let left = |(test, error): (&Commanded, &Vector3<f64>)| {
         let predicted = model.error(&test.joints).map_err(|gap| gap.refusal());

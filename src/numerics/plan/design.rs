@@ -6,9 +6,8 @@
 //! With K the covariance of all positions under the model, measuring candidate c with noise N subtracts `G_c (K_cc + N)⁻¹
 //! G_cᵀ` from the region's covariance, `G_c` being the region's covariance with c. Two aims:
 //! - *variance*: the largest trace of that goes first, so that the summed variance over the region falls fastest;
-//! - *information*: the largest `ln |K_cc + N| − ln |N|`, K of geometry and frames alone. The sum of these is the logarithm
-//!   of the determinant of the posterior information: a D-optimal set, which at a given number of poses also has the
-//!   largest O1.
+//! - *information*: the largest `ln |K_cc + N| − ln |N|`, K of geometry and frames alone. Their sum is the log determinant
+//!   of the posterior information: a D-optimal set, which at a given number of poses also has the largest O1.
 //!
 //! After each choice K is conditioned on it, by steps of a Cholesky factor whose rows are kept for the candidates alone.
 
@@ -91,8 +90,7 @@ impl<'c> Design<'c> {
                 .try_inverse()
                 .map_or(0.0, |inverse| (inverse * squared).trace())
         };
-        let best = self.best(gain)?;
-        Some(self.take(best))
+        Some(self.take(self.best(gain)?))
     }
 
     /// Chooses the candidate with the most information on all columns of the model together; `None` when all are chosen.
@@ -101,8 +99,7 @@ impl<'c> Design<'c> {
             let noise = self.candidates[candidate].noise.determinant();
             (self.measured(candidate).determinant() / noise).ln()
         };
-        let best = self.best(gain)?;
-        Some(self.take(best))
+        Some(self.take(self.best(gain)?))
     }
 
     /// Conditions on a candidate.
@@ -155,8 +152,7 @@ impl<'c> Design<'c> {
         let [x, y, z] = &mut rows;
         let width = 3 * AT_ONCE;
         let parts = x.par_chunks_mut(width).zip(y.par_chunks_mut(width));
-        let parts = parts.zip(z.par_chunks_mut(width)).enumerate();
-        parts.for_each(|(part, ((x, y), z))| {
+        parts.zip(z.par_chunks_mut(width)).enumerate().for_each(|(part, ((x, y), z))| {
             let first = part * width;
             let all = self.half.columns(first, x.len());
             for (row, into) in [x, y, z].into_iter().enumerate() {
@@ -164,8 +160,7 @@ impl<'c> Design<'c> {
                     *entry = own.column(row).dot(&other);
                 }
                 for (factor, taken) in self.factor.iter().zip(&taken) {
-                    let factor = &factor[first..];
-                    for (entry, other) in into.iter_mut().zip(factor) {
+                    for (entry, other) in into.iter_mut().zip(&factor[first..]) {
                         *entry -= taken[row] * other;
                     }
                 }
@@ -224,10 +219,7 @@ fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
         .step_by(3 * AT_ONCE)
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|first| {
-            let width = (3 * AT_ONCE).min(right.ncols() - first);
-            &left_rows * right.columns(first, width)
-        })
+        .map(|first| &left_rows * right.columns(first, (3 * AT_ONCE).min(right.ncols() - first)))
         .collect();
     let mut product = DMatrix::zeros(left.ncols(), right.ncols());
     for (place, part) in parts.iter().enumerate() {

@@ -60,8 +60,7 @@ pub fn promised(
                     (open + half * stream.normal3() + day).norm()
                 })
                 .collect();
-            let norms = norms.into_iter().map(|norm| Some(Ok(norm)));
-            RobotOutcome::of(norms, &settings.tolerance)
+            RobotOutcome::of(norms.into_iter().map(|norm| Some(Ok(norm))), &settings.tolerance)
         })
         .collect();
     Outcomes::of(arms.iter(), settings.robots_meet)

@@ -76,15 +76,13 @@ impl KnownArm {
         let (full, up) = (settings.full, settings.up);
         let model = self.model.next(arm, &mounting, stations, full, up)?;
         let moved = self.mounting.starts(&self.model.starts()[0], found);
-        let starts = mounting.starts(&moved, found);
-        model.learned(arm, observations, starts)
+        model.learned(arm, observations, mounting.starts(&moved, found))
     }
 
     /// Arm number `cell.seed` drawn from the posterior, with its base put into the cell where it was not moved.
     pub fn draw(&self, cell: &mut SimulateSettings) -> ArmErrors {
         let mut stream = Stream::new(cell.seed, Ingredient::Posterior);
-        let size = self.model.layout().size();
-        let z = DVector::from_vec(stream.normals(size, 1.0));
+        let z = DVector::from_vec(stream.normals(self.model.layout().size(), 1.0));
         let drawn = self.model.drawn(z);
         let (offsets, frames) = self.model.geometry_of(&drawn, 0);
         let frames = frames.pair(SourceId::ONLY, TargetId::ONLY);
@@ -136,13 +134,12 @@ impl KnownArm {
         };
         // The gravity columns of a joint come after those of the joints before it, one for each later mass.
         let before: usize = (0..joint).map(|earlier| joints - earlier).sum();
-        let gravity = of(Block::Gravity).into_iter();
         AxisError {
             constant_rad,
             curve_unit: self.model.layout().curve_unit(joint),
             curves: vec![curve(&of(Block::Curve(joint))), curve(own)],
             lines: self.model.layout().lines(joint).into_iter().filter_map(line).collect(),
-            gives_way: gravity.skip(before).take(joints - joint).collect(),
+            gives_way: of(Block::Gravity).into_iter().skip(before).take(joints - joint).collect(),
         }
     }
 
@@ -164,16 +161,14 @@ impl KnownArm {
 
     /// The coefficients of a block; empty where the model has no such part.
     fn coefficients(&self, block: Block, drawn: &DVector<f64>) -> Vec<f64> {
-        let columns = self.model.layout().columns(block).unwrap_or(0..0);
-        drawn.as_slice()[columns].to_vec()
+        drawn.as_slice()[self.model.layout().columns(block).unwrap_or(0..0)].to_vec()
     }
 }
 
 /// The mounting of a session as it was planned, with the further targets and instruments of `found`; `known` are the stated places and
 /// offsets of instruments, in the order of sources.
 fn mounted_as_planned(found: &Frames, known: &[KnownGauge]) -> Mounting {
-    let further = found.sees().iter().enumerate().skip(1);
-    let further = further.map(|(source, sees)| match sees {
+    let further = found.sees().iter().enumerate().skip(1).map(|(source, sees)| match sees {
         Sees::Length(gauge) => {
             let known = known.get(source).copied().unwrap_or_default();
             let gauge = as_stated(*gauge, &known);

@@ -1,14 +1,12 @@
 //! Whether a pose may be measured: the arm's own limits, keep-out boxes, and the tracker's line of sight to the target.
 //!
-//! Inputs: an arm, reported joint angles, the constraints on a pose. Output: nothing, or the first reason against it, in
-//! this order:
+//! Inputs: an arm, reported angles, constraints on a pose. Output: nothing or the first reason against it, in order:
 //! 1. joint limits, arm configuration, distance to singularities;
 //! 2. keep-out boxes, for the straight lines between consecutive joint origins, the flange and the target;
 //! 3. range, the angle at which the tracker's beam meets the target, and whether a link is in the beam.
 //!
-//! A link is a straight line with a radius (a capsule): coarse, and conservative where the radius is that of the link's
-//! widest part. Everything is in the base frame, mm and rad, of the nominal arm: plans are made before an arm is
-//! identified.
+//! A link is a straight line with a radius (a capsule): coarse, and conservative where the radius is that of its widest
+//! part. All is in the base frame, mm and rad, of the nominal arm: plans are made before an arm is identified.
 
 use nalgebra::{Isometry3, Point3, UnitVector3};
 use thiserror::Error;
@@ -177,8 +175,7 @@ fn in_configuration(arm: &Arm, joints: &[f64], asked: &Constraints) -> Result<()
 
 /// The parts of the arm that its joints move, from base to target.
 fn parts(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Vec<(Part, Segment)> {
-    let nominal = arm.no_offsets();
-    let axes = arm.chain().joint_axes(&arm.axes(joints), &nominal);
+    let axes = arm.chain().joint_axes(&arm.axes(joints), &arm.no_offsets());
     let flange = *arm.flange(joints).isometry();
     let target = flange * constraints.flange_from_target;
     let mut points: Vec<Point3<f64>> = axes.iter().map(|(origin, _)| *origin).collect();

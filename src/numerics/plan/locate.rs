@@ -157,11 +157,9 @@ impl Site<'_> {
 
     /// Poses at their times (stations), the first `measured` of them seen by the tracker.
     fn poses(&self, all: &[(Commanded, usize)], measured: usize) -> Poses {
-        let axes = all.iter().map(|(pose, _)| self.arm.axes(&pose.joints));
-        let axes: Vec<Vec<f64>> = axes.collect();
-        let queries = all.iter().zip(&axes);
+        let axes: Vec<Vec<f64>> = all.iter().map(|(pose, _)| self.arm.axes(&pose.joints)).collect();
         let queries: Vec<Query<'_>> =
-            queries.map(|((_, station), axes)| self.query(axes, *station)).collect();
+            all.iter().zip(&axes).map(|((_, station), axes)| self.query(axes, *station)).collect();
         let model = self.identified.model;
         let to_base = model.frames()[self.identified.session]
             .tracker_from_base(SourceId::ONLY)
@@ -183,8 +181,7 @@ impl Site<'_> {
         }
         let scale_sd = model.scale_sd();
         let (columns, precision) = frame_columns(&placed, self.identified.target_sd_mm, scale_sd);
-        let own_target = self.identified.target_sd_mm.is_some();
-        let half = self.elsewhere.half(&queries, own_target);
+        let half = self.elsewhere.half(&queries, self.identified.target_sd_mm.is_some());
         let poses = Poses { columns, precision, half, alone };
         poses.relative()
     }

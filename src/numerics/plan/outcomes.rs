@@ -25,8 +25,7 @@ pub struct Left {
 }
 
 impl RobotOutcome {
-    /// The outcome from the remaining error at each fresh pose, mm: `None` outside a grid, or the reason why its cell
-    /// cannot serve.
+    /// The outcome of the remaining error at each fresh pose, mm: `None` outside a grid, or why its cell cannot serve.
     pub fn of(
         left: impl Iterator<Item = Option<Result<f64, Refusal>>>,
         tolerance: &Tolerance,
@@ -62,8 +61,7 @@ pub struct Outcomes {
     /// Bound of the mean errors: the share of robots asked for stays below it, with the confidence asked for, mm; `None`
     /// with too few robots.
     pub mean_bound_mm: Option<f64>,
-    /// Bound of the bounds: the share of robots asked for stays below it, with the confidence asked for, mm; `None` with
-    /// too few robots.
+    /// Bound of the bounds, mm: the asked share of robots stays below it with the asked confidence; `None` of too few.
     pub bound_mm: Option<f64>,
     /// Number of fresh poses that could not be judged because of their cell, all robots together.
     pub refused: BTreeMap<Refusal, usize>,
@@ -104,8 +102,7 @@ impl Outcomes {
         all.share_at_least = share_at_least(all.meet, all.robots, asked.confidence);
         all.mean = RobotFigures::mean(&figures);
         // A robot without a bound is worse than any that has one.
-        let short = all.robots - bounds.len();
-        bounds.extend(std::iter::repeat_n(f64::INFINITY, short));
+        bounds.extend(std::iter::repeat_n(f64::INFINITY, all.robots - bounds.len()));
         let means: Vec<f64> = figures
             .iter()
             .map(|f| f.mean)

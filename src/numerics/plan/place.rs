@@ -78,8 +78,7 @@ impl<'a> Placer<'a> {
         let position = Point3::from(pose.translation.vector);
         let away = |seed: &GridStation| (seed.position - position).norm();
         let nearest = self.seeds.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
-        let nearest = nearest.expect("home is a seed");
-        self.reach.joints(&position, &pose.rotation, &nearest.joints)
+        self.reach.joints(&position, &pose.rotation, &nearest.expect("home is a seed").joints)
     }
 
     pub fn commanded(&self, pose: Isometry3<f64>) -> Result<Commanded, Refusal> {
@@ -101,8 +100,7 @@ impl<'a> Placer<'a> {
             let away = target.translation.vector - drawing.pose.translation.vector;
             (away.norm(), joints)
         };
-        let seeds = self.seeds.iter().map(slid);
-        let nearest = seeds.min_by(|a, b| a.0.total_cmp(&b.0));
+        let nearest = self.seeds.iter().map(slid).min_by(|a, b| a.0.total_cmp(&b.0));
         let (_, seed) = nearest.expect("home is a seed");
         let position = Point3::from(drawing.pose.translation.vector);
         let joints = self.reach.joints(&position, &drawing.pose.rotation, &seed)?;
@@ -176,9 +174,7 @@ fn free_slides(arm: &Arm) -> Vec<usize> {
         let own = &joints[*joint];
         own.slides && own.lower.is_finite() && own.upper.is_finite()
     };
-    let all = 0..joints.len();
-    let redundant = all.filter(|_| joints.len() > 6);
-    redundant.filter(is_free).collect()
+    (0..joints.len()).filter(|_| joints.len() > 6).filter(is_free).collect()
 }
 
 /// Random poses that were drawn, and the reasons why some were not taken.

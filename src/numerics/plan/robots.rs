@@ -75,8 +75,7 @@ impl<'a> Robot<'a> {
         settings: &PlanSettings,
         full: &FullSettings,
     ) -> Result<Fitted<'a>, FitError> {
-        let observations = observations(self.arm, stations, settings);
-        let models = self.models(&observations, settings, full)?;
+        let models = self.models(&observations(self.arm, stations, settings), settings, full)?;
         let error_frame = ErrorFrame::new(
             self.arm,
             models.base_target.frames[0].main()?,
@@ -105,8 +104,7 @@ impl Robot<'_> {
         };
         let mut models = fit::models::train(self.arm, observations, 1, &train)?;
         if let Some(known) = known {
-            let found = &models.base_target.frames[0];
-            models.full = known.learned(self.arm, observations, found);
+            models.full = known.learned(self.arm, observations, &models.base_target.frames[0]);
         }
         Ok(models)
     }
@@ -144,7 +142,6 @@ impl Fitted<'_> {
     pub fn true_errors(&self, visits: &[Visit], settings: &PlanSettings) -> Vec<Vector3<f64>> {
         let perfect: Vec<Station> =
             visits.iter().map(|visit| visit.perfect(&settings.population)).collect();
-        let errors = self.errors(&perfect).into_iter();
-        errors.map(|(_, error)| error).collect()
+        self.errors(&perfect).into_iter().map(|(_, error)| error).collect()
     }
 }

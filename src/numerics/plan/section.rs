@@ -1,5 +1,4 @@
-//! The `[plan]` section of a pipeline file: the expected robots, and the constraints of the cell. `posegrid schema pipeline` shows
-//! what each key means.
+//! The `[plan]` section of a pipeline file: expected robots and constraints of the cell (`posegrid schema pipeline`).
 
 use std::path::PathBuf;
 

@@ -51,8 +51,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// The first `poses` choices of the variance design, fresh verification poses, and drift checks, in an order of short
-    /// travel.
+    /// The first `poses` of the variance design, fresh verification poses, and drift checks, in order of short travel.
     pub fn new(trial: &Trial<'_>, designs: &Designs, poses: usize) -> Result<Self, PlanError> {
         let (arm, settings) = (trial.arm, trial.settings);
         let choices = designs.by_variance.iter().take(poses).enumerate();
@@ -78,8 +77,7 @@ impl Session {
     fn ordered(arm: &Arm, visits: &[PlannedVisit], settings: &PlanSettings) -> Self {
         let joints: Vec<Vec<f64>> = visits.iter().map(|v| v.command.joints.clone()).collect();
         let speed = settings.population.motion.speed_rad_s;
-        let joints_of_arm = arm.joints().iter();
-        let speeds: Vec<f64> = joints_of_arm.map(|own| speed * own.per_radian()).collect();
+        let speeds: Vec<f64> = arm.joints().iter().map(|own| speed * own.per_radian()).collect();
         let order = visiting_order(&joints, &settings.home, &speeds);
         // Drift is checked on identification poses: verification poses are measured once.
         let (early, rest): (Vec<usize>, Vec<usize>) = {
@@ -121,8 +119,7 @@ pub fn promise(trial: &Trial<'_>, session: &Session, pool: &[Commanded]) -> Outc
     let settings = trial.settings;
     let first = settings.robots.max(settings.whole_model_robots);
     let fresh = first..first + settings.whole_model_robots;
-    let robots = tried(trial, session, pool, fresh);
-    Outcomes::of(robots.iter(), settings.robots_meet)
+    Outcomes::of(tried(trial, session, pool, fresh).iter(), settings.robots_meet)
 }
 
 /// The session on these robots of the plan's population: each measures all of it, is identified on all except the

@@ -3,8 +3,7 @@
 //! Inputs: the nominal arm and the expected robots. Output: a row for each step, node source and interpolation.
 //! 1. For each step, the lattice in the box, every node placed at the table's orientation and visited in serpentines.
 //! 2. Each robot measures the nodes of each step; base, target and geometry are fitted on them.
-//! 3. Node errors, as measured or from the geometric model, are interpolated at fresh poses and compared with the robot's
-//!    true errors there.
+//! 3. Node errors, measured or of the geometric model, are interpolated at fresh poses and compared with the true ones.
 //! 4. A step holds for a robot when the bound of [`crate::figures`] on its fresh poses is within the tolerance; it holds
 //!    for the population when the share of such robots is, with the confidence asked for, at least the share asked for.
 
@@ -50,8 +49,7 @@ impl Grid {
         settings: &PlanSettings,
         step_mm: f64,
     ) -> Result<Self, PlanError> {
-        let lattice = Lattice::new(&settings.region.bounds, step_mm)?;
-        Ok(Self::of(placer, settings, step_mm, lattice))
+        Ok(Self::of(placer, settings, step_mm, Lattice::new(&settings.region.bounds, step_mm)?))
     }
 
     /// A lattice with its nodes placed and the order in which they are visited.
@@ -108,8 +106,7 @@ pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, Plan
         .collect::<Result<_, _>>()?;
     let robots = trial.each_robot("robots × steps", 0..settings.robots, |robot, number| {
         let tests = robot.session(&test_poses(pool, settings, number));
-        let of_grid = |grid: &Grid| on_robot(robot, grid, &tests, settings);
-        grids.iter().map(of_grid).collect()
+        grids.iter().map(|grid| on_robot(robot, grid, &tests, settings)).collect()
     });
     Ok(rows(&grids, &robots, settings))
 }
@@ -216,11 +213,9 @@ fn by_family(
     place: usize,
     settings: &PlanSettings,
 ) -> impl Iterator<Item = (Source, Interpolation, Outcomes)> {
-    let families = families(settings).into_iter().enumerate();
-    families.map(move |(family, (source, interpolation))| {
+    families(settings).into_iter().enumerate().map(move |(family, (source, interpolation))| {
         let own = robots.iter().map(|robot| &robot[place][family]);
-        let outcomes = Outcomes::of(own, settings.robots_meet);
-        (source, interpolation, outcomes)
+        (source, interpolation, Outcomes::of(own, settings.robots_meet))
     })
 }
 
@@ -236,9 +231,7 @@ pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
         let is_own = |row: &usize| (rows[*row].source, rows[*row].interpolation) == *family;
         let mut own: Vec<usize> = (0..rows.len()).filter(is_own).collect();
         own.sort_by(|a, b| step(a).total_cmp(&step(b)));
-        let holding = own.into_iter().take_while(|&row| rows[row].outcomes.holds());
-        holding.last()
+        own.into_iter().take_while(|&row| rows[row].outcomes.holds()).last()
     };
-    let largest = families.iter().filter_map(largest);
-    largest.max_by(|a, b| step(a).total_cmp(&step(b)))
+    families.iter().filter_map(largest).max_by(|a, b| step(a).total_cmp(&step(b)))
 }

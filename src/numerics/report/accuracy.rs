@@ -21,8 +21,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
             explained(set, counted, tolerance.verdict(bound, counted, guard_mm))
         }
     };
-    let corrects = set.subject.model.about().corrects;
-    let (point, moment) = match corrects {
+    let (point, moment) = match set.subject.model.about().corrects {
         Corrects::Nothing | Corrects::Frames => (Point::Measured, Moment::Before),
         Corrects::Predicted => (Point::Measured, Moment::After),
         // A table has residuals only in a session that it drove.

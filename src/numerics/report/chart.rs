@@ -105,8 +105,7 @@ impl Axis {
     }
 
     fn included(&self) -> impl Iterator<Item = f64> + '_ {
-        let values = self.include.iter().copied();
-        values.filter(|value| self.takes(*value))
+        self.include.iter().copied().filter(|value| self.takes(*value))
     }
 
     fn takes(&self, value: f64) -> bool {
@@ -176,8 +175,7 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// Approximate width of a text of thirteen pixels, px, in a wide typeface, `DejaVu Sans`: a text that fits there fits in
-/// others.
+/// Approximate width of a text of thirteen pixels, px, in a wide typeface, `DejaVu Sans`: what fits fits in others.
 fn text_width(text: &str) -> f64 {
     let width = |c: char| match c {
         ' ' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | 'i' | 'j' | 'l' | 'I' => 4.2,

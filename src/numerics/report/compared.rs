@@ -16,8 +16,7 @@ pub struct Pairs {
     pub predicted: Option<Compared>,
     /// What the table leaves beside the identified arm; `None` where nothing shows both.
     pub table_and_arm: Option<TableAndArm>,
-    /// Of several sessions that trained together, those of the identified arm in each session: of held-out blocks, and of an estimate
-    /// without it.
+    /// Of several sessions trained together, those of the identified arm in each: of held-out blocks and of an estimate without it.
     pub of_sessions: Vec<(Subject, Compared)>,
 }
 

@@ -30,8 +30,7 @@ pub struct CorrectedTarget {
     pub name: String,
     pub target: Point3<f64>,
     pub command: Point3<f64>,
-    /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
-    /// alike.
+    /// Sum of the correction's variances along three axes, mm²; without a surveyed frame's, as that moves the whole program alike.
     pub variance_mm2: f64,
 }
 
@@ -98,8 +97,7 @@ pub struct DrivenStation {
     pub command: Point3<f64>,
     pub attained: Point3<f64>,
     pub stated: Vector3<f64>,
-    /// Sum of the variances of the correction along three axes, mm²; without a surveyed frame's share, as that moves the whole program
-    /// alike.
+    /// Sum of the correction's variances along three axes, mm²; without a surveyed frame's, as that moves the whole program alike.
     pub variance_mm2: f64,
     /// Attained and commanded orientation of the flange; `None` where one of them is not known.
     pub turn: Option<Turn>,
@@ -176,8 +174,7 @@ fn turns(
 pub fn kept(promise: Promise, after: &ResidualSet) -> Option<PromiseKept> {
     let norms: Vec<f64> = after.judged().map(|r| r.residual.norm()).collect();
     let figures = Figures::of(&norms)?;
-    let by_pose = after.by_pose(|r| [r.residual.norm()]);
-    Some(PromiseKept::new(promise, &by_pose, Some(figures)))
+    Some(PromiseKept::new(promise, &after.by_pose(|r| [r.residual.norm()]), Some(figures)))
 }
 
 /// The promise of a table held against a session that it drove, in a line that a person reads; `None` without a figure.

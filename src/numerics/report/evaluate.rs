@@ -83,8 +83,7 @@ pub(super) fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>
 /// A model with its predictions in the tracker's frame: with the session's own frames, or with those of the latest session
 /// that trained where it is unseen.
 ///
-/// `None` where there is no such model, or it has no prediction at these angles: figures of other stations would not be
-/// comparable.
+/// `None` without such a model or a prediction at these angles: figures of other stations would not be comparable.
 pub(super) fn predictions<'m>(
     models: &'m Models,
     model: Model,
@@ -137,8 +136,7 @@ pub(super) fn known_at(observation: &Observation, angles: Angles) -> Known<'_> {
     }
 }
 
-/// The measured and predicted orientation of the flange at a station, in the tracker's axes; `None` where none was
-/// measured.
+/// The flange's measured and predicted orientation at a station, in the tracker's axes; `None` where not measured.
 fn turn(
     model: &dyn PoseModel,
     query: &Query<'_>,

@@ -11,8 +11,7 @@ pub struct StatedFrame {
     /// Whether the base was surveyed; fitted otherwise.
     pub is_surveyed: bool,
     pub tracker_from_base: Isometry3<f64>,
-    /// Standard deviation of each coordinate of its origin, mm: as stated of a surveyed base, of the fit of a fitted one; `None` where it
-    /// is not stated.
+    /// Standard deviation of its origin's coordinates, mm: as stated of a surveyed base, by fit of a fitted one; `None` where not stated.
     pub sd_mm: Option<f64>,
     /// Standard deviation of its rotation about each axis, degrees, likewise.
     pub sd_deg: Option<f64>,

@@ -234,8 +234,7 @@ fn remark_of_largest(worst: &Figure, of: usize, poses: usize, middle: f64) -> St
     } else {
         format!("{middle:.4} mm")
     };
-    let limit = worst.remark.iter().map(|remark| format!("; {remark}"));
-    let limit: String = limit.collect();
+    let limit = worst.remark.as_ref().map_or_else(String::new, |remark| format!("; {remark}"));
     let more = if of < poses || of <= ONE_BY_ONE {
         String::new()
     } else {

@@ -1,10 +1,8 @@
-//! Base and target of a session that a model did not learn from: which of its stations find them, and whether its target is
-//! one of its own.
+//! Base and target of a session that no model learnt from: which stations find them, and whether its target is its own.
 //!
-//! Stations are picked by their place in time or by their poses, never by their readings: those that find the base do not judge,
-//! and a pick by readings would flatter the others. They alone also test whether the target is the one that is known: where its
-//! displacement by them is significant (1 %, by the joint covariance of what they find and of what is known), it is one of the session's
-//! own.
+//! Stations are picked by their place in time or by their poses, never by their readings: those that find the base do not judge, and a
+//! pick by readings would flatter the others. They alone also test whether the target is the one that is known: where its displacement
+//! by them is significant (1 %, by the joint covariance of what they find and of what is known), it is the session's own.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -133,18 +131,15 @@ impl Locate {
 
     /// First stations that find the base of a session which a table drove: its targets are not chosen for that.
     pub fn first(&self) -> usize {
-        let stated = self.stations.filter(|_| self.by == LocateBy::First);
-        stated.unwrap_or(FIRST_STATIONS)
+        self.stations.filter(|_| self.by == LocateBy::First).unwrap_or(FIRST_STATIONS)
     }
 }
 
-/// Standard deviation of base and target before they are found, mm and, for the base's turns, mm at 1 m: wider than any that stations
-/// leave open.
+/// Standard deviation of base and target before they are found, mm and, for turns, mm at 1 m: wider than any that stations leave.
 const ANYWHERE_MM: f64 = 300.0;
 /// Most stations that are compared while some are chosen; of more, every second, third, … is.
 const MOST_COMPARED: usize = 1000;
-/// Deviation of a measured position while stations are chosen where the model states none, mm: as they count alike, its size does
-/// not matter.
+/// Deviation of a measured position while stations are chosen where the model states none, mm: they count alike at any size.
 const ALIKE_MM: f64 = 0.05;
 
 /// Finds base and target of sessions that some models did not learn from.
@@ -261,8 +256,7 @@ impl Locator {
             LocateBy::Chosen => {
                 let poses: Vec<Observation> =
                     firsts.iter().map(|&place| observations[place].clone()).collect();
-                let chosen = self.chosen(models, &poses, count, own_target);
-                chosen.unwrap_or_default()
+                self.chosen(models, &poses, count, own_target).unwrap_or_default()
             }
         };
         let all = taken.into_iter().flat_map(|station| {
@@ -333,8 +327,7 @@ impl Locator {
         let queries: Vec<Query<'_>> =
             queries.map(|(o, axes)| query(o, axes, known_at(o, angles))).collect();
         let none = || DMatrix::zeros(0, 3 * queries.len());
-        let half = self.elsewhere.as_ref();
-        let half = half.map(|own| own.half(&queries, own_target.is_some()));
+        let half = self.elsewhere.as_ref().map(|own| own.half(&queries, own_target.is_some()));
         let poses = Poses { half: half.unwrap_or_else(none), columns, precision, alone };
         poses.relative()
     }
@@ -376,13 +369,11 @@ impl Locator {
         let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
         let source = observations.first()?.source;
         let latest = models.latest();
-        let base = full.frames()[latest].tracker_from_base(source);
-        let to_tracker = *base.isometry();
+        let to_tracker = *full.frames()[latest].tracker_from_base(source).isometry();
         let alone = predictions.iter().zip(observations);
         let alone = alone.map(|(p, o)| turned(&(full.noise(o, latest) + p.alone()), &to_tracker));
         let to_base = to_tracker.inverse();
-        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
-        let placed: Vec<Placed> = placed.collect();
+        let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
         let poses = self.poses(observations, angles, &placed, own_target, alone.collect())?;
         Some((poses, placed))
     }

@@ -180,8 +180,7 @@ fn to_meet(verdict: &RunVerdict, tolerance: &Tolerance) -> String {
         let stations = judge.stations.words();
         format!("find out whether {stations} is of this arm, and learn from it too if it is")
     } else {
-        let limit = verdict.limit.clone();
-        limit.unwrap_or_else(|| "see on the page where the errors are".to_owned())
+        verdict.limit.clone().unwrap_or_else(|| "see on the page where the errors are".to_owned())
     }
 }
 

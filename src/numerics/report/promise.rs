@@ -56,8 +56,7 @@ pub struct PromiseKept {
 impl PromiseKept {
     pub fn new(promise: Promise, by_pose: &PoseErrors, figures: Option<Figures>) -> Self {
         let bound_mm = promise.bound_mm.unwrap_or(0.0);
-        let worst = by_pose.worst();
-        let within = worst.iter().filter(|&&norm| norm <= bound_mm).count();
+        let within = by_pose.worst().iter().filter(|&&norm| norm <= bound_mm).count();
         let counted = by_pose.counted();
         Self {
             promise,
@@ -140,8 +139,7 @@ pub fn is_same_pose(one: &[f64], other: &[f64], counted: &[f64]) -> bool {
 fn apart(one: &[f64], other: &[f64], counted: &[f64]) -> f64 {
     let counted = counted.iter().copied().chain(std::iter::repeat(1.0));
     let joints = one.iter().zip(other).zip(counted);
-    let apart = joints.map(|((a, b), counted)| (a - b).abs() * counted);
-    apart.fold(0.0, f64::max)
+    joints.map(|((a, b), counted)| (a - b).abs() * counted).fold(0.0, f64::max)
 }
 
 /// The pose of the station nearest to a planned pose; `None` where no station is there.

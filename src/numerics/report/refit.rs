@@ -86,8 +86,7 @@ impl Refit {
 /// Ridge that bounds the target's shift where one tool orientation does not determine it.
 pub const RIDGE: f64 = 1e-3;
 const PASSES: usize = 4;
-/// Largest scale, in standard deviations of its prior, that sessions ordinarily have: a larger one stays in the remaining
-/// error.
+/// Largest scale that sessions ordinarily have, in standard deviations of its prior: a larger stays in the error.
 const ORDINARY: f64 = 3.0;
 
 /// The frames that bring `measured` (tracker frame) closest to `predicted`; `None` where stations do not span space.
@@ -162,8 +161,7 @@ pub fn generalised(
     Some(if is_ordinary { found } else { plain })
 }
 
-/// The scale in the frames of `found`: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² the
-/// remaining variance per axis.
+/// The scale in the frames of `found`: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² the remaining variance per axis.
 fn scale_of(
     measured: &[Point3<f64>],
     predicted: &[Placed],

@@ -1,5 +1,4 @@
-//! Figures for the tool tip: the error of the point that was measured, carried there by lever arm
-//! ([`crate::method::accuracy`]).
+//! Figures for the tool tip: the error of the measured point, carried there by lever ([`crate::method::accuracy`]).
 //!
 //! Input: residuals, each with the attained and the predicted or commanded orientation of the flange ([`Turn`]), and the
 //! lever from their point to the tip. Output: residuals of the tip, `e_tip = e + (R_attained − R_wanted) · lever`, as
@@ -60,8 +59,7 @@ pub fn without_constant(
     turns.iter().map(|turn| turn.as_ref().map(settled)).collect()
 }
 
-/// The residuals at the tip, `lever` from their point along the flange's axes, mm; stations without a measured orientation
-/// are left out.
+/// Residuals at the tip, `lever` from their point along the flange's axes, mm, of stations with a measured orientation.
 #[must_use]
 pub fn at_tip(set: &ResidualSet, lever: &Vector3<f64>) -> ResidualSet {
     let residual = |own: &Residual| {

@@ -33,17 +33,15 @@ pub fn unseen_session(
         let Some((it, predictions)) = found else { continue };
         let trained = it.frames()[models.latest()].main()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
-        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
-        let placed: Vec<Placed> = placed.collect();
+        let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
         let noise = noise(it, &predictions, stations.observations, models.latest(), &to_base);
         let own_target = located.target_sd_mm;
         let poses = match model {
             Model::Full => locator.poses(stations.observations, angles, &placed, own_target, noise),
             _ => None,
         };
-        let targets = stations.observations.iter().map(|o| target_read(models, o));
         let unseen = Unseen {
-            targets: targets.collect(),
+            targets: stations.observations.iter().map(|o| target_read(models, o)).collect(),
             model: it,
             predictions: &predictions,
             placed: &placed,
@@ -69,8 +67,7 @@ pub fn unseen_session(
     Ok(sets)
 }
 
-/// Noise of each measured position and of unknown settling errors, in the axes of the base, mm²; of observations with the frames of a
-/// session that trained.
+/// Noise of each measured position and of unknown settling errors, in the base's axes, mm²; by the frames of a session that trained.
 fn noise(
     model: &dyn PoseModel,
     predictions: &[Predicted],
@@ -179,8 +176,7 @@ impl Unseen<'_> {
                 turn: turns[place],
             })
         };
-        let stations = observations.iter().zip(self.placed).enumerate();
-        stations.filter_map(residual).collect()
+        observations.iter().zip(self.placed).enumerate().filter_map(residual).collect()
     }
 
     /// The measured orientations of the flange in the base that was found, and the predicted ones; where the session has

@@ -17,8 +17,7 @@ use crate::grid::{Covered, Verdict};
 use judge::badness;
 pub use judge::{Judge, Judging, Remark, word};
 
-/// Where table and identified arm have one verdict, that of the table is the run's, unless it answers for a smaller share of the
-/// measured stations.
+/// Where table and identified arm have one verdict, the table's is the run's, unless it answers for a smaller share of stations.
 const ANSWERS: f64 = 0.95;
 
 /// What targets may be corrected by, and what a verdict is of.
@@ -166,8 +165,7 @@ impl RunVerdict {
     }
 
     pub fn of_model(&self, model: Model) -> Option<&ProductVerdict> {
-        let found = self.models.iter().find(|(own, _)| *own == model)?;
-        Some(&found.1)
+        Some(&self.models.iter().find(|(own, _)| *own == model)?.1)
     }
 
     /// Everything that judges what the verdict is of.

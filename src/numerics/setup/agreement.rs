@@ -94,8 +94,7 @@ impl Agreement {
     /// The disagreement of the set-up that is stated, whose target may sit far from the flange. Mistakes are not looked for with such
     /// a target: it would make many of them agree better than they are.
     pub(super) fn of_stated(stated: &SetUp, evidence: &Evidence) -> Self {
-        let seen = Seen::placed_by(Placement::fit_far, stated, evidence);
-        Self::by(&seen, stated, evidence)
+        Self::by(&Seen::placed_by(Placement::fit_far, stated, evidence), stated, evidence)
     }
 
     pub(super) fn by(seen: &Seen, set_up: &SetUp, evidence: &Evidence) -> Self {

@@ -86,8 +86,7 @@ fn held_against(stations: &[Station]) -> TargetId {
         *counts.entry(reading.target).or_default() += 1;
     }
     let of_main = counts.get(&TargetId::MAIN).copied().unwrap_or_default();
-    let most = counts.into_iter().rev().max_by_key(|(_, count)| *count);
-    match most {
+    match counts.into_iter().rev().max_by_key(|(_, count)| *count) {
         Some((target, count)) if count > 2 * of_main => target,
         _ => TargetId::MAIN,
     }

@@ -97,9 +97,8 @@ fn survey(stated: &SetUp, seen: &Seen) -> Option<Isometry3<f64>> {
 /// The frame of commands where the arm has it.
 fn commands(stated: &SetUp, evidence: &Evidence, seen: &Seen) -> Option<Isometry3<f64>> {
     let tool = point(&stated.flange_from_tool?.translation.vector);
-    let commanded = seen.commanded(stated, evidence);
     let (to, from): (Vec<Point3<f64>>, Vec<Point3<f64>>) =
-        commanded.iter().map(|(flange, at)| (flange * tool, *at)).unzip();
+        seen.commanded(stated, evidence).iter().map(|(flange, at)| (flange * tool, *at)).unzip();
     Some(robust_align(&to, &from)? * stated.base_from_command)
 }
 

@@ -154,8 +154,7 @@ impl CameraSettings {
         let truth = self.camera_from_board(truth);
         let noise_px = self.noise_px(&truth);
         let corners = self.corners();
-        let noise = normals.chunks_exact(2);
-        let noise = noise.map(|own| Vector2::new(own[0], own[1]) * noise_px);
+        let noise = normals.chunks_exact(2).map(|own| Vector2::new(own[0], own[1]) * noise_px);
         let seen = corners.iter().zip(noise);
         let seen = seen.map(|(corner, noise)| self.image(&truth, corner).0 + noise);
         let seen: Vec<Vector2<f64>> = seen.collect();
@@ -167,8 +166,7 @@ impl CameraSettings {
         found
     }
 
-    /// Covariance of a target's pose in the camera's frame that was read: of position and rotation about the axes of the camera, mm² and
-    /// rad².
+    /// Covariance of a target's pose as read in the camera's frame: of position and rotation about its axes, mm² and rad².
     fn covariance(&self, pose: &Isometry3<f64>) -> Option<Matrix6<f64>> {
         let unit = self.unit();
         let mut normal = Matrix6::zeros();
@@ -197,8 +195,7 @@ impl CameraSettings {
         let at = pose * Point3::from(*corner);
         let scale = self.focal_px / at.z;
         let point = Vector2::new(at.x, at.y) * scale;
-        let derivative = Matrix2x3::new(scale, 0.0, -point.x / at.z, 0.0, scale, -point.y / at.z);
-        (point, derivative)
+        (point, Matrix2x3::new(scale, 0.0, -point.x / at.z, 0.0, scale, -point.y / at.z))
     }
 
     /// Image point of a corner, pixels, and its derivatives with the pose, in units of [`Self::unit`]: a row for each axis of the image.

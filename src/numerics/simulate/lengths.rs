@@ -75,12 +75,10 @@ impl LengthInstrument {
 }
 
 impl Simulated {
-    /// Adds the readings of instruments of one length on the measured target, as sources behind the tracker. Each reading is lost as
-    /// often as a station is.
+    /// Adds readings of instruments of one length on the target, as sources behind the tracker. Each is lost as often as a station.
     pub fn add_lengths(&self, stations: &mut [Station], instruments: &[LengthInstrument]) {
         let drawn = self.drawn_lengths(instruments);
-        let all = stations.iter_mut().zip(&self.truth.stations).zip(drawn);
-        for ((station, truth), drawn) in all {
+        for ((station, truth), drawn) in stations.iter_mut().zip(&self.truth.stations).zip(drawn) {
             for (number, (instrument, normal)) in instruments.iter().zip(drawn).enumerate() {
                 if let Some(normal) = normal {
                     let source = SourceId(number + 1);
@@ -100,8 +98,7 @@ impl Simulated {
             let (normal, drawn) = (noise.normal3().x, noise.uniform());
             (drawn >= settings.tracker.lost_share).then_some(normal)
         };
-        let stations = self.truth.stations.iter();
-        stations.map(|_| instruments.iter().map(|_| one()).collect()).collect()
+        self.truth.stations.iter().map(|_| instruments.iter().map(|_| one()).collect()).collect()
     }
 
     /// Readings of instruments of one length as they are logged beside the tracker's, at its rate and by its clock: from the first dwell

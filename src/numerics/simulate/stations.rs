@@ -99,9 +99,8 @@ impl Simulated {
         self.truth.stations.iter().map(order).collect()
     }
 
-    /// Readings of these reflectors ([`Self::readings_with`]) as of a tracker that measures one after another in each dwell, in the order
-    /// of `Self::turns`: of each the readings in its own part of the dwell, and none while the arm moves or the beam goes from one to
-    /// the next.
+    /// Readings of these reflectors ([`Self::readings_with`]) as of a tracker that measures one after another in each dwell, in order of
+    /// `Self::turns`: of each those in its own part of the dwell, and none while the arm moves or the beam goes from one to the next.
     pub fn readings_in_turn(&self, beside: &[Vector3<f64>]) -> Vec<TargetReadings> {
         let clock = self.truth.clock_model();
         let all = self.readings_with(beside);
@@ -207,8 +206,7 @@ impl Simulated {
             covariances::mean(&kept)
         });
         let stated = stated.unwrap_or_default();
-        let exact = self.truth.settings.instrument;
-        let exact = exact.exact(&truth.tracker_from_target).rotation;
+        let exact = self.truth.settings.instrument.exact(&truth.tracker_from_target).rotation;
         let turned = turned(readings, &kept, &exact);
         let point = MeanPoint {
             position: Point3::from(mean),
@@ -281,6 +279,5 @@ fn turned(
     let mean = turns.iter().sum::<Vector3<f64>>() / turns.len() as f64;
     let squares: f64 = turns.iter().map(|turn| (turn - mean).norm_squared()).sum();
     let degrees = 3.0 * turns.len().saturating_sub(1).max(1) as f64;
-    let orientation = UnitQuaternion::from_scaled_axis(mean) * truth;
-    Some((orientation, (squares / degrees).sqrt()))
+    Some((UnitQuaternion::from_scaled_axis(mean) * truth, (squares / degrees).sqrt()))
 }

@@ -189,10 +189,9 @@ fn ticks(t_s: f64) -> f64 {
 
 /// The largest move of a joint, rad; 1000 mm of one that slides count as a rad.
 fn largest_turn(arm: &Arm, from: &[f64], to: &[f64]) -> f64 {
-    let joints = arm.joints().iter().map(Joint::counted);
     from.iter()
         .zip(to)
-        .zip(joints)
+        .zip(arm.joints().iter().map(Joint::counted))
         .map(|((a, b), counted)| (a - b).abs() * counted)
         .fold(0.0, f64::max)
 }

@@ -181,8 +181,7 @@ impl<'a> View<'a> {
         Isometry3::from_parts(Translation3::from(drift[0] + shift), turn)
     }
 
-    /// True pose of the target in the frame of the base at the session's start, its drift included, at a moment of the controller's time,
-    /// mm.
+    /// True pose of the target in the frame of the base at the start, its drift included, at a moment of the controller's time, mm.
     pub(super) fn base_from_target(&self, t_s: f64) -> Isometry3<f64> {
         let state = self.timeline.state(t_s);
         let base_from_target =

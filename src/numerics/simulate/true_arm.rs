@@ -125,8 +125,7 @@ impl ArmErrors {
 
     /// Repeatability of `joint` from visit to visit, a standard deviation, rad: the identified one where there is one.
     pub(super) fn repeatability_rad(&self, joint: usize, expected_rad: f64) -> f64 {
-        let identified = self.identified.as_ref();
-        identified.map_or(expected_rad, |own| own.repeatability_rad[joint])
+        self.identified.as_ref().map_or(expected_rad, |own| own.repeatability_rad[joint])
     }
 
     /// True pose of the measured target in the base frame when the controller reports `joints` (rad); `visit` (rad) is the
@@ -246,8 +245,7 @@ fn compliance(
     let mut origins: Vec<Point3<f64>> =
         arm.chain().joint_axes(&zeros, &nominal).into_iter().map(|(origin, _)| origin).collect();
     let flange = Point3::from(arm.chain().nominal(&zeros).translation.vector);
-    let tip = flange + Vector3::from(settings.cell.flange_from_target_mm);
-    origins.push(tip);
+    origins.push(flange + Vector3::from(settings.cell.flange_from_target_mm));
     let of_joint = |joint: usize| {
         let torque = stretched_torque(&origins, masses, joint);
         let drawn = sag_rad * stream.between(0.5, 1.5);

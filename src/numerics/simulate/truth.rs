@@ -268,8 +268,7 @@ fn shorten(value: &mut serde_json::Value) {
         serde_json::Value::Array(items) => items.iter_mut().for_each(shorten),
         serde_json::Value::Object(fields) => fields.values_mut().for_each(shorten),
         serde_json::Value::Number(number) if number.is_f64() => {
-            let exact = number.as_f64().expect("just asked");
-            *value = super::short(exact).into();
+            *value = super::short(number.as_f64().expect("just asked")).into();
         }
         _ => {}
     }

@@ -12,8 +12,7 @@ pub struct BatchColumns {
     unknowns: Vec<usize>,
 }
 
-/// Axis variables of many poses, `[j][i]` that of axis j at pose i, with their sine and cosine, which each step of a
-/// fit reuses.
+/// Axis variables of many poses, `[j][i]` that of axis j at pose i, with sines and cosines, which a fit's steps reuse.
 #[derive(Debug, Clone)]
 pub struct Variables {
     values: Vec<Vec<f64>>,
@@ -48,8 +47,7 @@ struct Walk {
 }
 
 impl BatchColumns {
-    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed
-    /// one.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` where fixed.
     pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
         let mut steps = Vec::new();
         let mut parameter = 0;
@@ -188,8 +186,7 @@ impl Column {
         self.turns.then_some(&self.angular)
     }
 
-    /// Carries an axis from its own place (kept in `linear`) to the end: the cross product of the axis and the way
-    /// there.
+    /// Carries an axis from its own place (kept in `linear`) to the end: the cross product of axis and way there.
     fn carry_to(&mut self, end: &[Block; 3]) {
         if !self.turns {
             return;

@@ -37,8 +37,7 @@ pub fn placed(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element
     elements
 }
 
-/// The link to a joint's frame with the small motions that change its axis: four for a line, two for the direction of a
-/// slide.
+/// The link to a joint's frame with small motions that change its axis: four for a line, two for a slide's direction.
 pub fn line(joint: &Moving, nominal: Isometry3<f64>, zero: f64) -> Vec<Element> {
     let mut elements = vec![Element::Fixed(nominal)];
     let changes_axis = |quantity: LinkQuantity| match quantity {

@@ -32,8 +32,7 @@ pub enum Parallel {
     No,
     /// β in place of d, whose shift the next d makes as well.
     InPlaceOfD,
-    /// β beside d: the axes are nearly parallel, as in a table that was calibrated before, and the two d are two
-    /// directions.
+    /// β beside d: axes are nearly parallel, as in a table calibrated before, and the two d are two directions.
     BesideD,
 }
 

@@ -62,9 +62,8 @@ impl<'a> Anywhere<'a> {
         Self { search, seeds }
     }
 
-    /// Joint angles within the limits at which the end has the pose. With `near`, joints take the turn that is nearest
-    /// to it; without, the one nearest to the middle of their limits. The error is of the seed that came nearest to a
-    /// solution.
+    /// Joint angles within the limits at which the end has the pose. With `near`, joints take the turn nearest to it;
+    /// without, the one nearest the middle of their limits. The error is of the seed that came nearest to a solution.
     pub fn joints(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -73,8 +72,7 @@ impl<'a> Anywhere<'a> {
         self.joints_where(base_from_end, near, |_| true)
     }
 
-    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of the seeds that led to no
-    /// solution.
+    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of seeds without a solution.
     pub fn joints_where(
         &self,
         base_from_end: &Isometry3<f64>,
@@ -124,8 +122,7 @@ impl Search<'_> {
             Err(ended) if seed.len() < 6 => self.nearest_orientation(base_from_end, &ended)?,
             Err(ended) => return Err(self.not_reachable(base_from_end, &ended)),
         };
-        let found = self.turned(&found, near);
-        let found = self.within_limits(base_from_end, found);
+        let found = self.within_limits(base_from_end, self.turned(&found, near));
         self.check_limits(&found)?;
         self.check_singularity(&found)?;
         Ok(found)

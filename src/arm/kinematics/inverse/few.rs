@@ -45,8 +45,7 @@ impl Search<'_> {
         Ok(joints)
     }
 
-    /// The step that moves the position by its residual and, with what freedom is left, turns by as much of the
-    /// rotation's.
+    /// The step by the position's residual and, with what freedom is left, by as much of the rotation's.
     fn prioritised(&self, joints: &[f64], residual: &Vector6<f64>) -> DVector<f64> {
         let jacobian = self.jacobian(joints);
         let position = jacobian.rows(0, 3).into_owned();

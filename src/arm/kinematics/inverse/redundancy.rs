@@ -43,8 +43,7 @@ impl Search<'_> {
         joints
     }
 
-    /// Joint angles of the same pose within the limits, by the arm's own motion; those given where it does not bring
-    /// them back.
+    /// Joint angles of the same pose within the limits, by the arm's own motion; those given where that fails.
     pub(super) fn within_limits(&self, target: &Isometry3<f64>, given: Vec<f64>) -> Vec<f64> {
         if given.len() <= 6 {
             return given;

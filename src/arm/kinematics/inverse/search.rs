@@ -59,8 +59,7 @@ impl<'a> Search<'a> {
 
     pub(super) fn moved(&self, joints: &[f64], step: &DVector<f64>) -> Vec<f64> {
         let steps = step.iter().zip(&self.scales);
-        let moved = joints.iter().zip(steps).map(|(q, (d, scale))| q + d * scale);
-        moved.collect()
+        joints.iter().zip(steps).map(|(q, (d, scale))| q + d * scale).collect()
     }
 
     pub(super) fn apart(&self, from: &[f64], to: &[f64]) -> DVector<f64> {
@@ -139,8 +138,7 @@ impl<'a> Search<'a> {
         if self.is_within(residual, ROUNDING) {
             return joints;
         }
-        let step = self.step(&joints, residual, 0.0);
-        let next = self.moved(&joints, &step);
+        let next = self.moved(&joints, &self.step(&joints, residual, 0.0));
         if self.residual(target, &self.end(&next)).norm() < residual.norm() { next } else { joints }
     }
 

@@ -27,15 +27,13 @@ impl JointVariable {
         let at_rest = arm.axes(&vec![0.0; joints]);
         let moved = |joint: usize| -> Vec<f64> {
             let unit: Vec<f64> = (0..joints).map(|own| f64::from(u8::from(own == joint))).collect();
-            let axes = arm.axes(&unit).into_iter().zip(&at_rest);
-            axes.map(|(axis, rest)| axis - rest).collect()
+            arm.axes(&unit).into_iter().zip(&at_rest).map(|(axis, rest)| axis - rest).collect()
         };
         (0..joints).map(|joint| Self::moving(arm, &moved(joint))).collect()
     }
 
     fn moving(arm: &Arm, axes: &[f64]) -> Self {
-        let elements = arm.chain().elements().iter();
-        let moves = elements.filter_map(|element| match element {
+        let moves = arm.chain().elements().iter().filter_map(|element| match element {
             Element::Joint { motion, joint, sign } if axes[*joint] != 0.0 => {
                 Some((motion, sign * axes[*joint]))
             }
@@ -61,8 +59,7 @@ impl JointVariable {
         }
     }
 
-    /// The limits, or one turn within them where all turns are alike; 2π or 10 m about zero where limits are not
-    /// finite.
+    /// The limits, or one turn within them where turns are alike; 2π or 10 m about zero without finite limits.
     pub(super) fn range(self, joint: &Joint) -> [f64; 2] {
         let widest = if self == Self::Length { 1e4 } else { PI };
         let [low, high] = [joint.lower.max(-1e3 * widest), joint.upper.min(1e3 * widest)];

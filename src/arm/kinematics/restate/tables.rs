@@ -29,8 +29,7 @@ struct Hint {
     across: Vector3<f64>,
 }
 
-/// Standard DH: the link behind each joint goes to the common normal with the next axis; the last one to the flange's z
-/// axis.
+/// Standard DH: the link behind each joint goes to the common normal with the next axis, the last to the flange's z.
 pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
     let Some(first) = lines.first() else { return Ok(()) };
@@ -45,16 +44,14 @@ pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
         };
         let hint = if is_last { at_flange() } else { hint_of(&frame) };
         let behind = frame_behind(file, place, &Line::z_of(&frame), &next, &hint)?;
-        let link = frame.inverse() * behind;
-        put(file, place, &link, Order::TurnFirst);
+        put(file, place, &(frame.inverse() * behind), Order::TurnFirst);
         frame = behind;
     }
     finish(file, &frame, &screws.flange);
     Ok(())
 }
 
-/// Modified DH: the link before each joint leads along the common normal with the axis before; the base's z axis comes
-/// first.
+/// Modified DH: the link before a joint leads along the common normal with the axis before; the base's z axis is first.
 pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), RestateError> {
     let lines: Vec<Line> = screws.axes.iter().map(|screw| screw.line).collect();
     let Some(first) = lines.first() else { return Ok(()) };
@@ -75,8 +72,7 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
             }
             None => frame_at(&here.on_second, &here.across, &lines[place]),
         };
-        let link = frame.inverse() * ahead;
-        put(file, place, &link, Order::TwistFirst);
+        put(file, place, &(frame.inverse() * ahead), Order::TwistFirst);
         frame = ahead;
     }
     file.flange = placement(&(frame.inverse() * screws.flange));
@@ -195,8 +191,7 @@ fn put(file: &mut RobotFile, place: usize, link: &Isometry3<f64>, order: Order) 
     }
 }
 
-/// Transform left between the last link's frame and the flange, which share their z axis: γ and b of the S-model, else
-/// `[flange]`.
+/// Transform left between the last link's frame and the flange, of one z axis: γ and b of the S-model, else `[flange]`.
 fn finish(file: &mut RobotFile, last: &Isometry3<f64>, flange: &Isometry3<f64>) {
     let left = last.inverse() * flange;
     let (convention, joint) = (file.convention, file.joint.last_mut());

@@ -21,8 +21,7 @@ impl RobotFile {
         }
         for (index, joint) in self.joint.iter().enumerate() {
             joint.check(self.convention)?;
-            let before = &self.joint[..index];
-            if before.iter().any(|other| other.name == joint.name) {
+            if self.joint[..index].iter().any(|other| other.name == joint.name) {
                 return Err(ArmError::DuplicateJoint { joint: joint.name.clone() });
             }
             self.check_mimic(joint)?;
@@ -73,8 +72,7 @@ impl JointFile {
         let (missing, unread) = keys::wrong(self, convention);
         if !missing.is_empty() || !unread.is_empty() {
             let (joint, convention) = (self.name.clone(), convention.word());
-            let wrong = WrongKeys { joint, convention, missing, unread };
-            return Err(ArmError::Keys(Box::new(wrong)));
+            return Err(ArmError::Keys(Box::new(WrongKeys { joint, convention, missing, unread })));
         }
         if let Some(found) = self.sign.filter(|sign| sign.abs() != 1) {
             return Err(ArmError::Sign { joint: self.name.clone(), found });
@@ -102,8 +100,7 @@ impl JointFile {
             return Err(self.not_finite(quantity));
         }
         let [lower, upper] = self.limits_deg.unwrap_or_default();
-        let limits = [("limits_deg", lower), ("limits_deg", upper)];
-        let mut angles = angles.into_iter().chain(limits);
+        let mut angles = angles.into_iter().chain([("limits_deg", lower), ("limits_deg", upper)]);
         match angles.find_map(|(key, found)| Some((key, found, in_radians(found)?))) {
             Some((key, found, degrees)) => {
                 Err(ArmError::Radians { joint: self.name.clone(), key, found, degrees })
@@ -164,6 +161,5 @@ impl JointFile {
 fn in_radians(found: f64) -> Option<f64> {
     let degrees = [90.0_f64, 180.0, 270.0, 360.0];
     let is = |degrees: &f64| (found.abs() - degrees.to_radians()).abs() < RADIANS;
-    let found_degrees = degrees.into_iter().find(is)?;
-    Some(found_degrees.copysign(found))
+    Some(degrees.into_iter().find(is)?.copysign(found))
 }

@@ -38,8 +38,7 @@ pub(super) fn steps(ages_years: &[f64]) -> usize {
     (0..MOST).take_while(|&step| share(oldest, step) > 0.0).count()
 }
 
-/// The age of sessions of these days (since 1970), years before the latest; empty where one has no date, or all lie closer together than
-/// one step.
+/// The age of sessions of these days (since 1970), years before the latest; empty where one has no date, or all lie within one step.
 pub(super) fn ages_years(days: &[Option<f64>]) -> Vec<f64> {
     let Some(days) = days.iter().copied().collect::<Option<Vec<f64>>>() else {
         return Vec::new();

@@ -93,9 +93,8 @@ impl Posterior {
     fn before(scale: DVector<f64>) -> Self {
         let size = scale.len();
         let identity = DMatrix::identity(size, size);
-        let identity = Cholesky::new(identity).expect("the identity is positive");
         Self {
-            root: Root::Columns(identity),
+            root: Root::Columns(Cholesky::new(identity).expect("the identity is positive")),
             whitened: DVector::zeros(size),
             log_evidence: 0.0,
             scale,

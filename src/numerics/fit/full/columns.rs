@@ -107,8 +107,7 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
         let own = problem.observations().iter();
         let own = own.filter(|o| (o.session, o.source) == (session, source));
         let (sum, count) = own.fold((Vector3::zeros(), 0_usize), |(sum, count), o| {
-            let end = nominal.of(o.channel()).view(&o.axes).end;
-            (sum + end.translation.vector, count + 1)
+            (sum + nominal.of(o.channel()).view(&o.axes).end.translation.vector, count + 1)
         });
         let in_tracker = Point3::from(sum / count.max(1) as f64);
         let base = frames.tracker_from_base(source).isometry();

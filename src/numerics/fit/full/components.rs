@@ -177,8 +177,7 @@ impl Components {
             Block::Earlier { joint, .. } => {
                 let slides = layout.slide_period_mm(joint).is_some();
                 self.fixed[columns.start] = super::repairs::zero_variance(slides);
-                let columns = columns.start + 1..columns.end;
-                self.add_curve(layout, joint, columns, spectra, s);
+                self.add_curve(layout, joint, columns.start + 1..columns.end, spectra, s);
             }
             Block::SessionCurve { joint, .. } => {
                 let profile = change_profile(layout, s, joint, columns.len(), spectra);
@@ -220,8 +219,7 @@ impl Components {
         settings: &FullSettings,
     ) {
         let even = vec![1.0; columns.len()];
-        let part = Part::Line { joint, cycles };
-        self.join(part, settings.line_sd_rad, columns, even);
+        self.join(Part::Line { joint, cycles }, settings.line_sd_rad, columns, even);
     }
 
     fn join(&mut self, part: Part, sd: f64, columns: Range<usize>, profile: Vec<f64>) {
@@ -284,8 +282,7 @@ fn change_profile(
     spectra: &mut Spectra,
 ) -> Vec<f64> {
     let (length, share) = session_curve_sizes(layout, settings, joint);
-    let kernel = Kernel::SquaredExponential(length);
-    let variances = spectra.variances(kernel, (columns - 1) / 2);
+    let variances = spectra.variances(Kernel::SquaredExponential(length), (columns - 1) / 2);
     let mut profile = vec![variances[0]];
     profile.extend(pairs(&variances[1..]));
     for variance in &mut profile {

@@ -53,9 +53,8 @@ impl FullModel {
     }
 
     pub fn joint_curves(&self) -> JointCurves {
-        let blocks = self.layout.blocks();
         let pairs: Vec<Pair> =
-            blocks.flat_map(|(block, columns)| self.pairs(block, columns)).collect();
+            self.layout.blocks().flat_map(|(block, columns)| self.pairs(block, columns)).collect();
         let columns = pairs.iter().flat_map(|pair| [pair.column, pair.column + 1]);
         let columns: Vec<usize> = columns.collect();
         JointCurves {

@@ -53,8 +53,7 @@ impl PoseView<'_> {
         let mut rows = DMatrix::zeros(count, layout.size());
         let all = rows.as_mut_slice();
         self.walk(layout.blocks(), layout, &mut |column, twist, amount| {
-            let own = column * count..(column + 1) * count;
-            moved(shown, twist, amount, &mut all[own]);
+            moved(shown, twist, amount, &mut all[column * count..(column + 1) * count]);
         });
         rows
     }

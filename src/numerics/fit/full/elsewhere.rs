@@ -38,8 +38,7 @@ impl FullModel {
         self.span as usize
     }
 
-    /// The arm in another session, with base and targets of the one given; `None` where a factorisation fails, which only rounding can
-    /// cause.
+    /// The arm in another session, with base and targets of the one given; `None` where rounding makes a factorisation fail.
     pub fn elsewhere(
         &self,
         arm: &Arm,
@@ -57,8 +56,7 @@ impl FullModel {
         let model = self.coming(arm, &mounting, stations, settings, up, WarmUp::Repeats)?;
         let columns = |is_own: fn(&Owner) -> bool| {
             let unknowns = model.unknowns().iter().enumerate();
-            let own = unknowns.filter(move |(_, unknown)| is_own(&unknown.owner));
-            own.map(|(column, _)| column)
+            unknowns.filter(move |(_, unknown)| is_own(&unknown.owner)).map(|(column, _)| column)
         };
         let scale = model.layout().columns(Block::Scale(0));
         let base = columns(|owner| matches!(owner, Owner::Source { .. }));
@@ -74,10 +72,8 @@ impl Elsewhere {
     /// Square root of the covariance of the errors at these queries, with the known target or with one of the session's own, in the axes
     /// of the base: `HᵀH`, three columns each, mm.
     pub fn half(&self, queries: &[Query<'_>], own_target: bool) -> DMatrix<f64> {
-        let part = |queries: &[Query<'_>]| {
-            let rows = self.rows(queries, own_target);
-            self.model.posterior.half(&rows)
-        };
+        let part =
+            |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries, own_target));
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
         let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());
         let mut first = 0;
@@ -98,8 +94,7 @@ impl Elsewhere {
             let own = turn.matrix() * self.model.predict(&query).rows;
             rows.rows_mut(3 * place, 3).copy_from(&own);
         }
-        let targets = self.targets.iter().filter(|_| own_target);
-        for &column in self.found.iter().chain(targets) {
+        for &column in self.found.iter().chain(self.targets.iter().filter(|_| own_target)) {
             rows.fill_column(column, 0.0);
         }
         rows

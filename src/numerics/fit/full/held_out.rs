@@ -5,8 +5,7 @@
 //! not say so, so the model is trained a second time without curves and gear lines, and the two are held against each other on
 //! blocks: each block's residuals as predicted from all others, in closed form at the sizes found.
 //!
-//! What a block's own stations said is taken out of their residuals in closed form; what is left is predicted by a posterior that never
-//! saw the block.
+//! What a block's stations said is taken out of their residuals in closed form; the rest is predicted by a posterior that never saw it.
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
@@ -168,19 +167,16 @@ struct Known {
 /// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.
 fn distance(row: &Row, residual: &DVector<f64>) -> f64 {
     let readings = row.noise.firsts();
-    let away = readings.map(|(first, own)| residual.rows(first, own.rows().min(3)).norm());
-    away.sum()
+    readings.map(|(first, own)| residual.rows(first, own.rows().min(3)).norm()).sum()
 }
 
 /// The places of the rows of some stations, all stations' rows one below the other.
 fn rows_of(rows: &[Row], own: &[usize]) -> Vec<usize> {
     let firsts = firsts(rows);
-    let places = own.iter();
-    places.flat_map(|&place| firsts[place]..firsts[place] + rows[place].value.len()).collect()
+    own.iter().flat_map(|&place| firsts[place]..firsts[place] + rows[place].value.len()).collect()
 }
 
-/// The block of each station, by the measured position of its first reading in the base frame; by the predicted one where none was
-/// measured.
+/// The block of each station by the position of its first reading in the base frame, the predicted one where none was measured.
 fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
     let frames = problem.frames(offsets);
     let chains = problem.held(offsets);

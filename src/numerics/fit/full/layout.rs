@@ -27,8 +27,7 @@ pub enum Block {
     Scale(usize),
     /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::curve_unit`].
     Curve(usize),
-    /// Zero and error curve of one joint in the sessions that had so many of its repairs still to come, in place of its curve: a
-    /// constant, then pairs.
+    /// Zero and error curve of a joint in sessions before so many of its repairs, in place of its curve: a constant, then pairs.
     Earlier {
         joint: usize,
         to_come: usize,
@@ -170,8 +169,7 @@ impl Layout {
         self.to_come(session, joint) == 0
     }
 
-    /// This layout for an arm whose axis variables slide: the period of each one's curve, mm; `None` where it turns. Empty where
-    /// all turn.
+    /// This layout for an arm whose axes slide: the period of each curve, mm; `None` where it turns. Empty where all turn.
     #[must_use]
     pub fn with_slides(mut self, periods_mm: Vec<Option<f64>>) -> Self {
         self.slide_periods_mm = periods_mm;

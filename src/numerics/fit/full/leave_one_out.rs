@@ -1,7 +1,6 @@
 //! Leave-one-out residuals in closed form, and the weights and gear lines derived from them.
 //!
-//! A station is left out with all its readings: what the arm did there is common to them, so the other readings of a station would
-//! predict its errors.
+//! A station is left out with all its readings: what the arm did there is common to them, so the others would predict its errors.
 
 use std::ops::Range;
 
@@ -45,11 +44,10 @@ impl LeftOut {
 
     /// The residual of each of its readings, mm and rad.
     pub(super) fn of_readings(&self) -> impl Iterator<Item = DVector<f64>> {
-        let readings = self.noise.station.firsts();
-        readings.map(|(first, own)| {
-            let rows = self.residual.rows(first, own.rows());
-            rows.into_owned()
-        })
+        self.noise
+            .station
+            .firsts()
+            .map(|(first, own)| self.residual.rows(first, own.rows()).into_owned())
     }
 }
 
@@ -110,12 +108,9 @@ struct Explaining<'s> {
 impl<'s> Explaining<'s> {
     fn of(seen: &'s Seen, covariance: &DMatrix<f64>) -> Self {
         let (plain, of_joints) = (&seen.plain, &seen.of_joints);
-        let of_pair = |(j, l): (usize, usize)| {
-            let block = of_joints[j].covariance(covariance, &of_joints[l]);
-            ((j, l), block)
-        };
-        let with_plain = of_joints.iter();
-        let with_plain = with_plain.map(|own| own.covariance_with(covariance, plain));
+        let of_pair =
+            |(j, l): (usize, usize)| ((j, l), of_joints[j].covariance(covariance, &of_joints[l]));
+        let with_plain = of_joints.iter().map(|own| own.covariance_with(covariance, plain));
         Self {
             plain: DMatrix::from_fn(plain.len(), plain.len(), |row, column| {
                 covariance[(plain[row], plain[column])]
@@ -134,8 +129,7 @@ impl<'s> Explaining<'s> {
             let stations = onto.column_iter().zip(shapes[*j].column_iter());
             stations.map(|(onto, own)| onto.dot(&own)).collect::<Vec<f64>>()
         };
-        let joint_pairs = self.of_joints.par_iter();
-        let between: Vec<Vec<f64>> = joint_pairs.map(of_pair).collect();
+        let between: Vec<Vec<f64>> = self.of_joints.par_iter().map(of_pair).collect();
         let chunk = |(chunk, rows): (usize, &[Row])| {
             let first = chunk * TOGETHER;
             let plain = rows.iter().map(|row| &row.plain);
@@ -160,12 +154,10 @@ impl<'s> Explaining<'s> {
             });
             explained.collect::<Vec<_>>()
         };
-        let chunks = rows.par_chunks(TOGETHER).enumerate();
-        chunks.flat_map_iter(chunk).collect()
+        rows.par_chunks(TOGETHER).enumerate().flat_map_iter(chunk).collect()
     }
 
-    /// Covariance of the plain columns with the errors of the joints of some stations: the columns of a station's joints beside each
-    /// other.
+    /// Covariance of the plain columns with errors of joints of some stations: the columns of a station's joints beside each other.
     fn onto_joints(&self, shapes: &[DMatrix<f64>], stations: Range<usize>) -> DMatrix<f64> {
         let (joints, count) = (shapes.len(), stations.len());
         let mut onto = DMatrix::zeros(self.seen.plain.len(), joints * count);
@@ -265,16 +257,13 @@ pub(super) fn find_lines(
     left_out: &[LeftOut],
     settings: &FullSettings,
 ) -> Vec<FoundLine> {
-    let motions = |own: &LeftOut| own.noise.station.joints.ncols();
-    let joints = left_out.first().map_or(0, motions);
+    let joints = left_out.first().map_or(0, |own| own.noise.station.joints.ncols());
     let firsts = stations(problem.observations()).into_iter();
-    let firsts = firsts.map(|own| &problem.observations()[own.start]);
-    let firsts: Vec<&Observation> = firsts.collect();
+    let firsts: Vec<&Observation> = firsts.map(|own| &problem.observations()[own.start]).collect();
     let of_joint = |joint: usize| {
         // A gear before a repair had other lines.
         let is_now = |first: &Observation| layout.is_now(Some(first.session), joint);
-        let stations = firsts.iter().zip(left_out);
-        let stations = stations.filter(|(first, _)| is_now(first));
+        let stations = firsts.iter().zip(left_out).filter(|(first, _)| is_now(first));
         let stations = stations.map(|(first, left_out)| {
             lines::evidence(
                 &left_out.noise.station.joints.column(joint),

@@ -85,8 +85,7 @@ fn periodogram(stations: &[JointEvidence]) -> Vec<f64> {
     let count = ((HIGHEST - LOWEST) / STEP) as usize;
     let firsts: Vec<usize> = (0..count).step_by(LANES * BAND).collect();
     let bands = firsts.par_iter().flat_map_iter(|&first| {
-        let bands = from_fn(|lane| first + lane * BAND);
-        powers(stations, bands).into_iter().flatten()
+        powers(stations, from_fn(|lane| first + lane * BAND)).into_iter().flatten()
     });
     let mut powers: Vec<f64> = bands.collect();
     powers.truncate(count);
@@ -125,8 +124,7 @@ fn powers(stations: &[JointEvidence], bands: [usize; LANES]) -> [Vec<f64>; LANES
         stations.iter().map(|station| Phases::at(station.angle, bands)).collect();
     let mut powers = from_fn(|_| Vec::with_capacity(BAND));
     for _ in 0..BAND {
-        let gains = gains(stations, &phases);
-        powers.iter_mut().zip(gains).for_each(|(own, gain)| own.push(gain));
+        powers.iter_mut().zip(gains(stations, &phases)).for_each(|(own, gain)| own.push(gain));
         phases.iter_mut().for_each(Phases::advance);
     }
     powers

@@ -1,12 +1,10 @@
-//! The full error model of an arm that was identified before, for a session that is still to come, and its update when
-//! that session is measured.
+//! The full error model of an arm identified before, for a session still to come, and its update when it is measured.
 //!
 //! Inputs: a trained [`FullModel`], and the relation of the new session to one of its own ([`Mounting`]). Output: a model of
 //! one session of which no station is known yet.
 //! 1. Columns of the arm (geometry, curves, gravity, gear lines, command–feedback weight) keep their mean and covariance, the
 //!    sessions' own parts being integrated out.
-//! 2. Columns of a session (its base, drift, scale, differences of its curves and command–feedback weight) get the prior of any
-//!    session.
+//! 2. Columns of a session (base, drift, scale, differences of curves and command–feedback weight) get any session's prior.
 //! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes fixed. The result equals training on both
 //!    sessions together, if their sizes are the same.
 
@@ -86,8 +84,7 @@ pub(super) enum WarmUp {
 const REMOUNTED_RAD: f64 = 0.01;
 
 impl FullModel {
-    /// The model of a session of `stations` stations that is still to be measured; `None` where a factorisation fails,
-    /// which only rounding can cause.
+    /// The model of a session of `stations` stations to be measured; `None` where rounding makes a factorisation fail.
     pub fn next(
         &self,
         arm: &Arm,
@@ -110,8 +107,7 @@ impl FullModel {
         warm_up: WarmUp,
     ) -> Option<Self> {
         let starts = [self.next_frames(mounting)];
-        let prior = mounting.prior();
-        let problem = empty(arm, &starts, &prior, self.is_turned());
+        let problem = empty(arm, &starts, &mounting.prior(), self.is_turned());
         let span = stations.max(1) as f64;
         let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
@@ -172,7 +168,7 @@ impl FullModel {
         mounting.frames(source, target)
     }
 
-    fn is_turned(&self) -> bool {
+    pub(super) fn is_turned(&self) -> bool {
         let is_turn =
             |own: &Unknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
         self.unknowns().iter().any(is_turn)
@@ -364,12 +360,11 @@ impl FullModel {
                 observation.measured = observation.measured.without_turn();
             }
         }
-        let geometry = Freedom::Geometry;
         let problem = Problem::with_target_turn(
             &observations,
             arm.chain(),
             std::slice::from_ref(&frames),
-            geometry,
+            Freedom::Geometry,
             &Prior::default(),
             turned,
         );
@@ -377,8 +372,7 @@ impl FullModel {
         for _ in 1..ROUNDS {
             let (posterior, expected, left_out) = self.round(&problem, &state)?;
             state.weights = left_out.iter().map(|l| l.weight(self.tails)).collect();
-            let mean = posterior.mean() + expected;
-            state.offsets += mean.rows(0, state.offsets.len());
+            state.offsets += (posterior.mean() + expected).rows(0, state.offsets.len());
         }
         let (posterior, expected, left_out) = self.round(&problem, &state)?;
         let mean = posterior.mean() + expected;
@@ -441,8 +435,7 @@ impl FullModel {
     /// A draw of all coefficients from the posterior: `mean + S L⁻ᵀ z`, whose covariance is the posterior's when `z`
     /// are independent normal numbers.
     pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
-        let away = self.posterior.backward(z);
-        &self.mean + away.component_mul(&self.posterior.scale)
+        &self.mean + self.posterior.backward(z).component_mul(&self.posterior.scale)
     }
 
     /// Offsets of the arm's own chain and the frames of a session, at coefficients of all columns.

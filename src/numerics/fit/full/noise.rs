@@ -90,8 +90,7 @@ impl Repeatability {
 
     /// Factor of an instrument's stated variance; 1 of one that reads places.
     fn factor(&self, of_length: Option<usize>) -> f64 {
-        let own = of_length.and_then(|source| self.lengths.get(source));
-        own.copied().unwrap_or(1.0)
+        of_length.and_then(|source| self.lengths.get(source)).copied().unwrap_or(1.0)
     }
 
     /// Adds `share` times the part of a station's covariance that is each reading's own.
@@ -220,8 +219,7 @@ impl StationNoise {
             let mut part = common.rows_mut(first, rows);
             part.copy_from(&of_translation(reading, &readings[0]));
             for (mut own, twist) in columns.column_iter_mut().zip(reading.joints) {
-                let own = &mut own.as_mut_slice()[first..first + rows];
-                moved(reading.shown, twist, 1.0, own);
+                moved(reading.shown, twist, 1.0, &mut own.as_mut_slice()[first..first + rows]);
             }
             first += rows;
         }
@@ -279,8 +277,7 @@ pub(super) fn of_length(observation: &Observation) -> Option<usize> {
 impl NoiseEvidence {
     /// Adds `αᵀ T α` and `tr(K T)` of every size, `K = (open + N / (weight · information))⁻¹`, `α = K r`.
     ///
-    /// A size converges where `w r²` has its expected size: the weight belongs to the residual, the share of information
-    /// does not.
+    /// A size converges where `w r²` has its expected size: the weight is the residual's, not the share of information.
     fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
         let counted = self.weight * self.information;
         let mut k = self.open.clone();
@@ -292,12 +289,10 @@ impl NoiseEvidence {
             expected[term] += trace / counted;
         };
         for axis in self.station.common.column_iter() {
-            let square = axis.dot(&alpha).powi(2);
-            add(Term::POSITION, square, quadratic(&k, &axis));
+            add(Term::POSITION, axis.dot(&alpha).powi(2), quadratic(&k, &axis));
         }
         for (joint, column) in self.station.joints.column_iter().enumerate() {
-            let square = alpha.dot(&column).powi(2);
-            add(Term::JOINTS + joint, square, quadratic(&k, &column));
+            add(Term::JOINTS + joint, alpha.dot(&column).powi(2), quadratic(&k, &column));
         }
         for (first, reading) in self.station.firsts() {
             let last = first + reading.rows();
@@ -309,8 +304,7 @@ impl NoiseEvidence {
                 };
                 add(term, alpha[row] * alpha[row], k[(row, row)]);
             }
-            let known = reading.of_length.filter(|own| *own < sizes.lengths.len());
-            if let Some(source) = known {
+            if let Some(source) = reading.of_length.filter(|own| *own < sizes.lengths.len()) {
                 let variance = reading.instrument[(0, 0)];
                 let square = variance * alpha[first] * alpha[first];
                 let trace = k[(first, first)] * variance;
@@ -322,8 +316,7 @@ impl NoiseEvidence {
 
 /// `vᵀ A v` for a few rows.
 fn quadratic(matrix: &DMatrix<f64>, vector: &DVectorView<'_, f64>) -> f64 {
-    let columns = matrix.column_iter().zip(vector.iter());
-    columns.map(|(column, own)| own * column.dot(vector)).sum()
+    matrix.column_iter().zip(vector.iter()).map(|(column, own)| own * column.dot(vector)).sum()
 }
 
 #[cfg(test)]

@@ -115,9 +115,8 @@ impl Seen {
         for (place, &column) in columns.iter().enumerate() {
             in_columns[column] = Some(place);
         }
-        let seen = layout.blocks_in(session);
         let (shapes, blocks): (Vec<_>, Vec<_>) =
-            seen.partition(|(block, _)| block.shapes().is_some());
+            layout.blocks_in(session).partition(|(block, _)| block.shapes().is_some());
         let place =
             |column: usize| in_columns[column].expect("a shape is of all or of one session");
         let of_joint = |joint| JointShapes::of(&shapes, layout, session, joint, place);

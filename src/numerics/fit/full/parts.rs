@@ -34,8 +34,7 @@ impl Settled {
     pub(super) fn weigh_parts(&mut self) -> Vec<PartEvidence> {
         let mut found = Vec::new();
         for (name, is_of) in OPTIONAL {
-            let blocks = self.state.layout.blocks();
-            let own = blocks.filter(|(block, _)| is_of(*block));
+            let own = self.state.layout.blocks().filter(|(block, _)| is_of(*block));
             let columns: Vec<usize> = own.flat_map(|(_, columns)| columns).collect();
             if columns.is_empty() {
                 continue;

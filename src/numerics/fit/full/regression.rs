@@ -98,8 +98,7 @@ impl Evidence {
         }
     }
 
-    /// Log evidence with `columns` in the model minus without them, nats, at the prior of `posterior`; `None` if rounding made a
-    /// matrix indefinite.
+    /// Log evidence with `columns` minus without them, nats, at the prior of `posterior`; `None` if a matrix became indefinite.
     ///
     /// A small part's follows from the covariance of its own columns. A pool may have thousands of columns of one part, and there the
     /// posterior without them costs less.
@@ -158,8 +157,7 @@ impl Sums {
     pub(super) fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
         let factor = before.factor();
         let matrix = self.scaled(&before.scale) + factor.product();
-        let ln_before = factor.ln_determinant();
-        self.at(before.scale.clone(), matrix, ln_before)
+        self.at(before.scale.clone(), matrix, factor.ln_determinant())
     }
 
     /// `√v A √v`: its lower triangle.
@@ -277,8 +275,7 @@ impl Posterior {
             columns.len(),
             columns.iter().map(|&column| self.whitened[column]),
         );
-        let pivots = factor.l_dirty().diagonal();
-        let ln_determinant = 2.0 * pivots.map(f64::ln).sum();
+        let ln_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         Some(0.5 * (ln_determinant + mean.dot(&factor.solve(&mean))))
     }
 

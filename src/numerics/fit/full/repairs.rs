@@ -37,8 +37,7 @@ impl TryFrom<String> for Day {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        let time = WallTime::stated(&text).map(Self);
-        time.ok_or_else(|| {
+        WallTime::stated(&text).map(Self).ok_or_else(|| {
             format!("\"{text}\" is no time; write \"2026-05-14\" or \"2026-05-14 14:30\"")
         })
     }

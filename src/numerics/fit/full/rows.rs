@@ -25,8 +25,7 @@ use crate::fit::observation::measured::{Shown, moved};
 use crate::fit::problem::Problem;
 use crate::kinematics::{HeldChain, Twist};
 
-/// Stations whose rows are held at once: they are needed for their sums alone. Fixed, so that results do not depend on the number of
-/// threads.
+/// Stations whose rows are held at once: they are needed for their sums alone. Fixed, so that results do not depend on threads.
 const AT_ONCE: usize = 2048;
 
 /// The model between two rounds of its training.
@@ -65,10 +64,9 @@ impl Coefficients {
     /// Those that a session sees, of the columns of the model.
     pub fn of(seen: &Seen, columns: &DVector<f64>) -> Self {
         let own = columns.select_rows(&seen.columns);
-        let joints = seen.of_joints.iter();
         Self {
             plain: own.select_rows(&seen.plain),
-            of_joints: joints.map(|shapes| shapes.gathered(&own)).collect(),
+            of_joints: seen.of_joints.iter().map(|shapes| shapes.gathered(&own)).collect(),
         }
     }
 }
@@ -124,8 +122,7 @@ struct ReadingRow {
 /// The readings of each station, as ranges of observations: those beside each other of one session and station.
 pub(super) fn stations(observations: &[Observation]) -> Vec<Range<usize>> {
     let one = |a: &Observation, b: &Observation| (a.session, a.station) == (b.session, b.station);
-    let groups = observations.chunk_by(one);
-    let ranges = groups.scan(0, |next, group| {
+    let ranges = observations.chunk_by(one).scan(0, |next, group| {
         let first = *next;
         *next += group.len();
         Some(first..*next)
@@ -184,8 +181,7 @@ impl<'p> Around<'p> {
     }
 
     pub fn row_count(&self) -> usize {
-        let readings = self.problem.observations().iter();
-        readings.map(|own| own.measured.kind().rows()).sum()
+        self.problem.observations().iter().map(|own| own.measured.kind().rows()).sum()
     }
 
     pub fn seen(&self, session: usize) -> &Seen {
@@ -204,14 +200,12 @@ impl<'p> Around<'p> {
     pub fn batches_of(&self, stations: &[usize]) -> Vec<(usize, Vec<usize>)> {
         let runs = stations.chunk_by(|&a, &b| self.session(a) == self.session(b));
         let batches = runs.flat_map(|run| run.chunks(AT_ONCE));
-        let with_session = batches.map(|own| (self.session(own[0]), own.to_vec()));
-        with_session.collect()
+        batches.map(|own| (self.session(own[0]), own.to_vec())).collect()
     }
 
     pub fn rows(&self, stations: &[usize]) -> Cow<'_, [Row]> {
         let row = |&place: &usize| {
-            let own = self.stations[place].clone();
-            self.station(&self.problem.observations()[own])
+            self.station(&self.problem.observations()[self.stations[place].clone()])
         };
         let made = || stations.par_iter().with_min_len(CHUNK).map(row).collect();
         if stations.len() == self.count() && self.count() <= AT_ONCE {
@@ -224,8 +218,7 @@ impl<'p> Around<'p> {
 impl Around<'_> {
     fn station(&self, readings: &[Observation]) -> Row {
         let mut rows: Vec<ReadingRow> = readings.iter().map(|own| self.reading(own)).collect();
-        let noisy = readings.iter().zip(&rows);
-        let noisy = noisy.map(|(observation, row)| NoisyReading {
+        let noisy = readings.iter().zip(&rows).map(|(observation, row)| NoisyReading {
             observation,
             shown: &row.shown,
             joints: &row.joints,
@@ -267,10 +260,8 @@ impl Around<'_> {
         let seen = &self.seen[observation.session];
         let mut plain = self.plain(&pose, seen, &shown);
         let angles = seen.of_joints.iter().zip(&observation.axes).enumerate();
-        let shapes = angles.map(|(joint, (own, &angle))| {
-            let unit = state.layout.curve_unit(joint);
-            own.numbers(angle, unit)
-        });
+        let shapes =
+            angles.map(|(joint, (own, &angle))| own.numbers(angle, state.layout.curve_unit(joint)));
         let shapes = shapes.collect();
         // The unknowns are the first columns.
         for (unknown, by) in problem.by_parts(observation.channel(), gauge.as_ref(), &end) {
@@ -281,12 +272,11 @@ impl Around<'_> {
         if let (Some(scale), Some(_)) = (scale, &gauge) {
             plain.column_mut(seen.places[scale.start]).fill(0.0);
         }
-        let residual = observation.measured.residual(&view.end, gauge.as_ref());
         ReadingRow {
             shown,
             plain,
             shapes,
-            value: DVector::from_vec(residual),
+            value: DVector::from_vec(observation.measured.residual(&view.end, gauge.as_ref())),
             joints: view.joints,
             base: base_axes,
         }
@@ -299,8 +289,7 @@ impl Around<'_> {
             let mut own = plain.column_mut(seen.places[column]);
             moved(shown, twist, amount, own.as_mut_slice());
         };
-        let blocks = seen.blocks.iter().cloned();
-        pose.walk(blocks, &self.state.layout, &mut each);
+        pose.walk(seen.blocks.iter().cloned(), &self.state.layout, &mut each);
         plain
     }
 }

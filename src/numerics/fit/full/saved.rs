@@ -45,8 +45,7 @@ pub struct SavedFull {
     pub mean: Vec<f64>,
     /// Prior standard deviation of every column; 0 for parts that were dropped.
     pub scale: Vec<f64>,
-    /// Factor L of the posterior information over `scale`; of a pool that of the shared columns, once the sessions' own are
-    /// eliminated.
+    /// Factor L of the posterior information over `scale`; of a pool of the shared columns, the sessions' own eliminated.
     pub factor: String,
     /// Of a pool, the factored part of each session; absent of a model whose columns were factored together.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -247,9 +246,8 @@ impl SavedFull {
         let (sessions, shared) = (partition.own.len(), partition.common.len());
         same_length("sessions' own factors", sessions, self.own_factors.len())?;
         let own = self.own_factors.iter().zip(&partition.own);
-        let own = own.map(|(saved, own)| saved.root(own.len(), shared));
         Ok(Root::Sessions(Arrow {
-            own: own.collect::<Result<_, _>>()?,
+            own: own.map(|(saved, own)| saved.root(own.len(), shared)).collect::<Result<_, _>>()?,
             common: factor(&self.factor, shared)?,
             partition,
         }))
@@ -399,8 +397,7 @@ impl Posterior {
 /// The lower triangle, column by column, as base64 of little-endian numbers.
 fn encode(lower: &DMatrix<f64>) -> String {
     let columns = lower.column_iter().enumerate();
-    let below = columns.flat_map(|(column, own)| own.into_iter().skip(column));
-    encode_numbers(below)
+    encode_numbers(columns.flat_map(|(column, own)| own.into_iter().skip(column)))
 }
 
 /// Numbers as base64, little-endian.
@@ -428,8 +425,7 @@ fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
     let (numbers, rest) = bytes.as_chunks::<8>();
     same_length("bytes after the factor's numbers", 0, rest.len())?;
     same_length("numbers in the factor", count, numbers.len())?;
-    let numbers = numbers.iter().map(|number| f64::from_le_bytes(*number));
-    let numbers: Vec<f64> = numbers.collect();
+    let numbers: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
     if numbers.iter().all(|number| number.is_finite()) {
         Ok(numbers)
     } else {

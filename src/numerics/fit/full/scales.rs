@@ -13,10 +13,9 @@ impl FullModel {
     /// The scale of a session, by its index in the model; `None` where the model has no scales.
     pub fn fitted_scale(&self, session: usize) -> Option<FittedScale> {
         let column = self.layout.columns(Block::Scale(session))?.start;
-        let variance = self.covariance_of(&[column])[(0, 0)];
         Some(FittedScale {
             ppm: PPM * self.mean[column],
-            sd_ppm: PPM * variance.sqrt(),
+            sd_ppm: PPM * self.covariance_of(&[column])[(0, 0)].sqrt(),
             kept: self.parts.iter().any(|part| part.name == "session_scale" && part.kept),
         })
     }

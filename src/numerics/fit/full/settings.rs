@@ -45,8 +45,7 @@ pub struct FullSettings {
     /// Expected compliance, rad per m of lever.
     pub gravity_sd: f64,
     pub line_sd_rad: f64,
-    /// Gain in log likelihood that a gear line needs, nats. Among the 10⁴ frequencies of an arm, noise alone
-    /// reaches 9.
+    /// Gain in log likelihood that a gear line needs, nats. Among the 10⁴ frequencies of an arm, noise alone reaches 9.
     pub line_threshold: f64,
     pub drift_sd_mm: f64,
     pub drift_length_stations: f64,

@@ -116,8 +116,7 @@ impl JointShapes {
         for run in &self.runs {
             for own in 0..run.count {
                 let column = covariance.column(run.place + own);
-                let into = gathered.column_mut(run.shape + own);
-                for (entry, &row) in into.into_iter().zip(others) {
+                for (entry, &row) in gathered.column_mut(run.shape + own).into_iter().zip(others) {
                     *entry += run.share * column[row];
                 }
             }
@@ -144,8 +143,7 @@ impl JointShapes {
 /// Places that follow each other, of shapes that do so too; nearly all do. None goes beyond the first `own` places and has some of them.
 pub fn runs(places: &[usize], own: usize) -> Vec<Run> {
     let mut shape = 0;
-    let follows = |place: &usize, next: &usize| place + 1 == *next && *next != own;
-    let runs = places.chunk_by(follows).map(|run| {
+    let runs = places.chunk_by(|place, next| place + 1 == *next && *next != own).map(|run| {
         let first = shape;
         shape += run.len();
         Run { place: run[0], shape: first, count: run.len(), share: 1.0 }

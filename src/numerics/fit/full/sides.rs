@@ -85,8 +85,7 @@ impl Sides {
     }
 }
 
-/// The share of joints at stations where the settling error has the sign of the side, or always the other sign, less the share of the
-/// others.
+/// Share of joints at stations where the settling error has the sign of the side, or always the other, less the share of the others.
 fn agreement(stations: &[&Observation], sides: &[Vec<f64>]) -> f64 {
     let (mut agree, mut all) = (0.0, 0.0);
     for (own, sides) in stations.iter().zip(sides) {
@@ -127,8 +126,7 @@ fn score(
     (information - half.tr_mul(&half), score)
 }
 
-/// The direction in which each joint came to each station, by session and axis variables, from the station before: 1, −1, or 0 where it
-/// has not moved yet.
+/// The direction in which each joint came to each station from that before, by session and axes: 1, −1, or 0 until it moved.
 pub fn sides<'o>(
     stations: impl Iterator<Item = (usize, &'o [f64])>,
 ) -> impl Iterator<Item = Vec<f64>> {

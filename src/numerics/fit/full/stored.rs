@@ -25,7 +25,7 @@ use crate::fit::observation::Observation;
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{SavedError, same_length};
 use crate::fit::scale::ScaleEvidence;
-use crate::kinematics::{Arm, Motion, Parameter};
+use crate::kinematics::Arm;
 
 /// A trained full error model, without what follows from its arm and prior.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,13 +56,10 @@ pub struct StoredFull {
 
 impl FullModel {
     pub fn stored(&self) -> StoredFull {
-        let turns = |unknown: &crate::fit::Unknown| {
-            matches!(unknown.parameter, Parameter::Target(Motion::Rotation(_)))
-        };
         StoredFull {
             up: self.up,
             starts: self.problem.starts().to_vec(),
-            turned: self.problem.unknowns().iter().any(turns),
+            turned: self.is_turned(),
             layout: self.layout.clone(),
             offsets: self.offsets.clone(),
             rows_at: self.rows_at.clone(),

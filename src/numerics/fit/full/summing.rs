@@ -45,8 +45,7 @@ impl<'s> Summing<'s> {
         let of_joints = &self.seen.of_joints;
         let joints = of_joints.len();
         let pairs: Vec<_> = pairs(joints).collect();
-        let numbered = pairs.par_iter().enumerate();
-        let blocks = numbered.map(|(pair, &(j, l))| self.of_joints(pair, j, l));
+        let blocks = pairs.par_iter().enumerate().map(|(pair, &(j, l))| self.of_joints(pair, j, l));
         for (&(j, l), block) in pairs.iter().zip(blocks.collect::<Vec<_>>()) {
             sums.block(&of_joints[j].runs, &of_joints[l].runs, &block);
         }
@@ -92,8 +91,7 @@ impl<'s> Summing<'s> {
     fn of_joint(&self, joint: usize, along: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
         let (stations, joints) = (self.stations.len(), self.shapes.len());
         let along = along.columns_with_step(joint, stations, joints - 1);
-        let pulls = self.stations.iter();
-        let pulls = pulls.map(|own| own.joints.column(joint).dot(&own.values));
+        let pulls = self.stations.iter().map(|own| own.joints.column(joint).dot(&own.values));
         let pulls = DVector::from_iterator(stations, pulls);
         (along * turned(&self.shapes[joint]), &self.shapes[joint] * pulls)
     }
@@ -113,12 +111,9 @@ impl Whitened {
     /// Adds the motions of the rows by each joint along the plain columns, which are those of `into` for one joint after the other.
     pub fn add_along(&self, into: &mut [f64]) {
         let width = self.plain.nrows();
-        let joints = into.chunks_exact_mut(width.max(1));
-        for (into, motion) in joints.zip(self.joints.column_iter()) {
-            let rows = self.plain.as_slice().chunks_exact(width);
-            for (row, by) in rows.zip(&motion) {
-                let entries = into.iter_mut().zip(row);
-                entries.for_each(|(entry, own)| *entry += by * own);
+        for (into, motion) in into.chunks_exact_mut(width.max(1)).zip(self.joints.column_iter()) {
+            for (row, by) in self.plain.as_slice().chunks_exact(width).zip(&motion) {
+                into.iter_mut().zip(row).for_each(|(entry, own)| *entry += by * own);
             }
         }
     }

@@ -102,8 +102,7 @@ impl Curve {
 
     fn add_change(&mut self, coefficients: &[f64]) {
         if let [constant, harmonics @ ..] = coefficients {
-            let entries = self.entries.iter_mut();
-            entries.for_each(|entry| entry[0] += constant);
+            self.entries.iter_mut().for_each(|entry| entry[0] += constant);
             self.add(harmonics);
         }
     }
@@ -136,8 +135,7 @@ impl Curve {
                 }
             }
             for place in first..(first + LANES).min(ENTRIES / 4 + 1) {
-                let of_lane = sums.map(|sums| sums.map(|sum| sum[place - first]));
-                self.add_mirrored(place, of_lane);
+                self.add_mirrored(place, sums.map(|sums| sums.map(|sum| sum[place - first])));
             }
         }
     }

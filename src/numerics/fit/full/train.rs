@@ -82,8 +82,7 @@ fn settled(
     rounds: usize,
 ) -> Option<Settled> {
     let expected = state.repeatability.clone();
-    let misfit_mm = problem.misfit_mm(&state.offsets);
-    state.repeatability.start_from(misfit_mm);
+    state.repeatability.start_from(problem.misfit_mm(&state.offsets));
     for round in 0..rounds {
         let narrow = state.narrowed(&Around::new(problem, &state, up));
         let prior_mean = prior_mean(problem, &narrow);
@@ -100,11 +99,9 @@ fn settled(
         }
         state.weights = left_out.iter().map(|l| l.weight(state.tails)).collect();
         if settings.gear_lines && round < LINE_ROUNDS {
-            let found = find_lines(problem, &state.layout, &left_out, settings);
-            state.take_in(&found, settings);
+            state.take_in(&find_lines(problem, &state.layout, &left_out, settings), settings);
         }
-        let moved = posterior.mean() + prior_mean;
-        state.offsets += moved.rows(0, state.offsets.len());
+        state.offsets += (posterior.mean() + prior_mean).rows(0, state.offsets.len());
     }
     let prior_mean = prior_mean(problem, &state);
     let evidence = evidence(&Around::new(problem, &state, up), &prior_mean);
@@ -158,8 +155,7 @@ impl State {
 /// Whether some station has readings of several places, which distinguish each reading's noise from the arm's.
 fn has_several(observations: &[Observation]) -> bool {
     let places = |own: &Range<usize>| {
-        let readings = observations[own.clone()].iter();
-        readings.filter(|own| own.point().is_some()).count()
+        observations[own.clone()].iter().filter(|own| own.point().is_some()).count()
     };
     stations(observations).iter().any(|own| places(own) > 1)
 }

@@ -34,12 +34,10 @@ fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     let mut sums = SessionSums::zero(&around.partition);
     for (session, stations) in around.batches() {
         let rows = around.rows(&stations);
-        let sums = sums.adding(session);
-        add(around, session, &stations, &rows, prior_mean, sums);
+        add(around, session, &stations, &rows, prior_mean, sums.adding(session));
     }
     for (session, row, value) in distances(around) {
-        let seen = around.seen(session);
-        let expected = prior_mean.select_rows(&seen.columns);
+        let expected = prior_mean.select_rows(&around.seen(session).columns);
         let values = DVector::from_element(1, value - row.dot(&expected));
         let row = DMatrix::from_row_slice(1, row.len(), row.as_slice());
         sums.add(session, &Sums::new(&row, &values, 0.0));
@@ -71,8 +69,7 @@ pub(super) fn whitened(
     let expected = Coefficients::of(around.seen(session), prior_mean);
     let noise = covariances(around.state, rows, stations);
     let stations = rows.par_iter().zip(&noise).with_min_len(CHUNK);
-    let whitened = stations.map(|(row, noise)| Whitened::of(row, noise, &expected));
-    whitened.collect()
+    stations.map(|(row, noise)| Whitened::of(row, noise, &expected)).collect()
 }
 
 impl Whitened {
@@ -102,14 +99,12 @@ impl Whitened {
         }
     }
 
-    /// Adds its rows, which begin at `first`, to those that are seen by what moves them; `places` has the place of each column among
-    /// its joint's.
+    /// Adds its rows, from `first` on, to those seen by what moves them; `places` has each column's place among its joint's.
     fn part(&self, row: &Row, seen: &Seen, places: &[usize], first: usize, into: &mut ByMotion) {
         let (station, size) = (into.stations.len(), self.values.len());
         into.stations.push(first..first + size);
         for (joint, own) in into.joints.iter_mut().enumerate() {
-            let motions = self.joints.column(joint);
-            own.motions.rows_mut(first, size).copy_from(&motions);
+            own.motions.rows_mut(first, size).copy_from(&self.joints.column(joint));
             for (place, number) in seen.of_joints[joint].entries(&row.shapes[joint]) {
                 own.numbers[(places[seen.columns[place]], station)] = number;
             }
@@ -152,8 +147,7 @@ pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
         .l()
 }
 
-/// The rows of known distances between targets, which are whitened: each one's session, entries of the columns that the session
-/// sees, and value.
+/// Whitened rows of known distances between targets: each one's session, entries of the columns that it sees, and value.
 fn distances(around: &Around<'_>) -> Vec<(usize, DVector<f64>, f64)> {
     let (problem, offsets) = (around.problem, &around.state.offsets);
     let row = |distance: crate::fit::problem::DistanceRow| {

@@ -1,5 +1,4 @@
-//! The measured values of a reading by its kind: the number of rows of its residual, the residual, its motion with the target,
-//! and its covariance.
+//! The measured values of a reading by kind: rows of its residual, the residual, its motion with the target, covariance.
 //!
 //! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`ByKind`], with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of
 //! these places, and nothing else in the fit asks for the kind.
@@ -85,8 +84,7 @@ impl Measured {
     ) -> Self {
         let place = |point: &MeanPoint, turn: Option<&MeanOrientation>| {
             let instrument = Instrument::of(point, turn, reading, source, size);
-            let point = MeasuredPoint::of(point, &instrument, repeatability_mm);
-            (point, instrument)
+            (MeasuredPoint::of(point, &instrument, repeatability_mm), instrument)
         };
         match (&reading.value, source.reads) {
             (Value::Pose(of, turn), ReadingKind::Pose) => {
@@ -103,8 +101,7 @@ impl Measured {
         }
     }
 
-    /// The part of the target's motion that is shown at `target`, its place in the source's frame; `gauge` is the source's, where it
-    /// reads a length.
+    /// The part of the target's motion shown at `target`, its place in the source's frame; `gauge` is the source's, of a length.
     pub fn shown(&self, gauge: Option<&Gauge>, target: &Point3<f64>) -> Shown {
         match self {
             Self::Point(_) => Shown::Point,
@@ -215,8 +212,7 @@ fn put(vector: &Vector3<f64>, rows: &mut [f64]) {
 
 /// The kind with the most rows among all: a pose where any orientation is measured.
 pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) -> ReadingKind {
-    let kinds = all.into_iter().map(Measured::kind);
-    kinds.max_by_key(|kind| kind.rows()).unwrap_or(ReadingKind::Point)
+    all.into_iter().map(Measured::kind).max_by_key(|kind| kind.rows()).unwrap_or(ReadingKind::Point)
 }
 
 impl MeasuredLength {
@@ -240,8 +236,7 @@ pub fn stated_of(reading: &Reading, source: &Source) -> Option<DMatrix<f64>> {
     if source.uncertainty.camera().is_some() {
         return None;
     }
-    let turn = reading.value.turn();
-    let turn = turn.filter(|_| source.reads == ReadingKind::Pose);
+    let turn = reading.value.turn().filter(|_| source.reads == ReadingKind::Pose);
     let stated_turn = turn.and_then(|turn| turn.stated_covariance);
     if point.stated_covariance.is_none() && stated_turn.is_none() {
         return None;

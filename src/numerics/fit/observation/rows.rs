@@ -3,8 +3,7 @@
 //! 1. The readings of one source on one target in a session are stored as columns: axis variables, measured positions,
 //!    whitening `L⁻¹` of `L Lᵀ`.
 //! 2. A block of them passes the batched chain, which gives the predicted target and its motion per unknown.
-//! 3. Residual and columns are whitened and multiplied by the root of the station's weight; a block's end is filled with zero
-//!    rows, which have no effect.
+//! 3. Residual and columns are whitened, times the root of the station's weight; a block's end is filled with zero rows.
 //! 4. A source of one length has one row: the motion along the direction of its reading, and the columns of its own parts.
 
 use nalgebra::{DMatrix, DMatrixView, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
@@ -75,8 +74,7 @@ impl Stations {
             ReadingKind::Point => {
                 let [x, y, z] = chain.positions(self.variables.values());
                 let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
-                let squared = |i: usize| self.whitened(i, end(i)).norm_squared();
-                (0..count).map(squared).collect()
+                (0..count).map(|i| self.whitened(i, end(i)).norm_squared()).collect()
             }
             ReadingKind::Distance | ReadingKind::Height => {
                 let [x, y, z] = chain.positions(self.variables.values());
@@ -93,8 +91,7 @@ impl Stations {
                     let turn = observations[self.places[i]].measured.turn();
                     let turn = turn.map_or(0.0, |turn| {
                         let away = self.away(i, end.translation.vector);
-                        let rows = turn.whitened(&away, &turn.residual(&end.rotation));
-                        rows.norm_squared()
+                        turn.whitened(&away, &turn.residual(&end.rotation)).norm_squared()
                     });
                     position.norm_squared() + turn
                 };
@@ -187,8 +184,7 @@ impl BlockRows {
         let places = &stations.places[first..stations.places.len().min(first + BLOCK)];
         let roots = filled(places.iter().map(|&place| weights[place].sqrt()));
         let scaled = |entry: &Vec<f64>| {
-            let entries = entry[first..].iter().zip(&roots);
-            filled(entries.map(|(entry, root)| entry * root))
+            filled(entry[first..].iter().zip(&roots).map(|(entry, root)| entry * root))
         };
         let whitening: [Block; 6] = std::array::from_fn(|entry| scaled(&stations.whitening[entry]));
         let away = std::array::from_fn(|row| {
@@ -263,8 +259,7 @@ impl BlockRows {
                 self.values[residual_column + (3 + row) * BLOCK + i] = turn[row];
             }
         }
-        let columns = self.values.chunks_exact_mut(self.rows);
-        for (column, out) in self.columns.iter().zip(columns) {
+        for (column, out) in self.columns.iter().zip(self.values.chunks_exact_mut(self.rows)) {
             let Some(angular) = column.angular() else {
                 continue;
             };
@@ -334,8 +329,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     const STRANDS: usize = 8;
     let mut sums = [0.0; STRANDS];
     let (left, right) = (a.chunks_exact(STRANDS), b.chunks_exact(STRANDS));
-    let rest = left.remainder().iter().zip(right.remainder());
-    let rest: f64 = rest.map(|(x, y)| x * y).sum();
+    let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(x, y)| x * y).sum();
     for (x, y) in left.zip(right) {
         for i in 0..STRANDS {
             sums[i] += x[i] * y[i];

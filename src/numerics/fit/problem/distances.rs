@@ -38,10 +38,8 @@ impl Row {
         unknowns: &[Unknown],
         starts: &[Frames],
     ) -> Vec<Self> {
-        let sessions = starts.iter().enumerate();
-        let rows = sessions.flat_map(|(session, frames)| {
-            let of = move |known: &TargetDistance| Self::of(*known, session, frames, unknowns);
-            distances.iter().filter_map(of)
+        let rows = starts.iter().enumerate().flat_map(|(session, frames)| {
+            distances.iter().filter_map(move |known| Self::of(*known, session, frames, unknowns))
         });
         rows.collect()
     }
@@ -64,17 +62,14 @@ impl Row {
             let [x, y, z] = Axis::ALL.map(place);
             Some([x?, y?, z?])
         };
-        let start = |target: TargetId| {
-            let start = frames.targets().get(target.0)?;
-            Some(start.isometry().translation.vector)
-        };
+        let start =
+            |target: TargetId| Some(frames.targets().get(target.0)?.isometry().translation.vector);
         Some(Self { columns: [columns(a)?, columns(b)?], starts: [start(a)?, start(b)?], known })
     }
 
     pub(super) fn at(&self, offsets: &DVector<f64>) -> DistanceRow {
         let place = |end: usize| {
-            let shift = self.columns[end].map(|column| offsets[column]);
-            self.starts[end] + Vector3::from(shift)
+            self.starts[end] + Vector3::from(self.columns[end].map(|column| offsets[column]))
         };
         let away = place(0) - place(1);
         let length_mm = away.norm();

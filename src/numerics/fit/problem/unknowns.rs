@@ -89,8 +89,7 @@ pub struct Prior {
     /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
     pub distances: Vec<TargetDistance>,
-    /// Stated place and offset of each source that reads a length, in every session, in the order of sources; sources after the
-    /// last have no prior.
+    /// Stated place and offset of each source of lengths, in every session, in their order; those after the last have no prior.
     pub gauges: Vec<KnownGauge>,
 }
 

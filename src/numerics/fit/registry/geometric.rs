@@ -41,10 +41,9 @@ impl From<&Calibration> for IdentifiedGeometry {
 
 pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedCalibration::read(text)?;
-    let frames = saved.sessions.iter().map(SavedSession::frames);
     let model = IdentifiedGeometry {
         chain: saved.chain(),
-        frames: frames.collect::<Result<_, _>>()?,
+        frames: saved.sessions.iter().map(SavedSession::frames).collect::<Result<_, _>>()?,
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
     };
     Ok(Loaded {
@@ -82,8 +81,7 @@ impl PoseModel for Calibration {
     }
 
     fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>> {
-        let saved = SavedCalibration::of(self, arm, names);
-        Some(serde_json::to_string(&saved))
+        Some(serde_json::to_string(&SavedCalibration::of(self, arm, names)))
     }
 }
 
@@ -98,10 +96,6 @@ impl PoseModel for IdentifiedGeometry {
 
     fn spread(&self, _: usize, _: SourceId, _: &Prediction) -> Spread {
         unexplained(self.misfit_mm)
-    }
-
-    fn saved(&self, _: &Arm, _: &[&str]) -> Option<Result<String, serde_json::Error>> {
-        None
     }
 }
 

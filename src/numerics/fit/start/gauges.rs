@@ -82,8 +82,7 @@ pub(super) fn height(seen: &[SeenAt], known: &Known) -> Option<(Gauge, Vector3<f
         let normal = Unit::try_new(normal, NOTHING)?;
         Some(Gauge::Height(Plane::new(normal, normal.dot(&middle) - level)))
     };
-    let candidates = normals.into_iter().flatten().filter_map(of_normal);
-    best(candidates, seen, known)
+    best(normals.into_iter().flatten().filter_map(of_normal), seen, known)
 }
 
 /// The anchor by the linear equation, with its offset stated or found; mm.
@@ -119,8 +118,7 @@ fn best(
 ) -> Option<(Gauge, Vector3<f64>)> {
     let solved: Vec<Solving<'_>> =
         candidates.map(|candidate| Solving::new(candidate, seen, known).robust()).collect();
-    let scales = solved.iter().map(Solving::sd_mm);
-    let sd_mm = scales.fold(f64::INFINITY, f64::min);
+    let sd_mm = solved.iter().map(Solving::sd_mm).fold(f64::INFINITY, f64::min);
     let costs = solved.iter().map(|own| (own.robust_cost(sd_mm), own));
     let (_, found) =
         costs.reduce(|best, other| if other.0 < best.0 * (1.0 - BETTER) { other } else { best })?;
@@ -182,8 +180,7 @@ impl<'s> Solving<'s> {
     fn robust_cost(&self, sd_mm: f64) -> f64 {
         let unit = TUNING * sd_mm;
         let readings = self.left_mm().map(|left| (left / unit).powi(2).ln_1p());
-        let stated = self.stated().into_iter();
-        let stated = stated.map(|(_, away, sd)| (away / sd).powi(2));
+        let stated = self.stated().into_iter().map(|(_, away, sd)| (away / sd).powi(2));
         unit * unit * readings.sum::<f64>() + stated.sum::<f64>()
     }
 
@@ -217,9 +214,8 @@ impl<'s> Solving<'s> {
     }
 
     fn stepped(&self, step: &DVector<f64>) -> Self {
-        let parts = self.gauge.parts();
         let of = |part: GaugePart| {
-            let place = parts.iter().position(|own| *own == part);
+            let place = self.gauge.parts().iter().position(|own| *own == part);
             place.map_or(0.0, |place| step[3 + place])
         };
         let mut other = Self {

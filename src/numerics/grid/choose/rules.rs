@@ -12,9 +12,8 @@ use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict, local_cells
 /// A bound may exceed the model's own by this, mm, even where the share of it is less: no instrument shows the difference.
 pub const WITHIN_MM: f64 = 0.005;
 
-/// The choice of [`Rule::Within`](super::Rule): for model nodes the largest step whose bound is within this share of the
-/// model's own, for measured nodes the largest that holds, and of both the one with the smaller bound. `None` where no row
-/// has a table.
+/// [`Rule::Within`](super::Rule): for model nodes the largest step whose bound is within this share of the model's own,
+/// for measured nodes the largest that holds, and of both that with the smaller bound. `None` where no row has a table.
 pub(super) fn within(judged: &[Judged], share: f64) -> Option<Picked> {
     let pool = Pool::of(judged);
     let model = pool.only(Source::Model).near_the_model(share);
@@ -158,8 +157,7 @@ impl<'j> Pool<'j> {
                 rows.into_iter().take_while(|&row| self.judged[row].verdict == Verdict::Meets);
             holding.filter(|row| self.rows.contains(row)).last()
         };
-        let largest = families.iter().filter_map(best_of);
-        largest.max_by(|&a, &b| self.by_size(a, b))
+        families.iter().filter_map(best_of).max_by(|&a, &b| self.by_size(a, b))
     }
 
     /// The table whose local cells leave the least error; the smallest step where there are no local cells.
@@ -174,8 +172,7 @@ impl<'j> Pool<'j> {
             return Some(Picked { row, words });
         }
         let step = |row: &usize| self.judged[*row].step_mm;
-        let smallest = self.rows.iter().min_by(|a, b| step(a).total_cmp(&step(b)));
-        let row = *smallest?;
+        let row = *self.rows.iter().min_by(|a, b| step(a).total_cmp(&step(b)))?;
         let words = format!(
             "no step could be shown to meet the tolerance; {} is the smallest",
             named(&self.judged[row])

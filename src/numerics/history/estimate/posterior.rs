@@ -30,8 +30,7 @@ struct Posterior {
 
 /// The frames of a session that are compared with those of others. Every further source and target is integrated out.
 struct Compared {
-    /// The source whose frame it is: the first that reads places; `None` where each source reads one length, and the base has no frame
-    /// but its own.
+    /// The source whose frame it is: the first that reads places; `None` where each reads one length, and the base has only its own.
     source: Option<SourceId>,
     /// The base in that source's frame, mm.
     base: Option<Isometry3<f64>>,
@@ -242,8 +241,7 @@ fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> 
             Block::Curve(joint) if model.layout().slide_period_mm(joint).is_none() => {
                 let coefficient =
                     |place| Column::Curve { joint: joint + 1, coefficient: place - first };
-                let slow = own.take(2 * CURVE_PAIRS);
-                shared.extend(slow.map(|place| (place, coefficient(place))));
+                shared.extend(own.take(2 * CURVE_PAIRS).map(|place| (place, coefficient(place))));
             }
             _ => {}
         }
@@ -272,8 +270,7 @@ fn slide_curves(model: &FullModel, ranges: &[[f64; 2]]) -> Vec<Values> {
     reason = "a float to integer cast saturates, and a slide is shorter than that"
 )]
 fn positions([low, high]: [f64; 2]) -> Vec<(i64, f64)> {
-    let first = (low / EVERY_MM).ceil();
-    std::iter::successors(Some(first), |place| Some(place + 1.0))
+    std::iter::successors(Some((low / EVERY_MM).ceil()), |place| Some(place + 1.0))
         .map(|place| place * EVERY_MM)
         .take_while(|position| *position <= high)
         .take(MOST_POSITIONS)

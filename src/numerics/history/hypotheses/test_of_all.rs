@@ -28,8 +28,7 @@ impl<'c> TestOfAll<'c> {
     }
 
     fn single(&self) -> impl Iterator<Item = Hypothesis> + '_ {
-        let single = |hypothesis: &Hypothesis| *hypothesis != Hypothesis::Anything;
-        self.hypotheses.iter().copied().filter(single)
+        self.hypotheses.iter().copied().filter(|hypothesis| *hypothesis != Hypothesis::Anything)
     }
 
     pub(super) fn moved(&self) -> Finding {
@@ -51,8 +50,7 @@ impl<'c> TestOfAll<'c> {
             let test = self.explains(&with(surely, hypothesis));
             (test.statistic - 2.0 * test.freedom as f64, hypothesis)
         };
-        let others = self.single().filter(|hypothesis| !surely.contains(hypothesis));
-        let gains = others.map(gain);
+        let gains = self.single().filter(|hypothesis| !surely.contains(hypothesis)).map(gain);
         gains
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
             .map(|(_, hypothesis)| hypothesis)
@@ -67,8 +65,7 @@ impl<'c> TestOfAll<'c> {
             (hypothesis, test.statistic - test.freedom as f64)
         });
         let scored: Vec<(Hypothesis, f64)> = scored.collect();
-        let best = scored.iter().map(|(_, score)| *score);
-        let best = best.fold(f64::NEG_INFINITY, f64::max);
+        let best = scored.iter().map(|(_, score)| *score).fold(f64::NEG_INFINITY, f64::max);
         let near = scored.iter().filter(|(_, score)| *score >= best - DISTINGUISHED);
         let near: Vec<Hypothesis> = near.map(|(hypothesis, _)| *hypothesis).collect();
         let smallest =

@@ -75,9 +75,8 @@ impl PoseBuffer {
 
     /// Some of the samples, labelled with their clock `C`.
     pub fn rows<C>(&self, rows: Range<usize>) -> PoseSamples<C> {
-        let stamps = self.stamps[rows.clone()].iter();
         PoseSamples {
-            stamps: stamps.map(|&ns| Stamp::from_ns(ns)).collect(),
+            stamps: self.stamps[rows.clone()].iter().map(|&ns| Stamp::from_ns(ns)).collect(),
             positions: self.positions[rows.clone()].to_vec(),
             orientations: self.orientations.as_ref().map(|all| all[rows.clone()].to_vec()),
             covariances: self.covariances.as_ref().map(|all| all[rows].to_vec()),
@@ -96,8 +95,7 @@ impl PoseBuffer {
 
     /// The block's orientations; `None` when they are absent or not wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
-        let orientations = block.orientations.as_ref();
-        orientations.filter(|_| self.wants_orientations)
+        block.orientations.as_ref().filter(|_| self.wants_orientations)
     }
 }
 
@@ -162,8 +160,7 @@ impl Buffer for PoseBuffer {
             let mut kept = Vec::with_capacity(rows.kept);
             rows.append(more, &mut kept);
             let with_orientation = self.orientations.is_some();
-            let own = kept.iter().zip(&self.positions[before..]);
-            let own = own.map(|(logged, position)| {
+            let own = kept.iter().zip(&self.positions[before..]).map(|(logged, position)| {
                 if position.iter().all(|&x| x == 0.0) && logged.is_zero() {
                     // Nothing was read, so nothing is stated of it.
                     return PoseCovariance::default();

@@ -126,8 +126,7 @@ impl JointFields {
             Some(AngleFields::Array(path)) => std::slice::from_ref(path),
             Some(AngleFields::Each(paths)) => paths,
         };
-        let rest = self.names.iter().chain(angles).map(String::as_str);
-        stamp.chain(rest).collect()
+        stamp.chain(self.names.iter().chain(angles).map(String::as_str)).collect()
     }
 
     /// Checks that the paths fit together and an arm of `joints` joints.
@@ -192,8 +191,7 @@ impl PoseFields {
 
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.as_ref().map(StampField::path);
-        let temperature = self.temperature.as_deref();
-        self.pose_paths().into_iter().chain(stamp).chain(temperature).collect()
+        self.pose_paths().into_iter().chain(stamp).chain(self.temperature.as_deref()).collect()
     }
 
     pub fn check(&self) -> Result<(), WrongFields> {

@@ -1,5 +1,4 @@
-//! `[[stations.lengths]]` and `[[tracker.lengths]]`: instruments that read one length of a target, in a table of stations or in the
-//! tracker's log.
+//! `[[stations.lengths]]` and `[[tracker.lengths]]`: instruments that read one length of a target, in a table of stations or a log.
 
 use serde::{Deserialize, Serialize};
 

@@ -73,8 +73,7 @@ impl TrackerSettings {
 
     /// Places of the instruments of one length whose readings are on a topic.
     pub fn lengths_on(&self, topic: &str) -> Vec<usize> {
-        let all = self.lengths.iter().enumerate();
-        let own = all.filter(|(_, own)| own.topic == topic);
+        let own = self.lengths.iter().enumerate().filter(|(_, own)| own.topic == topic);
         own.map(|(place, _)| place).collect()
     }
 
@@ -83,19 +82,16 @@ impl TrackerSettings {
     }
 
     /// Everything that readings are of: the targets, the main one first, then the references.
-    pub fn seen(&self) -> Vec<Seen<'_>> {
+    pub fn seen<'s>(&'s self) -> Vec<Seen<'s>> {
         let unnamed =
             self.targets.is_empty().then_some(Seen { name: "", topic: &self.topic, is: None });
-        let targets = self.targets.iter().map(|own| Seen {
-            name: &own.name,
-            topic: own.topic.as_ref().unwrap_or(&self.topic),
-            is: own.is.as_ref(),
-        });
-        let references = self.references.iter().map(|own| Seen {
-            name: &own.name,
-            topic: own.topic.as_ref().unwrap_or(&self.topic),
-            is: own.is.as_ref(),
-        });
+        let seen = |name, topic: &'s Option<String>, is: &'s Option<TargetName>| Seen {
+            name,
+            topic: topic.as_ref().unwrap_or(&self.topic),
+            is: is.as_ref(),
+        };
+        let targets = self.targets.iter().map(|own| seen(&own.name, &own.topic, &own.is));
+        let references = self.references.iter().map(|own| seen(&own.name, &own.topic, &own.is));
         unnamed.into_iter().chain(targets).chain(references).collect()
     }
 

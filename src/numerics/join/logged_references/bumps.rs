@@ -68,8 +68,7 @@ impl<'a> Targets<'a> {
             Ok(Box::new(carried) as Box<dyn Poses<Tracker> + 'a>)
         };
         let main = carried(&*input.readings)?;
-        let others = input.others.iter().map(|own| carried(&**own));
-        let others: Result<_, JoinError> = others.collect();
+        let others: Result<_, JoinError> = input.others.iter().map(|own| carried(&**own)).collect();
         Ok(Self { main, others: others?, parts, rejects })
     }
 
@@ -80,8 +79,7 @@ impl<'a> Targets<'a> {
         }
         for station in &mut joined.stations {
             for reading in &mut station.readings {
-                let part = part_of(&self.parts, reading.first);
-                moved_by(&mut reading.value, &part.moved);
+                moved_by(&mut reading.value, &part_of(&self.parts, reading.first).moved);
             }
             let middle = station.start.plus_ns(station.end.since_ns(station.start) / 2);
             let part = part_of(&self.parts, joined.clock.model.to_tracker(middle));
@@ -171,8 +169,7 @@ impl Poses<Tracker> for WithoutBumps<'_> {
                 *position = (back(at) * Point3::from(*position)).into();
             }
         }
-        let turns = read.orientations.iter_mut().flatten();
-        for (at, turn) in read.stamps.iter().zip(turns) {
+        for (at, turn) in read.stamps.iter().zip(read.orientations.iter_mut().flatten()) {
             *turn = turned(&back(at).rotation, *turn);
         }
         Ok(read)
@@ -238,8 +235,7 @@ fn positions(readings: &dyn Poses<Tracker>) -> Result<Vec<Point3<f64>>, JoinErro
     let mut all = Vec::new();
     for row in (0..readings.count()).step_by(stride) {
         let read = readings.read(row..row + 1)?;
-        let measured = read.positions.into_iter().filter(is_measurement);
-        all.extend(measured.map(Point3::from));
+        all.extend(read.positions.into_iter().filter(is_measurement).map(Point3::from));
     }
     Ok(all)
 }
@@ -294,8 +290,7 @@ impl BumpReferences {
 
     /// The looks on either side of each bump.
     fn bumps(&self) -> impl Iterator<Item = (usize, usize)> {
-        let events = self.followed.events.iter();
-        events.filter_map(|event| match *event {
+        self.followed.events.iter().filter_map(|event| match *event {
             Event::Bump { after, before, .. } => Some((after, before)),
             Event::Shock { .. } | Event::Stray { .. } | Event::Moved { .. } => None,
         })
@@ -346,8 +341,7 @@ impl BumpReferences {
 
     /// Where a reference stands at two looks, mm; `None` where it is not of this set or has no place.
     fn places(&self, id: ReferenceId, after: usize, before: usize) -> Option<[Point3<f64>; 2]> {
-        let places = self.followed.places.iter();
-        let mut own = places.filter(|own| own.reference == id);
+        let mut own = self.followed.places.iter().filter(|own| own.reference == id);
         let place = own.rfind(|own| own.from <= after)?.position;
         Some([after, before].map(|look| self.followed.motions[look].moved * place))
     }

@@ -42,8 +42,7 @@ impl Events {
 
     /// The place of a reference at a look: the reference, and the look from which it is there.
     pub fn place_of(&self, reference: ReferenceId, look: usize) -> (ReferenceId, usize) {
-        let own = self.moved.get(&reference);
-        let last = own.and_then(|looks| looks.range(..=look).next_back());
+        let last = self.moved.get(&reference).and_then(|looks| looks.range(..=look).next_back());
         (reference, last.copied().unwrap_or(0))
     }
 }

@@ -58,9 +58,8 @@ impl Shape {
                 own.1 += 1.0;
             }
         }
-        let places = sums.into_iter();
         Self {
-            places: places.map(|(key, (sum, count))| (key, sum / count)).collect(),
+            places: sums.into_iter().map(|(key, (sum, count))| (key, sum / count)).collect(),
             ..self.clone()
         }
     }

@@ -134,16 +134,14 @@ fn differences(each: &[Vec<(f64, Point3<f64>)>], apart: usize) -> Vec<(f64, f64)
     each.iter().flat_map(of_one).collect()
 }
 
-/// Variance of the change of distances between two references from one look at both to the next, mm²; `None` where there are too
-/// few.
+/// Variance of the change of distances between two references from one look at both to the next, mm²; `None` of too few.
 fn between(looks: &[Look]) -> Option<f64> {
     const FEWEST: usize = 8;
     let mut distances: BTreeMap<(ReferenceId, ReferenceId), Vec<f64>> = BTreeMap::new();
     for look in looks {
         for (place, (a, at)) in look.seen.iter().enumerate() {
             for (b, other) in &look.seen[place + 1..] {
-                let key = (*a.min(b), *a.max(b));
-                distances.entry(key).or_default().push((at - other).norm());
+                distances.entry((*a.min(b), *a.max(b))).or_default().push((at - other).norm());
             }
         }
     }

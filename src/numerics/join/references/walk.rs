@@ -48,8 +48,6 @@ pub(super) struct Course {
     pub jumps: Vec<(f64, usize)>,
     /// For each look the test of a shock at it.
     pub shocks: Vec<(f64, usize)>,
-    /// `−2 log` of the likelihood with the noise at its own best size, but for a constant.
-    pub deviance: f64,
     /// The noise's variance by the innovations, mm².
     pub noise_mm2: f64,
 }
@@ -103,12 +101,11 @@ pub(super) fn course(
     steps: &mut Vec<Step>,
 ) -> Course {
     steps.clear();
-    let (deviance, noise_mm2) = filtered(looks, ratios, moves, |step| steps.push(step));
+    let (_, noise_mm2) = filtered(looks, ratios, moves, |step| steps.push(step));
     let mut course = Course {
         states: vec![(Vector6::zeros(), Matrix6::zeros()); looks.len()],
         jumps: vec![(0.0, 0); looks.len()],
         shocks: vec![(0.0, 0); looks.len()],
-        deviance,
         noise_mm2,
     };
     // Score of everything from the next look on, and its variance.
@@ -153,7 +150,7 @@ pub(super) fn states(
     states
 }
 
-/// `−2 log` of the likelihood alone.
+/// `−2 log` of the likelihood with the noise at its own best size, but for a constant.
 pub(super) fn deviance(looks: &[Look], ratios: Ratios, moves: Moves) -> f64 {
     filtered(looks, ratios, moves, |_| {}).0
 }
@@ -219,8 +216,7 @@ fn chi_squared(score: &Vector6<f64>, spread: &Matrix6<f64>, moves: Moves) -> (f6
     })
 }
 
-/// `rᵀ N⁻¹ r` by elimination, which is ten times faster than by eigenvalues; `None` where N may not know all of the first `freedom`
-/// directions.
+/// `rᵀ N⁻¹ r` by elimination, ten times faster than by eigenvalues; `None` where N may lack one of the first `freedom` directions.
 fn of_known(score: &Vector6<f64>, spread: &Matrix6<f64>, freedom: usize) -> Option<f64> {
     const SURELY_KNOWN: f64 = 1e-6;
     let (mut left, mut lower) = (*score, *spread);

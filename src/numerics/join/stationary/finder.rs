@@ -1,7 +1,6 @@
 //! Samples in order of time, piece by piece → the stationary stretches.
 //!
-//! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one, and gives the number of samples in
-//!    a window.
+//! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one and gives the samples of a window.
 //! 2. From then on windows are judged as soon as their samples have come ([`Levels`]), and the samples are evicted.
 //! 3. At the end the threshold is chosen, and its stretches are the result.
 
@@ -126,14 +125,13 @@ impl Finder {
         }
         let threshold = self.threshold();
         let pace = self.pace.as_mut().expect("set above");
-        let last_ns = self.samples.stamps_ns.last().copied().unwrap_or(0);
         Ok(Stationary {
             stretches: pace.levels.take(threshold).ok_or(Forgotten { threshold })?,
             threshold,
             interval_ns: pace.interval_ns,
             samples,
             columns: self.samples.columns,
-            span_ns: (self.first_ns, last_ns),
+            span_ns: (self.first_ns, self.samples.stamps_ns.last().copied().unwrap_or(0)),
         })
     }
 
@@ -141,8 +139,7 @@ impl Finder {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {
             let count = |rung| pace.levels.lengths(self.ladder.rungs()[rung]).count();
-            let quantum = self.quanta.largest(&self.counted);
-            self.ladder.choose(quantum, pace.top, count)
+            self.ladder.choose(self.quanta.largest(&self.counted), pace.top, count)
         })
     }
 
@@ -210,8 +207,7 @@ impl Finder {
         self.samples.first += done;
         if pace.levels.are_too_many() {
             let threshold = self.threshold();
-            let pace = self.pace.as_mut().expect("set before");
-            pace.levels.forget_all_but(threshold);
+            self.pace.as_mut().expect("set before").levels.forget_all_but(threshold);
         }
     }
 }

@@ -33,8 +33,7 @@ impl Lengths {
             before > all * 9 / 10
         });
         let Some((long, _)) = quantile else { return 0 };
-        let counting = self.occurring().filter(|(length, _)| 2 * length >= long);
-        counting.map(|(_, times)| times).sum()
+        self.occurring().filter(|(length, _)| 2 * length >= long).map(|(_, times)| times).sum()
     }
 
     fn occurring(&self) -> impl Iterator<Item = (usize, usize)> {

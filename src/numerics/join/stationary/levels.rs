@@ -162,8 +162,7 @@ impl Levels {
     /// The stretches of a threshold; `None` where they were dropped.
     pub fn take(&mut self, threshold: f64) -> Option<Vec<StationaryStretch>> {
         let place = self.place(threshold);
-        let kept = self.kept.contains(&place);
-        kept.then(|| std::mem::take(&mut self.by[place].stretches))
+        self.kept.contains(&place).then(|| std::mem::take(&mut self.by[place].stretches))
     }
 
     fn place(&self, threshold: f64) -> usize {
@@ -171,8 +170,7 @@ impl Levels {
     }
 
     pub(super) fn are_too_many(&self) -> bool {
-        let stretches = self.by.iter().map(|by| by.stretches.len());
-        stretches.sum::<usize>() > self.most_stretches
+        self.by.iter().map(|by| by.stretches.len()).sum::<usize>() > self.most_stretches
     }
 
     pub(super) fn forget_all_but(&mut self, threshold: f64) {

@@ -50,12 +50,10 @@ pub fn places(columns: usize, pair: usize) -> [usize; 2] {
     [2 * pair, (2 * pair + 1).min(columns - 1)]
 }
 
-/// One pair of the columns at each sample, from values stored sample after sample; an incomplete pair has its
-/// column twice.
+/// One pair of columns at each sample, from values stored sample after sample; an incomplete pair has its column twice.
 pub fn of(values: &[f64], columns: usize, pair: usize) -> impl Iterator<Item = Pair> {
     let [a, b] = places(columns, pair);
-    let samples = values.chunks_exact(columns);
-    samples.map(move |sample| [sample[a], sample[b]])
+    values.chunks_exact(columns).map(move |sample| [sample[a], sample[b]])
 }
 
 #[cfg(test)]

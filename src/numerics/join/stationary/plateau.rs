@@ -44,8 +44,7 @@ impl Ladder {
     /// flicker of `quantum` where nothing ever moves. `top` is the largest motion.
     pub fn choose(&self, quantum: f64, top: f64, count: impl Fn(usize) -> usize) -> f64 {
         let flicker = FLICKER * quantum;
-        let begin = self.0.partition_point(|&rung| rung < flicker);
-        let begin = begin.min(self.0.len() - 1);
+        let begin = self.0.partition_point(|&rung| rung < flicker).min(self.0.len() - 1);
         let end = ABOVE_ALL * top.max(self.0[begin]);
         let ladder: Vec<f64> =
             self.0[begin..].iter().copied().take_while(|&rung| rung < end).collect();

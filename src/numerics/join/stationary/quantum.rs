@@ -67,8 +67,7 @@ impl Quanta {
     /// Adds the steps from one sample's values to the next sample's.
     fn steps(&mut self, before: &[f64], after: &[f64]) {
         let columns = self.of_columns.len();
-        let samples = before.chunks_exact(columns).zip(after.chunks_exact(columns));
-        for (before, after) in samples {
+        for (before, after) in before.chunks_exact(columns).zip(after.chunks_exact(columns)) {
             let values = before.iter().zip(after);
             for (steps, (before, after)) in self.of_columns.iter_mut().zip(values) {
                 steps.step((after - before).abs());

@@ -73,15 +73,13 @@ impl Path {
     }
 
     fn between(&self, a: usize, b: usize) -> f64 {
-        let pairs = self.points[a].iter().zip(&self.points[b]);
-        pairs.fold(0.0, |most, (a, b)| (a - b).abs().max(most))
+        self.points[a].iter().zip(&self.points[b]).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
     }
 
     /// Index in `left` of the pose nearest to `here`, the first of several.
     fn nearest(&self, here: usize, left: &[usize]) -> Option<usize> {
         let times = left.iter().map(|&pose| self.between(here, pose));
-        let nearest = times.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-        nearest.map(|(place, _)| place)
+        times.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
     }
 
     /// For each point the poses nearest to it, nearest first.
@@ -160,8 +158,7 @@ impl<'a> Tour<'a> {
         })
     }
 
-    /// Puts the run `first..end` between the neighbouring places `left` and `right` outside it, in the shorter direction,
-    /// if that saves time.
+    /// Puts the run `first..end` between neighbours `left` and `right` outside it, the shorter way, if that saves time.
     fn put(&mut self, first: usize, end: usize, left: usize, right: usize) -> bool {
         // Where the run already touches one of the two there is no gap between them to go into.
         if left + 1 == first || right == first || left + 1 == end {

@@ -33,8 +33,7 @@ const SAMPLE: f64 = 34.0;
 
 impl Frame {
     pub(super) fn new(chart: &Chart, drawn: &[Series], x: Scale, y: Scale) -> Self {
-        let widest = y.ticks.iter().map(|tick| text_width(&tick.label));
-        let left = 14.0 + widest.fold(0.0, f64::max);
+        let left = 14.0 + y.ticks.iter().map(|tick| text_width(&tick.label)).fold(0.0, f64::max);
         let legend = legend(drawn);
         let lines = legend.last().map_or(0.0, |last| last.y);
         let label = if chart.y.label().is_empty() { 8.0 } else { LINE + 12.0 };

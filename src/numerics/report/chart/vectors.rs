@@ -137,8 +137,7 @@ impl<'s> Paper<'s> {
         let base = [0.0; 3];
         let places = || {
             let arrows = sets.iter().flat_map(|set| &set.arrows);
-            let corners = scene.bounds.into_iter().flatten();
-            arrows.map(|arrow| arrow.at).chain(corners).chain([base])
+            arrows.map(|arrow| arrow.at).chain(scene.bounds.into_iter().flatten()).chain([base])
         };
         let low = |k: usize| places().map(|p| p[k]).fold(f64::INFINITY, f64::min);
         let high = |k: usize| places().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
@@ -270,8 +269,7 @@ fn typical_mm(arrows: &[Arrow]) -> f64 {
     let norm = |arrow: &Arrow| arrow.error.iter().map(|e| e * e).sum::<f64>().sqrt();
     let mut norms: Vec<f64> = arrows.iter().map(norm).collect();
     norms.sort_by(f64::total_cmp);
-    let place = norms.len().saturating_sub(1) * 19 / 20;
-    norms.get(place).copied().unwrap_or(0.0)
+    norms.get(norms.len().saturating_sub(1) * 19 / 20).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -27,8 +27,7 @@ pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
     let last = judged.len().checked_sub(LEAST_STATIONS)?;
     let moved = (0..=last).filter_map(|place| moved_at(&judged, place));
     let (_, settled, motion) = moved.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let settled = ResidualSet { subject: after.subject.clone(), residuals: settled };
-    Some((settled, motion))
+    Some((ResidualSet { subject: after.subject.clone(), residuals: settled }, motion))
 }
 
 /// The sum of squares that remains where the base moved at `place`, the errors then, and the motion.
@@ -50,6 +49,5 @@ fn moved_at(judged: &[&Residual], place: usize) -> Option<(f64, Vec<Residual>, B
         mm: (base * middle - middle).norm(),
         rad: base.rotation.angle(),
     };
-    let squares = settled.iter().map(|r| r.residual.norm_squared()).sum();
-    Some((squares, settled, motion))
+    Some((settled.iter().map(|r| r.residual.norm_squared()).sum(), settled, motion))
 }

@@ -1,9 +1,8 @@
 //! Distance accuracy AD and repeatability RD, of two poses that were visited in turn.
 //!
 //! The standard takes two poses, goes from one to the other and back, and compares each attained distance with the
-//! commanded one. Here these are the two poses that were visited in turn most often, and of those the two furthest apart: a
-//! longer distance shows an arm's errors better. Each visit is paired with the visit of the other pose that follows it,
-//! each once.
+//! commanded one. Here these are the two poses visited in turn most often, and of those the two furthest apart: a longer
+//! distance shows an arm's errors better. Each visit is paired with the visit of the other pose that follows it, each once.
 
 use nalgebra::Vector3;
 

@@ -55,11 +55,10 @@ fn by_approach(own: &Visited) -> Option<Figure> {
         let own = barycentres[a];
         others.iter().map(move |other| (other - own).norm())
     });
-    let value = apart.reduce(f64::max)?;
     Some(Figure {
         characteristic: Characteristic::VapP,
         pose: Some(own.pose),
-        value: Some(value),
+        value: Some(apart.reduce(f64::max)?),
         n: approaches.values().map(Vec::len).sum(),
         n_needed: DIRECTIONS * VISITS,
         remark: Some(format!(

@@ -15,8 +15,7 @@ pub struct Judge {
     pub harms: bool,
     /// The figure that its verdict is read from; `None` where there is none.
     pub figure: Option<Accuracy>,
-    /// The part of the measured stations and of the box that what is judged answers for; `None` of an identified arm and of no
-    /// table.
+    /// The part of measured stations and box that what is judged answers for; `None` of an identified arm and of no table.
     pub covered: Option<Covered>,
 }
 
@@ -75,8 +74,7 @@ impl Judge {
         }
     }
 
-    /// A test session: the figures of the model and of the table at its stations, where there are any, and what the table answers
-    /// for.
+    /// A test session: figures of the model and the table at its stations, where there are any, and what the table answers for.
     pub fn session(
         session: &str,
         model: Option<&Accuracy>,
@@ -86,8 +84,7 @@ impl Judge {
     ) -> Self {
         let of_both = || model.map(|model| (model, None)).into_iter().chain(table);
         let is_shown = |(own, _): &(&Accuracy, _)| !matches!(own.verdict, Verdict::NotShown(_));
-        let shown = of_both().filter(is_shown);
-        let worst = shown.max_by_key(|(own, _)| badness(&own.verdict));
+        let worst = of_both().filter(is_shown).max_by_key(|(own, _)| badness(&own.verdict));
         let words: Vec<String> =
             of_both().map(|(own, covered)| figure_and_covered(own, covered, tolerance)).collect();
         let words = if words.is_empty() {
@@ -176,8 +173,7 @@ fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
         what.push_str(" where it answers");
     }
     let guard_mm = of.expanded_uncertainty_mm;
-    let found = of.finders.as_ref();
-    let found = found.map_or_else(String::new, |own| format!("; {}", own.words()));
+    let found = of.finders.as_ref().map_or_else(String::new, |own| format!("; {}", own.words()));
     match (&of.verdict, of.bound) {
         (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
         (verdict, Some(bound)) => format!(

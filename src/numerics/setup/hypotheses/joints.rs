@@ -56,8 +56,7 @@ fn signs(stated: &SetUp) -> Vec<Hypothesis> {
 
 /// The sign of a joint as the robot file has it; `None` where a joint map or another joint that follows reads it too.
 fn sign_key(stated: &SetUp, joint: usize) -> Option<f64> {
-    let elements = stated.arm.chain().elements().iter();
-    let mut own = elements.filter_map(|element| match element {
+    let mut own = stated.arm.chain().elements().iter().filter_map(|element| match element {
         Element::Joint { joint: variable, sign, .. } if *variable == joint => Some(*sign),
         _ => None,
     });
@@ -135,8 +134,7 @@ fn ordered(stated: &SetUp, order: &[usize], turned: &[usize], mistake: &str) -> 
 /// have numbers behind the reported ones.
 fn reported(stated: &SetUp, number: usize) -> Option<usize> {
     let place = number.checked_sub(1)?;
-    let joint = stated.arm.joints().get(place)?;
-    (!joint.slides).then_some(place)
+    (!stated.arm.joints().get(place)?.slides).then_some(place)
 }
 
 /// A joint whose zero is right angles away.

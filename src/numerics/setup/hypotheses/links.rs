@@ -23,8 +23,7 @@ pub(super) fn links(stated: &SetUp) -> Vec<Hypothesis> {
 
 /// The joint whose link the chain's element at `place` belongs to, by its number in parameters, from 1.
 ///
-/// A constant stands before the free elements of its link where the convention places frames, and behind those of the joint before
-/// elsewhere.
+/// A constant stands before its link's free elements where the convention places frames, else behind those of the joint before.
 fn link_of(arm: &Arm, place: usize) -> usize {
     let elements = arm.chain().elements();
     let link = |element: &Element| match element.parameter() {

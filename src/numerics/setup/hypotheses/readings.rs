@@ -189,9 +189,8 @@ fn orientations(stated: &SetUp) -> Vec<Hypothesis> {
         let others = form.iter().flat_map(|form| {
             form.others().into_iter().map(|(other, words)| {
                 let edit = format!("{} orientation: {words}", section(key));
-                let mistake = format!("the {what} orientations are written with {words}");
                 Hypothesis::new(
-                    mistake,
+                    format!("the {what} orientations are written with {words}"),
                     edit,
                     read(what, Reread::Form(Box::new([form.clone(), other]))),
                 )

@@ -132,8 +132,9 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let error_frame = back.arm.error_frame();
     let read = ToolErrors::new(&*back.arm.model.predicts, back.arm.model.session, &error_frame);
     let station = learnt_from(&OUTCOME).next().unwrap();
-    let (error, covariance) = own.error_with_covariance(&station.joints).unwrap();
-    let (read_error, read_covariance) = read.error_with_covariance(&station.joints).unwrap();
+    let (error, covariance) = own.errors_with_covariance(&[&station.joints]).remove(0).unwrap();
+    let (read_error, read_covariance) =
+        read.errors_with_covariance(&[&station.joints]).remove(0).unwrap();
     assert!(error.norm() > 0.1, "an error worth the name");
     assert!((error - read_error).norm() < 1e-9);
     assert!((covariance - read_covariance).abs().max() < 1e-12);

@@ -120,8 +120,7 @@ impl FewRoot {
 
     /// The block of `M⁻¹` of some columns: `I − ZᵀZ` with `Z = L⁻¹ S`.
     pub(super) fn covariance_of(&self, columns: &[usize]) -> DMatrix<f64> {
-        let own = self.transposed.select_rows(columns);
-        let explained = self.factor.behind(own, 0);
+        let explained = self.factor.behind(self.transposed.select_rows(columns), 0);
         DMatrix::identity(columns.len(), columns.len()) - gram_of_columns(&explained)
     }
 

@@ -96,8 +96,7 @@ impl SessionSums {
 
     /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
     pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
-        let shared = &self.partition.common;
-        let of_shared = scale.select_rows(shared);
+        let of_shared = scale.select_rows(&self.partition.common);
         let places = self.own.par_iter().zip(&self.partition.own);
         let own = places.map(|(sums, own)| sums.root(&scale.select_rows(own), &of_shared));
         let own = own.collect::<Option<Vec<OwnRoot>>>()?;
@@ -111,9 +110,8 @@ impl SessionSums {
         let right = self.moment().component_mul(&scale);
         let whitened = arrow.solve(&right);
         let quadratic = self.common.square - right.dot(&whitened);
-        let ln_noise = self.common.ln_noise;
         Some(Posterior {
-            log_evidence: -0.5 * (quadratic + arrow.ln_determinant() + ln_noise),
+            log_evidence: -0.5 * (quadratic + arrow.ln_determinant() + self.common.ln_noise),
             whitened,
             scale,
             root: Root::Sessions(arrow),
@@ -136,8 +134,7 @@ impl Adding<'_> {
                 if is_one && row.place < column.place {
                     continue;
                 }
-                let size = (row.count, column.count);
-                let own = products.view((row.shape, column.shape), size);
+                let own = products.view((row.shape, column.shape), (row.count, column.count));
                 self.run(row, column, &own);
             }
         }
@@ -221,8 +218,7 @@ impl Partition {
     /// One vector in the order of the model from those of the sessions and the shared one.
     fn gathered(&self, own: &[DVector<f64>], shared: &DVector<f64>) -> DVector<f64> {
         let mut all = DVector::zeros(self.size());
-        let sessions = self.own.iter().zip(own);
-        for (places, values) in sessions.chain([(&self.common, shared)]) {
+        for (places, values) in self.own.iter().zip(own).chain([(&self.common, shared)]) {
             for (&place, value) in places.iter().zip(values) {
                 all[place] = *value;
             }
@@ -264,10 +260,8 @@ impl Arrow {
     /// `R b`.
     pub(in crate::fit::full) fn backward(&self, half: &DVector<f64>) -> DVector<f64> {
         let shared = self.common.backward(half.select_rows(&self.partition.common));
-        let sessions = self.own.iter().zip(&self.partition.own);
-        let own = sessions.map(|(root, places)| {
-            let rest = half.select_rows(places) - &root.across * &shared;
-            root.factor.backward(rest)
+        let own = self.own.iter().zip(&self.partition.own).map(|(root, places)| {
+            root.factor.backward(half.select_rows(places) - &root.across * &shared)
         });
         let own: Vec<DVector<f64>> = own.collect();
         self.partition.gathered(&own, &shared)
@@ -336,8 +330,7 @@ impl Arrow {
         put(shared, shared, &of_shared);
         for (root, places) in self.own.iter().zip(&self.partition.own) {
             put(places, places, &root.factor.product());
-            let across = root.factor.lower().lower_triangle() * &root.across;
-            put(places, shared, &across);
+            put(places, shared, &(root.factor.lower().lower_triangle() * &root.across));
         }
         Cholesky::new(information).expect("an arrow that was factored is positive")
     }

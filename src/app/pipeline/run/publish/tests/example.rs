@@ -372,7 +372,7 @@ fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSampl
         Some(ErrorSample {
             joints: station.joints.clone(),
             position: error_frame.nominal_target(&station.joints),
-            error: error_frame.target_error(&station.joints, station.one_reading()?)?,
+            error: error_frame.tool_error(station, &error_frame.nominal_target(&station.joints))?,
         })
     };
     stations.iter().filter_map(sample).collect()
@@ -417,7 +417,8 @@ fn subject(split: Split, model: Model) -> Subject {
 
 fn residuals(stations: &[Station], error_frame: &ErrorFrame<'_>) -> ResidualSet {
     let residual = |station: &Station| {
-        let residual = error_frame.target_error(&station.joints, station.one_reading()?)?;
+        let residual =
+            error_frame.tool_error(station, &error_frame.nominal_target(&station.joints))?;
         Some(Residual {
             station: station.number,
             target: None,

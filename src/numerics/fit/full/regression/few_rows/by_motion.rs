@@ -35,30 +35,23 @@ impl ByMotion {
 
     /// `S Sᵀ`, of which the lower triangle is right, for `Sᵀ` and the scale in it.
     pub(super) fn product(&self, of_rows: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
-        let plain = of_rows.select_rows(&self.plain);
-        let mut product = gram(&plain.as_view());
-        let alike = self.joints.par_iter().map(|own| {
-            let scaled = own.scaled(scale);
-            gram(&scaled.as_view())
-        });
+        let mut product = gram(&of_rows.select_rows(&self.plain).as_view());
+        let alike = self.joints.par_iter().map(|own| gram(&own.scaled(scale).as_view()));
         let mut along = Vec::new();
         for (own, alike) in self.joints.iter().zip(alike.collect::<Vec<_>>()) {
             let motions = own.motions.as_slice();
             for (station, columns) in self.stations.iter().enumerate() {
                 along.clear();
                 let alike = alike.column(station);
-                let others = self.stations.iter().zip(&alike);
-                for (rows, share) in others.skip(station) {
-                    let of_rows = motions[rows.clone()].iter();
-                    along.extend(of_rows.map(|motion| share * motion));
+                for (rows, share) in self.stations.iter().zip(&alike).skip(station) {
+                    along.extend(motions[rows.clone()].iter().map(|motion| share * motion));
                 }
                 let rows = columns.start..columns.start + along.len();
                 for column in columns.clone() {
                     let mut column_of = product.column_mut(column);
                     let into = &mut column_of.as_mut_slice()[rows.clone()];
                     let by = motions[column];
-                    let entries = into.iter_mut().zip(&along);
-                    entries.for_each(|(entry, along)| *entry += by * along);
+                    into.iter_mut().zip(&along).for_each(|(entry, along)| *entry += by * along);
                 }
             }
         }
@@ -94,8 +87,7 @@ impl ByMotion {
                 });
                 block.sum::<f64>()
             });
-            let scaled = own.scaled(scale);
-            let scaled = transposed(&scaled.as_view());
+            let scaled = transposed(&own.scaled(scale).as_view());
             let onto = across * &scaled;
             let columns = scaled.column_iter().zip(onto.column_iter());
             let squares: Vec<f64> = columns.map(|(own, onto)| own.dot(&onto)).collect();
