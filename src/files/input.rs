@@ -100,11 +100,8 @@ pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
         return Err(refused(Refused::NoFile(other)));
     }
     if metadata.len() > bound.bytes {
-        return Err(refused(Refused::TooLarge {
-            found: metadata.len(),
-            limit: bound.bytes,
-            advice: bound.advice,
-        }));
+        let (found, Bound { bytes: limit, advice }) = (metadata.len(), bound);
+        return Err(refused(Refused::TooLarge { found, limit, advice }));
     }
     File::open(path)
 }

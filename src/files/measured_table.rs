@@ -27,6 +27,7 @@ use super::input::{self, Bound};
 use crate::at::At;
 use cells::Cells;
 pub use decoded::decode;
+use error::Result;
 pub use error::{ColumnError, MeasuredTableError, MeasuredTableErrorKind};
 
 /// Settings for a file that does not state them itself; each absent one is found in the file.
@@ -191,7 +192,7 @@ pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, Mea
     read().map_err(|kind: MeasuredTableErrorKind| At::new(path.display(), kind))
 }
 
-pub fn of_yaml(text: &str) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub fn of_yaml(text: &str) -> Result<MeasuredTable> {
     yaml::read(text.as_bytes(), &Form::default())
 }
 
@@ -264,7 +265,7 @@ impl FileKind {
 }
 
 impl Form {
-    fn check_for(&self, kind: FileKind) -> Result<(), MeasuredTableErrorKind> {
+    fn check_for(&self, kind: FileKind) -> Result<()> {
         let is_text = kind == FileKind::Text;
         let is_sheet = kind.is_sheet();
         let given = [
@@ -281,7 +282,7 @@ impl Form {
     }
 
     /// Checks that the signs can be told from each other and from numbers.
-    fn check(&self) -> Result<(), MeasuredTableErrorKind> {
+    fn check(&self) -> Result<()> {
         if let Some(sign) = self.decimal.filter(|sign| !matches!(sign, '.' | ',')) {
             return Err(MeasuredTableErrorKind::Decimal { sign });
         }

@@ -44,7 +44,6 @@ pub struct TableSchema {
     /// Columns of versions since `reads_from` that this version no longer has: in older files they are passed over.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub removed: Vec<String>,
-    /// The columns in order.
     #[serde(rename = "column")]
     pub columns: Vec<ColumnSchema>,
 }
@@ -183,10 +182,8 @@ static GROUPS: LazyLock<toml::Table> = LazyLock::new(|| {
 });
 
 static SCHEMAS: LazyLock<Vec<TableSchema>> = LazyLock::new(|| {
-    FILES
-        .iter()
-        .map(|text| TableSchema::parse(text).expect("a test loads every schema file"))
-        .collect()
+    let parsed = |text: &&str| TableSchema::parse(text).expect("a test loads every schema file");
+    FILES.iter().map(parsed).collect()
 });
 
 /// Every schema, in the order of the stages that write them.

@@ -22,7 +22,7 @@ pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, FileErrorKind, TableError, plain};
 pub use read::{
-    Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
+    Head, Opened, Seal, head, head_of, in_words, open, open_within, read, read_open, read_within,
 };
 pub use together::together;
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};

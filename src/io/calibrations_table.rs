@@ -32,6 +32,8 @@ pub struct PublishedArm {
     pub error_frame: StatedFrame,
 }
 
+type Result<T, E = CalibrationsTableError> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum CalibrationsTableError {
     #[error(transparent)]
@@ -50,15 +52,15 @@ pub enum CalibrationsTableError {
     Others { path: PathBuf, kind: &'static str, what: &'static str },
 }
 
-pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
+pub fn read(path: &Path) -> Result<PublishedArm> {
     CalibrationsFile::read(path)?.arm(&Model::serving().collect::<Vec<_>>())
 }
 
-pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
+pub fn read_geometry(path: &Path) -> Result<PublishedArm> {
     CalibrationsFile::read(path)?.arm(&[Model::Geometric])
 }
 
-pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors), CalibrationsTableError> {
+pub fn read_geometry_errors(path: &Path) -> Result<(PublishedArm, Errors)> {
     let file = CalibrationsFile::read(path)?;
     let model = Model::Geometric;
     let arm = file.arm(&[model])?;
@@ -74,12 +76,12 @@ struct CalibrationsFile<'t> {
 }
 
 impl<'t> CalibrationsFile<'t> {
-    fn read(path: &'t Path) -> Result<Self, CalibrationsTableError> {
+    fn read(path: &'t Path) -> Result<Self> {
         let table = read_given(path, schema::find("calibrations")?)?;
         Ok(Self { path, rows: CalibrationRow::read(&table), table })
     }
 
-    fn arm(&self, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
+    fn arm(&self, wanted: &[Model]) -> Result<PublishedArm> {
         let base_target = Model::BaseTarget;
         let base = self.head(base_target)?.ok_or_else(|| self.absent(base_target))?;
         let own =
@@ -107,25 +109,18 @@ impl<'t> CalibrationsFile<'t> {
             frame_uncertainty: error_frame.uncertainty(),
             arm: base.arm,
         };
-        Ok(PublishedArm {
-            key,
-            verdict: verdict.unwrap_or(TableVerdict::NotShown),
-            arm,
-            error_frame,
-        })
+        Ok(PublishedArm { key, verdict: verdict.unwrap_or_default(), arm, error_frame })
     }
 
     fn row(&self, model: Model) -> Option<&CalibrationRow> {
         self.rows.iter().find(|row| row.model_kind == model)
     }
 
-    fn frames(&self, own: &ArmColumns) -> Result<FramePair, CalibrationsTableError> {
+    fn frames(&self, own: &ArmColumns) -> Result<FramePair> {
         let base = &own.valid_for.error_frame.error_frame_base;
         let base = common::placement(self.path, "error_frame_base", base)?;
-        Ok(FramePair::only(
-            base,
-            Transform::claim(Translation3::from(own.error_frame_target).into()),
-        ))
+        let target = Translation3::from(own.error_frame_target);
+        Ok(FramePair::only(base, Transform::claim(target.into())))
     }
 
     fn absent(&self, model: Model) -> CalibrationsTableError {
@@ -137,17 +132,13 @@ impl<'t> CalibrationsFile<'t> {
     }
 
     /// The arm and the sessions of a saved model, where there is a row of it.
-    fn head(&self, model: Model) -> Result<Option<SavedHead>, CalibrationsTableError> {
+    fn head(&self, model: Model) -> Result<Option<SavedHead>> {
         let text = self.row(model).map(|row| row.model.as_str());
         let head = text.map(SavedHead::read).transpose();
         head.map_err(|source| self.wrong(model, source))
     }
 
-    fn first(
-        &self,
-        wanted: &[Model],
-        base: &SavedHead,
-    ) -> Result<ArmModel, CalibrationsTableError> {
+    fn first(&self, wanted: &[Model], base: &SavedHead) -> Result<ArmModel> {
         for &model in wanted {
             if let Some(found) = self.model(model, base)? {
                 return Ok(found);
@@ -156,11 +147,7 @@ impl<'t> CalibrationsFile<'t> {
         Err(self.absent(*wanted.last().unwrap_or(&Model::Geometric)))
     }
 
-    fn model(
-        &self,
-        model: Model,
-        base: &SavedHead,
-    ) -> Result<Option<ArmModel>, CalibrationsTableError> {
+    fn model(&self, model: Model, base: &SavedHead) -> Result<Option<ArmModel>> {
         let (Some(row), Some(load)) = (self.row(model), model.about().load) else {
             return Ok(None);
         };
@@ -170,21 +157,12 @@ impl<'t> CalibrationsFile<'t> {
         let session = loaded.head.sessions.len() - 1;
         let frames = |of: &SavedSession| of.frames().map_err(|source| self.wrong(model, source));
         let (reference, own) = (&base.sessions[session], &loaded.head.sessions[session]);
-        Ok(Some(ArmModel {
-            model,
-            shown: turn_behind(&frames(reference)?, &frames(own)?),
-            predicts: loaded.model,
-            session,
-        }))
+        let (shown, predicts) = (turn_behind(&frames(reference)?, &frames(own)?), loaded.model);
+        Ok(Some(ArmModel { model, shown, predicts, session }))
     }
 
     /// That a model is of the arm and the sessions of `base`, of which there is at least one.
-    fn same(
-        &self,
-        model: Model,
-        base: &SavedHead,
-        own: &SavedHead,
-    ) -> Result<(), CalibrationsTableError> {
+    fn same(&self, model: Model, base: &SavedHead, own: &SavedHead) -> Result<()> {
         let names = |sessions: &[SavedSession]| -> Vec<String> {
             sessions.iter().map(|session| session.session.clone()).collect()
         };

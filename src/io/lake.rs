@@ -35,7 +35,7 @@ use crate::schema::{self, TableSchema};
 use crate::store::{self, Folder, Place, Store};
 use crate::table::{self, Table};
 use crate::temporary::{self, Temporary};
-use error::folder_error;
+use error::{Result, folder_error};
 use run::into_io;
 
 pub use asked::{ASKED, Asked, AskedRow, request_key, request_of};
@@ -117,7 +117,7 @@ impl Lake {
     }
 
     /// The lake at a place: a folder, or a prefix on object storage, which has to answer.
-    pub fn at(place: &Place) -> Result<Self, LakeError> {
+    pub fn at(place: &Place) -> Result<Self> {
         let store = store::at(place)?;
         store.check()?;
         Ok(Self { store })
@@ -133,57 +133,53 @@ impl Lake {
     }
 
     /// Place of a table of a run, whether or not it is there.
-    pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<Place, LakeError> {
+    pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<Place> {
         self.place(&schema.table, key)
     }
 
     /// Place of the page of a run, whether or not it is there.
-    pub fn page(&self, key: &RunKey) -> Result<Place, LakeError> {
+    pub fn page(&self, key: &RunKey) -> Result<Place> {
         self.place(PAGES, key)
     }
 
     /// Place of a file of a run, whether or not it is there: the table of that name, or its page ([`PAGES`]).
-    pub fn place(&self, table: &str, key: &RunKey) -> Result<Place, LakeError> {
+    pub fn place(&self, table: &str, key: &RunKey) -> Result<Place> {
         Ok(self.store.place(&file_key(table, key)?))
     }
 
     /// Whether the run exists, that is, has a row in `runs`.
-    pub fn exists(&self, key: &RunKey) -> Result<bool, LakeError> {
+    pub fn exists(&self, key: &RunKey) -> Result<bool> {
         self.has(RUNS, key)
     }
 
     /// Whether there is a page of the run; versions without pages wrote none.
-    pub fn has_page(&self, key: &RunKey) -> Result<bool, LakeError> {
+    pub fn has_page(&self, key: &RunKey) -> Result<bool> {
         self.has(PAGES, key)
     }
 
-    pub fn has(&self, table: &str, key: &RunKey) -> Result<bool, LakeError> {
+    pub fn has(&self, table: &str, key: &RunKey) -> Result<bool> {
         Ok(self.store.exists(&file_key(table, key)?)?)
     }
 
-    pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
+    pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>> {
         self.start_in(RUNS, key)
     }
 
     /// Begins what a row of the table `rows` makes exist; `None` when the lake has it.
-    pub fn start_in(
-        &self,
-        rows: &'static str,
-        key: &RunKey,
-    ) -> Result<Option<OpenRun<'_>>, LakeError> {
+    pub fn start_in(&self, rows: &'static str, key: &RunKey) -> Result<Option<OpenRun<'_>>> {
         Ok((!self.has(rows, key)?).then(|| OpenRun::new(self, key, rows)))
     }
 
-    pub fn open(&self, table: &str, key: &RunKey) -> Result<File, LakeError> {
+    pub fn open(&self, table: &str, key: &RunKey) -> Result<File> {
         Ok(self.store.open(&file_key(table, key)?)?)
     }
 
     /// Reads a table of a run, checked by its own digest and, where the run has a row, by the digest there.
-    pub fn read(&self, table: &str, key: &RunKey) -> Result<Table, LakeError> {
+    pub fn read(&self, table: &str, key: &RunKey) -> Result<Table> {
         Ok(self.read_vouched(table, key)?.0)
     }
 
-    pub fn read_page(&self, key: &RunKey) -> Result<String, LakeError> {
+    pub fn read_page(&self, key: &RunKey) -> Result<String> {
         let place = self.page(key)?.named();
         let mut html = String::new();
         let mut file = self.open(PAGES, key)?;
@@ -191,7 +187,7 @@ impl Lake {
         Ok(html)
     }
 
-    pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
+    pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<()> {
         for table in tables {
             for listed in self.store.list(&session_key(table, key)?, 0..=0)? {
                 self.copy(&listed.key, to)?;
@@ -200,7 +196,7 @@ impl Lake {
         Ok(())
     }
 
-    pub fn copy_run(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
+    pub fn copy_run(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<()> {
         for table in tables {
             if self.has(table, key)? {
                 self.copy(&file_key(table, key)?, to)?;
@@ -209,7 +205,7 @@ impl Lake {
         Ok(())
     }
 
-    fn copy(&self, key: &str, to: &Path) -> Result<(), LakeError> {
+    fn copy(&self, key: &str, to: &Path) -> Result<()> {
         let copy = to.join(key);
         let folder = copy.parent().expect("keys have names");
         fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
@@ -219,7 +215,7 @@ impl Lake {
     }
 
     /// Writes a table to a temporary; also returns its digest.
-    fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String), LakeError> {
+    fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String)> {
         let path = self.written_at(key);
         let write = folder_error("write", &path);
         let temporary = self.store.temporary(key)?;
@@ -236,21 +232,14 @@ impl Lake {
     }
 
     /// Removes temporaries of processes that are gone; returns their paths. On object storage there are none to see.
-    pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
+    pub fn clean(&self) -> Result<Vec<PathBuf>> {
         let Some(root) = self.folder() else { return Ok(Vec::new()) };
-        let mut folders: Vec<PathBuf> = schema::all()
-            .iter()
-            .map(|schema| schema.table.as_str())
-            .chain([PAGES])
-            .map(|folder| root.join(folder))
-            .chain([root.join(cache::FIGURES)])
-            .collect();
+        let tables = schema::all().iter().map(|schema| schema.table.as_str());
+        let folders = tables.chain([PAGES, cache::FIGURES]).map(|folder| root.join(folder));
+        let mut folders: Vec<PathBuf> = folders.collect();
         for _robot_then_session in 0..2 {
-            folders = folders
-                .iter()
-                .map(|folder| subfolders(folder))
-                .collect::<Result<Vec<_>, _>>()?
-                .concat();
+            let below = folders.iter().map(|folder| subfolders(folder));
+            folders = below.collect::<Result<Vec<_>>>()?.concat();
         }
         let stale = |folder: &PathBuf| {
             temporary::remove_stale(folder).map_err(folder_error("clean", folder))
@@ -266,12 +255,12 @@ impl Lake {
 }
 
 /// Checks that a lake can hold a name of a robot or session (`part`): it must not be too long for a folder's name.
-pub fn check_name(part: &'static str, name: &str) -> Result<(), LakeError> {
+pub fn check_name(part: &'static str, name: &str) -> Result<()> {
     encoded(part, name).map(drop)
 }
 
 /// File name of a robot's page over time, encoded as in the lake; of a robot named like the page of the fleet the first letter is too.
-pub fn page_over_time(robot: &str) -> Result<String, LakeError> {
+pub fn page_over_time(robot: &str) -> Result<String> {
     let name = format!("{}.html", encoded("robot", robot)?);
     Ok(if name.eq_ignore_ascii_case(FLEET) {
         format!("%{:02X}{}", name.as_bytes()[0], &name[1..])
@@ -281,7 +270,7 @@ pub fn page_over_time(robot: &str) -> Result<String, LakeError> {
 }
 
 /// The key in the lake's store of a file of a run: the table of that name, or its page.
-fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
+fn file_key(table: &str, key: &RunKey) -> Result<String> {
     let ending = if table == PAGES {
         "html"
     } else {
@@ -293,16 +282,16 @@ fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
     Ok(format!("{}/{run}.{ending}", session_key(table, key)?))
 }
 
-fn session_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
+fn session_key(table: &str, key: &RunKey) -> Result<String> {
     let (robot, session) = (encoded("robot", &key.robot)?, encoded("session", &key.session)?);
     Ok(format!("{table}/{robot}/{session}"))
 }
 
-fn encoded(part: &'static str, name: &str) -> Result<String, LakeError> {
+fn encoded(part: &'static str, name: &str) -> Result<String> {
     name::encode(name).map_err(|length| LakeError::Name { part, name: name.to_owned(), length })
 }
 
-fn subfolders(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {
+fn subfolders(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.and_then(Iterator::collect::<io::Result<Vec<_>>>),

@@ -28,6 +28,8 @@ use topic::{
 const LATENCY_NS: u64 = 200_000;
 const CHUNK_BYTES: u64 = 1 << 20;
 
+type Result<T, E = LogWriteError> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum LogWriteError {
     #[error(
@@ -48,30 +50,12 @@ pub fn write_controller_log<W: Write + Seek>(
     recording: &Recording,
     joint_names: &[&str],
     session: &BTreeMap<String, String>,
-) -> Result<(), LogWriteError> {
+) -> Result<()> {
     let mut log = Log::create(sink, session)?;
     let joints = joint_messages(&recording.joints, joint_names)?;
     let commands = command_messages(&recording.commands)?;
-    log.write_in_time_order(vec![
-        (joint_topic(), joints),
-        (pose_topic("/commanded_pose"), commands),
-    ])
-}
-
-/// Poses of a 6-DoF target or points of a reflector, and temperatures.
-pub fn write_tracker_log<W: Write + Seek>(
-    sink: W,
-    recording: &Recording,
-    session: &BTreeMap<String, String>,
-) -> Result<(), LogWriteError> {
-    let log = TrackerLog {
-        readings: &recording.readings,
-        targets: &[],
-        references: &[],
-        temperatures: &recording.temperatures,
-        lengths: &[],
-    };
-    log.write(sink, session)
+    let commands = (pose_topic("/commanded_pose"), commands);
+    log.write_in_time_order(vec![(joint_topic(), joints), commands])
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -93,7 +77,7 @@ impl TrackerLog<'_> {
         &self,
         sink: W,
         session: &BTreeMap<String, String>,
-    ) -> Result<(), LogWriteError> {
+    ) -> Result<()> {
         let mut log = Log::create(sink, session)?;
         let mut topics = vec![self.of_targets()?];
         if !self.references.is_empty() {
@@ -110,7 +94,7 @@ impl TrackerLog<'_> {
         log.write_in_time_order(topics)
     }
 
-    fn of_targets(&self) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
+    fn of_targets(&self) -> Result<(Topic, Vec<Encoded>)> {
         if !self.targets.is_empty() {
             return named_messages(targets_topic(), self.targets);
         }
@@ -126,10 +110,7 @@ impl TrackerLog<'_> {
     }
 }
 
-fn named_messages(
-    topic: Topic,
-    all: &[(String, TargetReadings)],
-) -> Result<(Topic, Vec<Encoded>), LogWriteError> {
+fn named_messages(topic: Topic, all: &[(String, TargetReadings)]) -> Result<(Topic, Vec<Encoded>)> {
     let mut messages = Vec::new();
     for (name, own) in all {
         messages.extend(transform_messages(&topic.name, name, own)?);
@@ -147,8 +128,8 @@ fn encoded(
     topic: &str,
     ns: i64,
     frame: &str,
-    fill: impl FnOnce(&mut Cdr) -> Result<(), LogWriteError>,
-) -> Result<Encoded, LogWriteError> {
+    fill: impl FnOnce(&mut Cdr) -> Result<()>,
+) -> Result<Encoded> {
     let unfit = LogWriteError::Stamp { topic: topic.to_owned(), ns };
     let Ok(unsigned) = u64::try_from(ns) else { return Err(unfit) };
     let (seconds, rest) = (unsigned / 1_000_000_000, unsigned % 1_000_000_000);
@@ -163,10 +144,7 @@ fn encoded(
     Ok(Encoded { ns: unsigned, body: cdr.into_bytes() })
 }
 
-fn joint_messages(
-    joints: &JointSamples,
-    joint_names: &[&str],
-) -> Result<Vec<Encoded>, LogWriteError> {
+fn joint_messages(joints: &JointSamples, joint_names: &[&str]) -> Result<Vec<Encoded>> {
     let topic = "/joint_states";
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded(topic, stamp.ns(), "base", |cdr| {
@@ -186,7 +164,7 @@ fn joint_messages(
     joints.stamps.iter().enumerate().map(message).collect()
 }
 
-fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>, LogWriteError> {
+fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>> {
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded("/commanded_pose", stamp.ns(), "base", |cdr| {
             push_point(cdr, &commands.positions[row]);
@@ -198,7 +176,7 @@ fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>, LogWriteE
     commands.stamps.iter().enumerate().map(message).collect()
 }
 
-fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encoded>, LogWriteError> {
+fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded(topic, stamp.ns(), "tracker", |cdr| {
             push_point(cdr, &readings.positions[row]);
@@ -217,11 +195,7 @@ fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encode
     readings.stamps.iter().enumerate().map(message).collect()
 }
 
-fn transform_messages(
-    topic: &str,
-    name: &str,
-    readings: &TargetReadings,
-) -> Result<Vec<Encoded>, LogWriteError> {
+fn transform_messages(topic: &str, name: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
     let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
         encoded(topic, stamp.ns(), "tracker", |cdr| {
             cdr.string(topic, name)?;
@@ -233,7 +207,7 @@ fn transform_messages(
     readings.stamps.iter().enumerate().map(message).collect()
 }
 
-fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded>, LogWriteError> {
+fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded>> {
     let message = |(stamp, &celsius): (&crate::units::Stamp<_>, &f64)| {
         encoded("/tracker/temperature", stamp.ns(), "tracker", |cdr| {
             cdr.f64(celsius);
@@ -245,7 +219,7 @@ fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded
     samples.map(message).collect()
 }
 
-fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>, LogWriteError> {
+fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>> {
     let message = |(stamp, &mm): (&crate::units::Stamp<_>, &f64)| {
         encoded(topic, stamp.ns(), "tracker", |cdr| {
             // Neither sound nor light, and no limits of its range.
@@ -289,7 +263,7 @@ struct Log<W: Write + Seek> {
 }
 
 impl<W: Write + Seek> Log<W> {
-    fn create(sink: W, session: &BTreeMap<String, String>) -> Result<Self, LogWriteError> {
+    fn create(sink: W, session: &BTreeMap<String, String>) -> Result<Self> {
         let mut writer = WriteOptions::new()
             .profile("ros2")
             .library("posegrid")
@@ -304,10 +278,7 @@ impl<W: Write + Seek> Log<W> {
     }
 
     /// Messages are in the order of stamps; where they are equal, the earlier topic comes first.
-    fn write_in_time_order(
-        &mut self,
-        topics: Vec<(Topic, Vec<Encoded>)>,
-    ) -> Result<(), LogWriteError> {
+    fn write_in_time_order(&mut self, topics: Vec<(Topic, Vec<Encoded>)>) -> Result<()> {
         let mut messages = Vec::new();
         for (topic, encoded) in topics {
             let definition = topic.definition.as_bytes();
@@ -352,7 +323,7 @@ mod tests {
         }
     }
 
-    fn controller_log(recording: &Recording) -> Result<Vec<u8>, LogWriteError> {
+    fn controller_log(recording: &Recording) -> Result<Vec<u8>> {
         let mut sink = Cursor::new(Vec::new());
         let session = BTreeMap::from([("robot".to_owned(), "r1".to_owned())]);
         write_controller_log(&mut sink, recording, &["a", "bc"], &session)?;

@@ -99,6 +99,8 @@ pub struct PublishContext<'a> {
     pub pairs: Pairs,
 }
 
+type Result<T, E = PublishError> = std::result::Result<T, E>;
+
 /// The reason why tables cannot be made or published.
 #[derive(Debug, Error)]
 pub enum PublishError {
@@ -166,11 +168,7 @@ pub struct RunRows {
 }
 
 impl RunRows {
-    pub fn of(
-        outcome: &Outcome<'_>,
-        context: &PublishContext<'_>,
-        key: &RunKey,
-    ) -> Result<Self, PublishError> {
+    pub fn of(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Result<Self> {
         let semivariograms = semivariograms::rows(&outcome.semivariograms, context.noise_mm2);
         let accuracy = accuracy::rows(
             outcome.accuracy.iter().chain(&outcome.at_tip),
@@ -183,21 +181,17 @@ impl RunRows {
         let targets = &outcome.targets.names;
         let trained = outcome.training.iter().map(|own| own.name.as_str());
         let trained: Vec<&str> = trained.collect();
+        let sources = sources::rows(&outcome.sources, &outcome.stated_sizes, &trained);
+        let lengths = length_residuals::rows(&outcome.length_residuals, targets);
         Ok(Self {
             calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
             parameters: Row::table(parameters::rows(outcome, context), key)?,
             scales: Row::table(scales::rows(&outcome.scales), key)?,
-            sources: Row::table(
-                sources::rows(&outcome.sources, &outcome.stated_sizes, &trained),
-                key,
-            )?,
+            sources: Row::table(sources, key)?,
             references: Row::table(references::places(outcome), key)?,
             joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
             residuals: Row::table(residuals::rows(&outcome.residuals, targets), key)?,
-            length_residuals: Row::table(
-                length_residuals::rows(&outcome.length_residuals, targets),
-                key,
-            )?,
+            length_residuals: Row::table(lengths, key)?,
             semivariograms: Row::table(semivariograms, key)?,
             steps: Row::table(grid_steps::rows(outcome, context), key)?,
             compensation: Row::table(compensation::rows(outcome, context, key), key)?,

@@ -21,7 +21,7 @@ use posegrid::ingest::{
     Recording, TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{Limits, SessionLogs, SessionRead, read_session};
-use posegrid::io::log_writer::{write_controller_log, write_tracker_log};
+use posegrid::io::log_writer::{TrackerLog, write_controller_log};
 use posegrid::join::{
     Command, JoinSettings, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Value, join,
@@ -148,7 +148,9 @@ pub fn read_back(arm: &Arm, recording: &Recording) -> SessionRead {
     let joints: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let nothing = BTreeMap::new();
     write_controller_log(create(&controller), recording, &joints, &nothing).expect("room");
-    write_tracker_log(create(&tracker), recording, &nothing).expect("room");
+    let (readings, temperatures) = (&recording.readings, &recording.temperatures);
+    let log = TrackerLog { readings, targets: &[], references: &[], temperatures, lengths: &[] };
+    log.write(create(&tracker), &nothing).expect("room");
     let mut mapping = mapping(arm);
     if recording.readings.orientations.is_none() {
         "/tracker/point".clone_into(&mut mapping.tracker.topic);

@@ -44,17 +44,11 @@ fn all_robots(fleet: &Fleet) -> String {
     let mut text = String::new();
     for own in &fleet.robots {
         let robot = own.robot.as_deref().unwrap_or_default();
-        let tolerance = &own.stages.tolerance;
-        writeln!(
-            text,
-            "{}: {}, {} mm for {} % of positions, {} sessions",
-            Printable(robot),
-            Printable(own.arm.model()),
-            tolerance.mm,
-            100.0 * tolerance.share,
-            own.pieces.len()
-        )
-        .expect("a string");
+        let (robot, model) = (Printable(robot), Printable(own.arm.model()));
+        let (Tolerance { mm, share, .. }, sessions) = (own.stages.tolerance, own.pieces.len());
+        let share = 100.0 * share;
+        writeln!(text, "{robot}: {model}, {mm} mm for {share} % of positions, {sessions} sessions")
+            .expect("a string");
     }
     writeln!(text, "tables: {}\n", near(&fleet.lake).display()).expect("a string");
     text += &work(fleet);
@@ -111,20 +105,11 @@ fn limits(configuration: &Configuration) -> [(&'static str, String); 3] {
     let [share, confidence] = [100.0 * share, 100.0 * confidence];
     let input = &configuration.file.input;
     let [lost, rejected] = [100.0 * input.max_lost_share, 100.0 * input.max_rejected_share];
-    [
-        (
-            "tolerance",
-            format!("{mm} mm for {share} % of positions, with {confidence} % confidence"),
-        ),
-        (
-            "damage",
-            format!("a session has no result when a log lost more than {lost} % of its bytes"),
-        ),
-        (
-            "rejects",
-            format!("exit code 3 when more than {rejected} % of a topic's messages cannot be used"),
-        ),
-    ]
+    let held = format!("{mm} mm for {share} % of positions, with {confidence} % confidence");
+    let damage = format!("a session has no result when a log lost more than {lost} % of its bytes");
+    let rejects =
+        format!("exit code 3 when more than {rejected} % of a topic's messages cannot be used");
+    [("tolerance", held), ("damage", damage), ("rejects", rejects)]
 }
 
 /// A step with the number of nodes that it makes of the box, or of a cube of 1 m where stations will say the box.
@@ -140,21 +125,16 @@ fn nodes(step_mm: f64, grid: &GridSettings) -> String {
 fn split(configuration: &Configuration) -> String {
     let sessions =
         configuration.pieces.iter().flat_map(|piece| piece.training.iter().chain(&piece.test));
-    let counts: BTreeMap<_, _> = sessions
-        .filter_map(|session| {
-            let logs = session.recorded.logs()?;
-            let counts = (logs.controller.len(), logs.tracker.len());
-            Some((&session.name, counts))
-        })
-        .filter(|(_, counts)| *counts != (1, 1))
-        .collect();
-    let line = |(name, (controller, tracker)): (&String, &(usize, usize))| {
-        format!(
-            "{}: controller's log in {controller} files, tracker's in {tracker}\n",
-            Printable(name)
-        )
+    let counts = sessions.filter_map(|session| {
+        let logs = session.recorded.logs()?;
+        let counts = (logs.controller.len(), logs.tracker.len());
+        (counts != (1, 1)).then_some((&session.name, counts))
+    });
+    let line = |(name, (controller, tracker)): (&String, (usize, usize))| {
+        let name = Printable(name);
+        format!("{name}: controller's log in {controller} files, tracker's in {tracker}\n")
     };
-    counts.iter().map(|(name, counts)| line((name, counts))).collect()
+    counts.collect::<BTreeMap<_, _>>().into_iter().map(line).collect()
 }
 
 const fn remark_on_parallel(convention: Convention) -> &'static str {
@@ -175,14 +155,10 @@ fn arm(arm: &Arm) -> String {
         let remark = if is_parallel { remark_on_parallel(arm.convention()) } else { "" };
         let unit = joint.sign_of_unit();
         let [lower, upper] = [joint.lower, joint.upper].map(|limit| joint.shown(limit));
-        writeln!(
-            text,
-            "  {} {:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {}{remark}",
-            place + 1,
-            Printable(&joint.name).to_string(),
-            arm.convention().name(),
-        )
-        .expect("a string");
+        let (place, name) = (place + 1, Printable(&joint.name).to_string());
+        let remark = format!("{}{remark}", arm.convention().name());
+        writeln!(text, "  {place} {name:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {remark}")
+            .expect("a string");
     }
     text
 }

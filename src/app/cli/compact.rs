@@ -83,9 +83,6 @@ fn of_table(done: &Compacted, table: &str) -> String {
     let files = || done.files.iter().filter(|file| file.table == table);
     let rows: u64 = files().map(|file| file.rows).sum();
     let bytes: u64 = files().map(|file| file.bytes).sum();
-    format!(
-        "  {COMPACT}/{table}: {} files, {rows} rows, {:.1} MB",
-        files().count(),
-        bytes as f64 / 1e6
-    )
+    let (count, megabytes) = (files().count(), bytes as f64 / 1e6);
+    format!("  {COMPACT}/{table}: {count} files, {rows} rows, {megabytes:.1} MB")
 }

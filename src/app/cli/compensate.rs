@@ -26,6 +26,7 @@ use crate::compensation::{Corrected, Covariances, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Targets};
+use error::Result;
 pub use error::{CompensateCommandError, CorrectedAlready, WriteCause};
 use named::Named;
 use record::{Made, Recorded, Recording};
@@ -146,10 +147,7 @@ fn report(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
 }
 
 /// Corrects the targets and writes the result, to `stdout` where the arguments name no file.
-pub fn run(
-    args: &CompensateArgs,
-    stdout: impl Write,
-) -> Result<Compensated, CompensateCommandError> {
+pub fn run(args: &CompensateArgs, stdout: impl Write) -> Result<Compensated> {
     let form = args.out_form()?;
     let named = args.named()?;
     let source = Source::read(&named.path)?;
@@ -183,11 +181,7 @@ pub fn run(
 
 impl CompensateArgs {
     /// Refuses a table that does not meet its tolerance, or was not shown to; gives the exception where that is allowed.
-    fn admit_verdict(
-        &self,
-        path: &Path,
-        source: &Source,
-    ) -> Result<Vec<Exception>, CompensateCommandError> {
+    fn admit_verdict(&self, path: &Path, source: &Source) -> Result<Vec<Exception>> {
         let needed = match source.verdict() {
             TableVerdict::Met => return Ok(Vec::new()),
             TableVerdict::NotMet => Exception::NotMet,
@@ -196,16 +190,12 @@ impl CompensateArgs {
         if self.allow.contains(&needed) {
             return Ok(vec![needed]);
         }
-        Err(CompensateCommandError::Verdict {
-            path: path.to_owned(),
-            what: source.what(),
-            run: source.by(&[]).key.run.clone(),
-            needed,
-        })
+        let (path, run) = (path.to_owned(), source.by(&[]).key.run.clone());
+        Err(CompensateCommandError::Verdict { path, what: source.what(), run, needed })
     }
 
     /// Holds what the targets will be run with against what the table is valid for.
-    fn hold(&self, source: &Source) -> Result<Held, CompensateCommandError> {
+    fn hold(&self, source: &Source) -> Result<Held> {
         let held = source.validity().hold(&self.used_with.used_with());
         let refused = held.outside.iter();
         let refused = refused.filter(|own| !self.allow.contains(&Exception::Term(own.term)));

@@ -175,10 +175,7 @@ impl ExportArgs {
                 Ok(sink.write_all(&pdf)?)
             }
             (format, other) => Err(ExportErrorKind::OtherTable {
-                found: other.map_or_else(
-                    || "no table of posegrid".to_owned(),
-                    |name| format!("table {name:?}"),
-                ),
+                found: table::in_words(other),
                 format: format.name(),
                 needs: format.tables(),
             }

@@ -116,10 +116,8 @@ pub(super) fn refresh_pages(lake: &Lake, bars: &Bars) {
     let robots = history(lake, &Asked::default(), &bars.of("history"));
     let written = robots.map_err(Into::into).and_then(|own| pages(lake, &own, None, Some(None)));
     if let Err(error) = written {
-        tracing::warn!(
-            "the pages of all nights are not written: {}",
-            Printable(&error.to_string())
-        );
+        let error = error.to_string();
+        tracing::warn!("the pages of all nights are not written: {}", Printable(&error));
     }
 }
 
@@ -148,12 +146,8 @@ fn line(text: &str) -> String {
 
 fn made(args: &HistoryArgs, bars: &Bars) -> Result<(Lake, Vec<RobotHistory>), HistoryCommandError> {
     let lake = Lake::at(&Place::of(&args.lake)).map_err(HistoryError::from)?;
-    let asked = Asked {
-        robot: args.robot.clone(),
-        since: args.since.clone(),
-        until: args.until.clone(),
-        fresh: args.fresh,
-    };
+    let (robot, since, until) = (args.robot.clone(), args.since.clone(), args.until.clone());
+    let asked = Asked { robot, since, until, fresh: args.fresh };
     let robots = history(&lake, &asked, &bars.of("history"))?;
     Ok((lake, robots))
 }

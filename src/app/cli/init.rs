@@ -148,10 +148,8 @@ impl InitArgs {
         let (folder, names) = of_sessions(given);
         let first = names.first().map(|session| folder.join(session));
         let logs = first.map_or_else(|| given.to_vec(), |own| files_in(&own));
-        let mut found: Vec<Inspection> = Vec::new();
-        for log in &logs {
-            found.push(inspect(log, Limits::default(), &progress)?);
-        }
+        let found = logs.iter().map(|log| inspect(log, Limits::default(), &progress));
+        let found = found.collect::<Result<Vec<_>, _>>()?;
         let (robot, ready) = self.robot_of(&found);
         let names: Vec<String> = names.iter().map(|own| toml_text(own)).collect();
         let text = format!(
@@ -211,10 +209,8 @@ impl InitArgs {
             }
         }
         create(&self.out, &text)?;
-        let doubts: Vec<&str> = text
-            .lines()
-            .filter(|line| line.contains("# unsure: ") || line.contains("# to state: "))
-            .collect();
+        let is_doubt = |line: &&str| line.contains("# unsure: ") || line.contains("# to state: ");
+        let doubts: Vec<&str> = text.lines().filter(is_doubt).collect();
         let out = self.out.display();
         writeln!(told, "{out} is written; {} of its lines are to be looked at:", doubts.len())
             .expect("a string");

@@ -3,7 +3,7 @@
 mod screen;
 
 use std::io::{self, IsTerminal as _};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -75,7 +75,7 @@ impl Bars {
         TerminalProgress {
             bars: self.clone(),
             session: session.to_owned(),
-            tasks: Mutex::new(Vec::new()),
+            tasks: Mutex::default(),
         }
     }
 }
@@ -83,10 +83,7 @@ impl Bars {
 impl TerminalProgress {
     fn with_tasks<T>(&self, change: impl FnOnce(&mut Vec<Task>) -> T) -> T {
         // A panic while drawing leaves the list as it was: it is still good.
-        let mut tasks = match self.tasks.lock() {
-            Ok(tasks) => tasks,
-            Err(poisoned) => poisoned.into_inner(),
-        };
+        let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
         change(&mut tasks)
     }
 }
@@ -119,10 +116,8 @@ impl Progress for TerminalProgress {
         if let Some(Task { bar, name, done, begun, .. }) = self.with_tasks(Vec::pop) {
             bar.finish_and_clear();
             let took_s = begun.elapsed().as_secs_f64();
-            tracing::debug!(
-                session = Printable(&self.session).to_string(),
-                "{name}: {done} in {took_s:.2} s"
-            );
+            let session = Printable(&self.session).to_string();
+            tracing::debug!(session, "{name}: {done} in {took_s:.2} s");
         }
     }
 }

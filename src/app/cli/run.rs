@@ -18,11 +18,10 @@ use std::thread;
 use clap::{Args, ValueEnum};
 use rayon::ThreadPoolBuilder;
 
-use super::history;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
-use super::{BAD_USAGE, DONE, NO_RESULT};
+use super::{BAD_USAGE, DONE, NO_RESULT, history};
 use crate::files::store::Place;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, Stage};
 use crate::pipeline::configuration::Overrides;
@@ -200,10 +199,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     };
     let lake = match Lake::at(&fleet.lake) {
         Ok(lake) => lake,
-        Err(error) => {
-            tracing::error!("{}", Printable(&error.to_string()));
-            return NO_RESULT;
-        }
+        Err(error) => return failed(&error),
     };
     let by = format!("run {}", near(&Place::of(&args.pipeline)));
     let _lock = match alone::turn(&lake, &by, args.wait, &stop) {
@@ -214,10 +210,7 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
     let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
     let known = match known {
         Ok(known) => known,
-        Err(error) => {
-            tracing::error!("{}", Printable(&error.to_string()));
-            return NO_RESULT;
-        }
+        Err(error) => return failed(&error),
     };
     let pieces = fleet.pieces();
     let (endings, without) = work::all(&pieces, args.until, &known, jobs(args), bars, &stop);
@@ -237,14 +230,16 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
         Format::Text => summary::summary(fleet, &endings, &set_aside, args.until, args.verbose),
         Format::Json => match json::document(fleet, &endings, &set_aside, code) {
             Ok(document) => document,
-            Err(error) => {
-                tracing::error!("{}", Printable(&error.to_string()));
-                return NO_RESULT;
-            }
+            Err(error) => return failed(&error),
         },
     };
     let written = messages::result(summary, bars);
     after_summary(code, written, &stop)
+}
+
+fn failed(error: &impl ToString) -> u8 {
+    tracing::error!("{}", Printable(&error.to_string()));
+    NO_RESULT
 }
 
 /// Whether the pages of all nights lack what a batch did; on object storage no browser follows their links.

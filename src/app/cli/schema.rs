@@ -82,10 +82,8 @@ fn json(schema: &impl serde::Serialize) -> String {
 fn list() -> String {
     let line = |schema: &TableSchema| {
         let read = if schema.role == Role::Accepted { " (read)" } else { "" };
-        format!(
-            "{:<18} v{}  one row per {}{read}\n",
-            schema.table, schema.version, schema.one_row_per
-        )
+        let TableSchema { table, version, one_row_per, .. } = schema;
+        format!("{table:<18} v{version}  one row per {one_row_per}{read}\n")
     };
     let keys = |file: &str| format!("{file:<18}     every key of a {file} file (read)\n");
     let tables = schema::all().iter().map(line);
@@ -94,10 +92,9 @@ fn list() -> String {
 }
 
 fn contract(schema: &TableSchema) -> String {
-    let mut text = format!(
-        "{}, version {}: {}\nOne row per {}.\n",
-        schema.table, schema.version, schema.description, schema.one_row_per
-    );
+    let TableSchema { table, version, description, one_row_per, .. } = schema;
+    let mut text =
+        format!("{table}, version {version}: {description}\nOne row per {one_row_per}.\n");
     if !schema.order.is_empty() {
         line(&mut text, &format!("Sorted by {}, which name a row.", schema.order.join(", ")));
     }

@@ -98,12 +98,9 @@ impl Report<'_> {
     fn has_better_base(&self, own: &Subject) -> bool {
         let is_found =
             |other: &Subject| matches!(other.base_refit, BaseRefit::First | BaseRefit::Chosen);
+        let mut others = self.figures.iter().map(|row| &row.subject);
         (own.split, own.base_refit) == (Split::Session, BaseRefit::None)
-            && self
-                .figures
-                .iter()
-                .map(|row| &row.subject)
-                .any(|other| other.of_session == own.of_session && is_found(other))
+            && others.any(|other| other.of_session == own.of_session && is_found(other))
     }
 
     fn setting<T: DeserializeOwned>(&self, place: &str) -> Option<T> {
@@ -182,10 +179,8 @@ impl Report<'_> {
         if let Some((before, after)) = ending.mean_before_mm.zip(ending.mean_after_mm) {
             let [before, after] = [before, after].map(|mm| words::fixed(mm, 3));
             let of = ending.means_of.as_deref().unwrap_or_default();
-            sheet.text(
-                &format!("Mean error {before} mm before, {after} mm after ({of})."),
-                (BODY, false),
-            );
+            let means = format!("Mean error {before} mm before, {after} mm after ({of}).");
+            sheet.text(&means, (BODY, false));
         }
         let figures = self.figures.iter().filter(|own| own.point != Point::Tip).cloned();
         let mut subjects = accuracy::subjects(&figures.collect::<Vec<_>>());
@@ -236,10 +231,8 @@ impl Report<'_> {
         subjects.sort_by(|(_, a), (_, b)| a.of_session.cmp(&b.of_session));
         if subjects.is_empty() {
             let reason = self.no_visits();
-            sheet.text(
-                &format!("AP, RP, AD, RD, vAP and drift are not shown: {reason}."),
-                (BODY, false),
-            );
+            let text = format!("AP, RP, AD, RD, vAP and drift are not shown: {reason}.");
+            sheet.text(&text, (BODY, false));
         }
         let of_sessions = subjects.chunk_by(|(_, a), (_, b)| a.of_session == b.of_session);
         let tables: Vec<_> = of_sessions.flat_map(|own| own.chunks(BESIDE)).collect();
@@ -268,11 +261,8 @@ impl Report<'_> {
             made.settings_digest
         );
         sheet.text(&text, (SMALL, false));
-        let is_of = |name: &&String| {
-            ["accuracy/", "calibrations/", "compensation/", "report/"]
-                .iter()
-                .any(|own| name.starts_with(own))
-        };
+        let folders = ["accuracy/", "calibrations/", "compensation/", "report/"];
+        let is_of = |name: &&String| folders.iter().any(|own| name.starts_with(own));
         let results =
             run.files.names.iter().zip(&run.files.digests).filter(|(name, _)| is_of(name));
         let results = results.map(|own| ("result", own));

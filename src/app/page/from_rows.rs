@@ -33,13 +33,8 @@ pub struct About<'a> {
 
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
     let key = about.work.key();
-    let next = Next::of(
-        about.verdict,
-        about.frame,
-        &about.tolerance,
-        about.stated,
-        about.said.doubts_set_up,
-    );
+    let (verdict, frame, stated) = (about.verdict, about.frame, about.stated);
+    let next = Next::of(verdict, frame, &about.tolerance, stated, about.said.doubts_set_up);
     let command = next.command(&in_lake(next.table(), &key));
     let RunKey { robot, session, run } = key;
     let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) =

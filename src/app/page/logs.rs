@@ -27,12 +27,8 @@ pub(super) fn clocks_section(content: &Content) -> Option<Markup> {
 fn clock_row(session: &Session) -> Markup {
     let clock = &session.clock;
     let all: usize = session.dwells.iter().map(|(_, _, count)| count).sum();
-    let paired: usize = session
-        .dwells
-        .iter()
-        .filter(|(verdict, ..)| *verdict == PairingVerdict::Paired)
-        .map(|(_, _, count)| count)
-        .sum();
+    let paired = session.dwells.iter().filter(|own| own.0 == PairingVerdict::Paired);
+    let paired: usize = paired.map(|(_, _, count)| count).sum();
     html! {
         tr {
             th.word scope="row" { (session.name) small { @if session.trained { "trained" } @else { "only judged" } } }
@@ -91,12 +87,8 @@ fn reasons(content: &Content) -> BTreeMap<Reason<'_>, u64> {
     let mut reasons: BTreeMap<Reason<'_>, u64> = BTreeMap::new();
     for session in &content.sessions {
         for reject in &session.rejects {
-            let reason = (
-                session.name.as_str(),
-                reject.stage.word(),
-                reject.kind.word(),
-                reject.reason.as_str(),
-            );
+            let (stage, kind) = (reject.stage.word(), reject.kind.word());
+            let reason = (session.name.as_str(), stage, kind, reject.reason.as_str());
             *reasons.entry(reason).or_default() += reject.number;
         }
     }

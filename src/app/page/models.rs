@@ -12,11 +12,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let first = content.calibrations.first()?;
     let head = html! { th { "Model" } th { "Stations" } th { "Weighted down" } th { "Parameters" } th { "Rank" } th { "Condition" } th { "s²" } th { "Misfit per axis, mm" } th.word { "Ended because" } };
     let body = html! { @for calibration in &content.calibrations { (row(calibration)) } };
-    let ill: Vec<&CalibrationRow> = content
-        .calibrations
-        .iter()
-        .filter(|c| c.fit.condition.is_some_and(|found| found > CONDITION_LIMIT))
-        .collect();
+    let is_ill = |own: &&CalibrationRow| own.fit.condition.is_some_and(|c| c > CONDITION_LIMIT);
+    let ill: Vec<&CalibrationRow> = content.calibrations.iter().filter(is_ill).collect();
     let parts = content.calibrations.iter().find(|calibration| !calibration.parts_tried.is_empty());
     Some(html! {
         p { "Identified from " (first.of_arm.sessions.join(", ")) @if first.of_arm.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }

@@ -61,10 +61,8 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
         let half = expanded(own.standard_error?);
         Some([x, scale * (own.offset - half), scale * (own.offset + half)])
     };
-    let found = vec![
-        Marks::Whiskers(numbered().filter_map(span).collect()),
-        Marks::Points(points.collect()),
-    ];
+    let whiskers = Marks::Whiskers(numbered().filter_map(span).collect());
+    let found = vec![whiskers, Marks::Points(points.collect())];
     let (first, last) = (0.4, parameters.len() as f64 + 0.6);
     Chart {
         title: format!("Offsets of the arm's parameters, {unit}"),

@@ -44,9 +44,8 @@ fn files<'f>(files: impl Iterator<Item = (String, u64, &'f String)>, size: &str)
 /// The settings over several lines; unchanged where they are no JSON.
 fn settings(text: &str) -> String {
     let value: Option<serde_json::Value> = serde_json::from_str(text).ok();
-    value
-        .and_then(|value| serde_json::to_string_pretty(&value).ok())
-        .unwrap_or_else(|| text.to_owned())
+    let pretty = value.and_then(|value| serde_json::to_string_pretty(&value).ok());
+    pretty.unwrap_or_else(|| text.to_owned())
 }
 
 pub(super) fn reading_section(content: &Content) -> Markup {

@@ -241,14 +241,12 @@ fn points(steps: &[&StepRow], value: impl Fn(&StepRow) -> Option<f64>) -> Vec<[f
 fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
     let bounds = points(steps, |step| step.bound_mm);
     let guarded = bounds.iter().map(|[x, bound]| [*x, *bound, bound + uncertainty_mm]).collect();
+    let of_model = points(steps, |step| step.model_bound_mm);
     let marks = vec![Marks::Whiskers(guarded), Marks::Line(bounds.clone()), Marks::Points(bounds)];
     vec![
         Series::new("bound, with U above it", marks),
         Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
-        Series::line_and_points(
-            "bound of the model itself",
-            points(steps, |step| step.model_bound_mm),
-        ),
+        Series::line_and_points("bound of the model itself", of_model),
     ]
 }
 
@@ -272,9 +270,8 @@ fn caption(content: &Content, chosen: &StepRow) -> String {
         "Judged by local cells, as no table has a station to be judged on"
     };
     let source = if chosen.source == Source::Model { "the model" } else { "measured stations" };
-    let step = chosen.step_mm;
+    let (inside, step) = (words::inside(chosen.interpolation), chosen.step_mm);
     format!(
-        "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
-        words::inside(chosen.interpolation)
+        "{of}. Node values from {source}, {inside} inside a cell; the chosen step is {step} mm."
     )
 }

@@ -38,7 +38,6 @@ pub struct Compacted {
     pub is_new: bool,
     pub files: Vec<CompactFile>,
     pub months: Vec<String>,
-    /// Number of runs in it.
     pub runs: usize,
     /// Number of runs that are new in it.
     pub added: usize,
@@ -55,6 +54,8 @@ pub struct LeftOut {
     pub place: Place,
     pub reason: String,
 }
+
+type Result<T, E = CompactError> = std::result::Result<T, E>;
 
 #[derive(Debug, Error)]
 pub enum CompactError {
@@ -81,7 +82,7 @@ enum Attempt {
 }
 
 /// Brings the compact form of a lake up to date.
-pub fn compact(lake: &Lake, progress: &dyn Progress) -> Result<Compacted, CompactError> {
+pub fn compact(lake: &Lake, progress: &dyn Progress) -> Result<Compacted> {
     let mut damaged = BTreeSet::new();
     for _ in 0..ATTEMPTS {
         match lake.read_with(|| attempt(lake, &damaged, progress))? {
@@ -98,11 +99,7 @@ pub fn compact(lake: &Lake, progress: &dyn Progress) -> Result<Compacted, Compac
     Err(CompactError::Overtaken(lake.root()))
 }
 
-fn attempt(
-    lake: &Lake,
-    damaged: &BTreeSet<String>,
-    progress: &dyn Progress,
-) -> Result<Attempt, CompactError> {
+fn attempt(lake: &Lake, damaged: &BTreeSet<String>, progress: &dyn Progress) -> Result<Attempt> {
     let mut listed = lake.run_files()?;
     if listed.is_empty() {
         return Err(CompactError::NoLake(lake.root()));

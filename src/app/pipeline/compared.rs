@@ -102,12 +102,8 @@ fn measured(outcome: &Outcome<'_>) -> Option<Compared> {
     let after = measured.after.judged().map(|own| (own.station, own.residual));
     let after: BTreeMap<usize, Vector3<f64>> = after.collect();
     let pair = |own: &Residual| {
-        Some(ErrorPair {
-            station: own.station,
-            at: own.predicted(),
-            before: own.residual,
-            after: *after.get(&own.station)?,
-        })
+        let (at, after) = (own.predicted(), *after.get(&own.station)?);
+        Some(ErrorPair { station: own.station, at, before: own.residual, after })
     };
     Some(Compared {
         is_measured: true,

@@ -38,6 +38,7 @@ use crate::manifest::{self, ManifestError};
 use crate::similarity::SimilaritySettings;
 use sessions::{Listed, Wanted};
 
+pub(super) use error::Result;
 pub use error::{ConfigurationError, ConfigurationErrorKind};
 pub use files::Files;
 pub use robots::{Robots, StatedRobot};
@@ -147,7 +148,7 @@ pub struct Overrides {
 
 impl Configuration {
     /// Reads and checks the pipeline file at `path`, of the robot that the command line names where it has several.
-    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, ConfigurationError> {
+    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self> {
         let files = files::read(path, overrides.robot.as_deref())?;
         let tree = files.tree()?;
         Self::of(path, files, tree, None, overrides)
@@ -160,7 +161,7 @@ impl Configuration {
         tree: Tree,
         found: Option<FoundSessions>,
         overrides: &Overrides,
-    ) -> Result<Self, ConfigurationError> {
+    ) -> Result<Self> {
         let folder = files.sessions().named();
         let Files { file, robot_file, arm, lake, .. } = files;
         let placed = Placed::new(path, &file)?;
@@ -208,7 +209,7 @@ fn joined_sessions(
     settings: &str,
     lake: &Place,
     overrides: &Overrides,
-) -> Result<Listed, ConfigurationError> {
+) -> Result<Listed> {
     if file.output.logs {
         let wanted =
             "false: decoded samples are published from logs, and --from estimate reads none";
@@ -226,14 +227,14 @@ fn joined_sessions(
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
-fn folder_of(path: &Path) -> Result<PathBuf, ConfigurationError> {
+fn folder_of(path: &Path) -> Result<PathBuf> {
     let real =
         path.canonicalize().map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
 }
 
 /// The lake that the command line names, otherwise the file's; an error if this program cannot use it.
-pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, ConfigurationError> {
+pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place> {
     let lake = named.map_or(of_file, Place::of);
     store::at(&lake)?;
     Ok(lake)
@@ -262,11 +263,7 @@ fn resolved(base: &Path, path: &Path) -> PathBuf {
     whole
 }
 
-fn read_arm(
-    path: &Path,
-    robot_path: &Path,
-    selection: &Selection,
-) -> Result<Arm, ConfigurationError> {
+fn read_arm(path: &Path, robot_path: &Path, selection: &Selection) -> Result<Arm> {
     let text = robot::text(robot_path).map_err(|source| {
         let robot = robot_path.to_owned();
         ConfigurationErrorKind::Robot { robot, source }.at(path)
@@ -275,7 +272,7 @@ fn read_arm(
 }
 
 /// The reading of the logs, or of the tables where the file names columns.
-fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads, ConfigurationError> {
+fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads> {
     if let Some(stations) = &file.stations {
         return Ok(Reads::Tables(Box::new(stations.clone())));
     }
@@ -430,7 +427,7 @@ struct Placed {
 }
 
 impl Placed {
-    fn new(path: &Path, file: &PipelineFile) -> Result<Self, ConfigurationError> {
+    fn new(path: &Path, file: &PipelineFile) -> Result<Self> {
         let isometry = |key, placement: &Placement| placed(path, key, placement);
         let base = match &file.tracker.tracker_from_base {
             Some(TrackerFromBase::Surveyed(survey)) => Some(ErrorBase::Surveyed(SurveyedBase {
@@ -456,13 +453,9 @@ impl Placed {
         };
         let tool = section.flange_from_tool.as_ref();
         let tool = tool.map(|tool| isometry("[commanded] flange_from_tool", tool)).transpose()?;
-        placed.command_frames = Some(CommandFrames {
-            base_from_command: isometry(
-                "[commanded] base_from_command",
-                &section.base_from_command,
-            )?,
-            flange_from_tool: tool,
-        });
+        let base = isometry("[commanded] base_from_command", &section.base_from_command)?;
+        let frames = CommandFrames { base_from_command: base, flange_from_tool: tool };
+        placed.command_frames = Some(frames);
         placed.flange_from_tool = tool;
         placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
         if !section.target_is_tool && tool.is_none() {
@@ -477,7 +470,7 @@ pub(super) fn placed(
     path: &Path,
     key: &'static str,
     placement: &Placement,
-) -> Result<Isometry3<f64>, ConfigurationError> {
+) -> Result<Isometry3<f64>> {
     placement
         .isometry()
         .map_err(|source| ConfigurationErrorKind::Fault(format!("{key}: {source}")).at(path))
@@ -488,7 +481,7 @@ fn tip_at_flange(
     path: &Path,
     tip: &ToolTip,
     flange_from_tool: Option<&Isometry3<f64>>,
-) -> Result<Vector3<f64>, ConfigurationError> {
+) -> Result<Vector3<f64>> {
     let [x, y, z] = tip.xyz_mm;
     match (tip.frame, flange_from_tool) {
         (TipFrame::Flange, _) => Ok(Vector3::new(x, y, z)),
@@ -517,7 +510,7 @@ fn no_tool(path: &Path) -> ConfigurationError {
 const UNIT: f64 = 0.01;
 
 /// The direction against gravity in the base frame.
-pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, ConfigurationError> {
+pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>> {
     let vector = Vector3::from(up);
     let (direction, norm) = UnitVector3::new_and_get(vector);
     if (norm - 1.0).abs() <= UNIT {

@@ -68,12 +68,8 @@ fn messages(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
     LOGS.into_iter().chain(STREAMS).filter_map(|(name, of)| {
         let count = |what: &str| counts.get(&format!("{name}.{what}")).copied();
         let lost = count("messages_lost")?;
-        Some(Loss {
-            of,
-            unit: "messages",
-            lost,
-            all: lost.saturating_add(count("messages").unwrap_or(0)),
-        })
+        let all = lost.saturating_add(count("messages").unwrap_or(0));
+        Some(Loss { of, unit: "messages", lost, all })
     })
 }
 

@@ -47,10 +47,8 @@ pub(super) fn driven_by(
         session: files.name.clone(),
         source: Box::new(source),
     })?;
-    let commands: Vec<_> = stations
-        .iter()
-        .map(|station| station.command.as_ref().map(|command| command.position))
-        .collect();
+    let command = |own: &Station| own.command.as_ref().map(|command| command.position);
+    let commands: Vec<_> = stations.iter().map(command).collect();
     let matched = matched(&commands, &file.targets);
     Ok(Some(DrivenBy { file, matched }))
 }
@@ -93,10 +91,8 @@ pub(super) fn words(
     ];
     let RunKey { session, run, .. } = &driven.key;
     let line = |line| format!("driven by table {run} of session {session}: {line}");
-    Ok(DrivenWords {
-        lines: words.into_iter().flatten().map(line).collect(),
-        state: Some(state.to_string()),
-    })
+    let lines = words.into_iter().flatten().map(line).collect();
+    Ok(DrivenWords { lines, state: Some(state.to_string()) })
 }
 
 /// The number of stations at each kind of place, as text.
@@ -236,10 +232,6 @@ fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
         .collect();
     let named = |name: FigureName| own.iter().find(|row| row.name == name);
     let bound = named(FigureName::Bound)?;
-    Some(Promise {
-        mean_mm: Some(named(FigureName::Mean)?.value?),
-        bound_mm: Some(bound.value?),
-        share: bound.share?,
-        confidence: bound.confidence?,
-    })
+    let (mean_mm, bound_mm) = (Some(named(FigureName::Mean)?.value?), Some(bound.value?));
+    Some(Promise { mean_mm, bound_mm, share: bound.share?, confidence: bound.confidence? })
 }

@@ -105,11 +105,8 @@ impl PipelineFile {
         });
         let places = self.first_length() > 0;
         let sources = places.then_some(tracker).into_iter().chain(lengths);
-        Noise {
-            sources: sources.collect(),
-            repeatability_mm: self.fit.geometric.repeatability_mm,
-            stated: Vec::new(),
-        }
+        let (sources, repeatability_mm) = (sources.collect(), self.fit.geometric.repeatability_mm);
+        Noise { sources, repeatability_mm, stated: Vec::new() }
     }
 }
 
@@ -373,12 +370,8 @@ pub struct Survey {
 impl Survey {
     /// The placement without its uncertainty.
     pub const fn placement(&self) -> Placement {
-        Placement {
-            xyz_mm: self.xyz_mm,
-            quaternion_xyzw: self.quaternion_xyzw,
-            euler_deg: self.euler_deg,
-            euler_order: self.euler_order,
-        }
+        let Self { xyz_mm, quaternion_xyzw, euler_deg, euler_order, .. } = *self;
+        Placement { xyz_mm, quaternion_xyzw, euler_deg, euler_order }
     }
 }
 

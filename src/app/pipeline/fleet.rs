@@ -15,8 +15,8 @@ use std::path::Path;
 
 use super::configuration::files::Source;
 use super::configuration::{
-    Configuration, ConfigurationError, LeftOut, Overrides, Robots, SetAside, StatedRobot, Tree,
-    Why, WorkPiece,
+    Configuration, ConfigurationError, LeftOut, Overrides, Result, Robots, SetAside, StatedRobot,
+    Tree, Why, WorkPiece,
 };
 use super::file::RobotsBy;
 use crate::files::store::Place;
@@ -67,11 +67,7 @@ fn label(configuration: &Configuration, session: &str, is_of_several: bool) -> S
 
 impl Fleet {
     /// Reads and checks the pipeline file at `path`: all its robots, or those of these names.
-    pub fn load(
-        path: &Path,
-        robots: &[String],
-        overrides: &Overrides,
-    ) -> Result<Self, ConfigurationError> {
+    pub fn load(path: &Path, robots: &[String], overrides: &Overrides) -> Result<Self> {
         let source = Source::read(path)?;
         let Some(known) = &source.robots else {
             let files = source.alone()?;
@@ -159,7 +155,7 @@ enum Searched {
 }
 
 impl Loader<'_> {
-    fn fleet(&self, chosen: &[&StatedRobot], are_all: bool) -> Result<Fleet, ConfigurationError> {
+    fn fleet(&self, chosen: &[&StatedRobot], are_all: bool) -> Result<Fleet> {
         let (searched, strangers) = match self.robots.by {
             // Of few robots the folders of the others need not be listed.
             RobotsBy::Folder if !are_all && !self.overrides.from_joined => {
@@ -183,10 +179,7 @@ impl Loader<'_> {
     }
 
     /// Looks for the sessions of all robots, and for those of robots that are not known.
-    fn search(
-        &self,
-        chosen: &[&StatedRobot],
-    ) -> Result<(Searched, Vec<(String, Why)>), ConfigurationError> {
+    fn search(&self, chosen: &[&StatedRobot]) -> Result<(Searched, Vec<(String, Why)>)> {
         if self.overrides.from_joined {
             return Ok((Searched::Joined, Vec::new()));
         }
@@ -196,13 +189,8 @@ impl Loader<'_> {
             any.unwrap_or_else(|| self.source.of_any(self.robots, &self.robots.stated[0]))?;
         let place = self.source.sessions(&file);
         let tree = Tree::at(&place)?;
-        let within = Within {
-            path: &self.source.path,
-            tree: &tree,
-            folder: &place.named(),
-            file: &file,
-            robots: self.robots,
-        };
+        let (path, folder, robots) = (&self.source.path, place.named(), self.robots);
+        let within = Within { path, tree: &tree, folder: &folder, file: &file, robots };
         let told = match self.robots.by {
             RobotsBy::Folder => within.folders_of_no_robot()?,
             RobotsBy::FileName => within.files_of_no_robot()?,
@@ -214,11 +202,7 @@ impl Loader<'_> {
         Ok((Searched::Tree(tree), told))
     }
 
-    fn configuration(
-        &self,
-        stated: &StatedRobot,
-        searched: &Searched,
-    ) -> Result<Configuration, ConfigurationError> {
+    fn configuration(&self, stated: &StatedRobot, searched: &Searched) -> Result<Configuration> {
         let files = self.source.of(self.robots, stated)?;
         let (tree, found) = match searched {
             Searched::Joined => (Tree::Folder, None),
@@ -287,12 +271,10 @@ impl Gathered {
     }
 
     /// The fleet; the first fault where no robot has a session and none waits.
-    fn fleet(self) -> Result<Fleet, ConfigurationError> {
+    fn fleet(self) -> Result<Fleet> {
         let mut faults = self.faults;
-        let lake = match self.robots.first() {
-            Some(first) => first.lake.clone(),
-            None => return Err(faults.swap_remove(0)),
-        };
+        let Some(first) = self.robots.first() else { return Err(faults.swap_remove(0)) };
+        let lake = first.lake.clone();
         Ok(Fleet {
             is_of_several: true,
             remarks: remarks(&self.robots),

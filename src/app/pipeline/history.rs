@@ -202,14 +202,9 @@ impl RobotHistory {
         match entry.judged {
             Ok(judged) => {
                 self.results.push(row.fact.result);
-                self.sessions.push(PastSession {
-                    key: row.fact.key,
-                    measured_at_ns: row
-                        .fact
-                        .measured_at_ns
-                        .expect("a current run without a stamp is left out"),
-                    judged,
-                });
+                let stamp = row.fact.measured_at_ns;
+                let measured_at_ns = stamp.expect("a current run without a stamp is left out");
+                self.sessions.push(PastSession { key: row.fact.key, measured_at_ns, judged });
             }
             Err(reason) => self.left_out.push(row.left_out(Reason::Unreadable(reason))),
         }

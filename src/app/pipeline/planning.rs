@@ -63,6 +63,8 @@ pub struct Planned {
     pub page: Option<Place>,
 }
 
+type Result<T, E = PlanningError> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum PlanningError {
     #[error(transparent)]
@@ -92,18 +94,14 @@ impl PlanningError {
 
 impl Planning {
     /// Names of the robots of the pipeline file at `path`; empty where it is of one.
-    pub fn robots(path: &Path) -> Result<Vec<String>, PlanningError> {
+    pub fn robots(path: &Path) -> Result<Vec<String>> {
         let robots = Source::read(path)?.robots;
         let names = robots.iter().flat_map(|own| own.names().map(str::to_owned));
         Ok(names.collect())
     }
 
     /// Reads and checks the pipeline file at `path`, of one robot where it has several.
-    pub fn load(
-        path: &Path,
-        robot: Option<&str>,
-        lake: Option<&Path>,
-    ) -> Result<Self, PlanningError> {
+    pub fn load(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self> {
         Self::reload(path, robot, lake, None)
     }
 
@@ -114,7 +112,7 @@ impl Planning {
         robot: Option<&str>,
         lake: Option<&Path>,
         known_arm: Option<&Path>,
-    ) -> Result<Self, PlanningError> {
+    ) -> Result<Self> {
         let Stated { read, section, mut settings, lake, robot, command_from_base } =
             Stated::read(path, robot, lake)?;
         let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
@@ -143,7 +141,7 @@ impl Planning {
     }
 
     /// Makes the plan and publishes it, unless the lake has it.
-    pub fn make(&self, progress: &dyn Progress) -> Result<Planned, PlanningError> {
+    pub fn make(&self, progress: &dyn Progress) -> Result<Planned> {
         let key = self.work.key();
         let lake = Lake::at(&self.lake)?;
         let mut made = None;
@@ -163,12 +161,7 @@ impl Planning {
     }
 
     /// Writes the tables of a plan, its page, and then its row of `runs`.
-    fn publish(
-        &self,
-        plan: &SamplingPlan,
-        lake: &Lake,
-        key: &RunKey,
-    ) -> Result<Commit, PlanningError> {
+    fn publish(&self, plan: &SamplingPlan, lake: &Lake, key: &RunKey) -> Result<Commit> {
         let replaces = lake.current(key)?;
         let Some(mut run) = lake.start(key)? else { return Ok(Commit::AlreadyThere) };
         let frame = &self.command_from_base;
@@ -206,7 +199,7 @@ struct Stated {
 }
 
 impl Stated {
-    fn read(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self, PlanningError> {
+    fn read(path: &Path, robot: Option<&str>, lake: Option<&Path>) -> Result<Self> {
         let read = files::read(path, robot)?;
         let file = &read.file;
         let content = "it states what robot to expect and where arm and tracker stand; at least home_deg and tracker_from_base";

@@ -81,11 +81,8 @@ fn verified(set: &ResidualSet, session: &JoinedSession) -> Vec<Verified> {
         station.map(|station| station.joints.clone())
     };
     let verified = set.residuals.iter().filter(|own| own.is_of_main()).filter_map(|residual| {
-        Some(Verified {
-            joints: joints(residual.station)?,
-            pose: residual.pose,
-            left_mm: residual.residual.norm(),
-        })
+        let (joints, left_mm) = (joints(residual.station)?, residual.residual.norm());
+        Some(Verified { joints, pose: residual.pose, left_mm })
     });
     verified.collect()
 }

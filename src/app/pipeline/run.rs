@@ -19,10 +19,9 @@ use std::time::Instant;
 use super::compared::pairs;
 use super::configuration::{Configuration, WorkPiece};
 use super::fetch::Fetched;
-use super::promise;
 use super::summary::{Summary, summary, when};
 use super::words::{notes, words};
-use super::{damage, driven};
+use super::{damage, driven, promise};
 use crate::files::store::Place;
 use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
@@ -38,6 +37,7 @@ use crate::page::{Statements, instrument};
 use crate::progress::Progress;
 use crate::report::compared::Pairs;
 
+use error::Result;
 pub use error::RunError;
 pub(super) use inputs::{input, is_of_session, work};
 pub use known::Known;
@@ -134,7 +134,7 @@ pub fn run_piece(
     configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
-) -> Result<Done, RunError> {
+) -> Result<Done> {
     let begun = Instant::now();
     let done = with_files(configuration, piece, |piece| run_local(configuration, piece, progress))?;
     let took = (!done.already_there).then(|| Took::since(begun, Size::of(configuration, piece)));
@@ -147,7 +147,7 @@ pub fn stage_piece(
     piece: &WorkPiece,
     stage: Stage,
     progress: &dyn Progress,
-) -> Result<StageDone, RunError> {
+) -> Result<StageDone> {
     with_files(configuration, piece, |piece| {
         let results = Results::of(configuration, piece, progress)?;
         if stage == JOINED {
@@ -179,8 +179,8 @@ pub fn stage_piece(
 fn with_files<T>(
     configuration: &Configuration,
     piece: &WorkPiece,
-    work: impl Fn(&WorkPiece) -> Result<T, RunError>,
-) -> Result<T, RunError> {
+    work: impl Fn(&WorkPiece) -> Result<T>,
+) -> Result<T> {
     let fetched = Fetched::of(&configuration.tree, piece)?;
     work(fetched.piece()).map_err(|error| {
         if fetched.is_copied() {
@@ -200,7 +200,7 @@ fn run_local(
     configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
-) -> Result<Done, RunError> {
+) -> Result<Done> {
     let results = Results::of(configuration, piece, progress)?;
     let Results { work, lake, .. } = &results;
     let key = work.key();
@@ -283,17 +283,13 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
 }
 
 /// Place of the page of a run; `None` where it has none.
-pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError> {
+pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>> {
     let page = lake.page(key)?;
     Ok(lake.has_page(key)?.then_some(page))
 }
 
 /// The result of a run that the lake has already, which becomes the current one.
-fn already_there(
-    configuration: &Configuration,
-    lake: &Lake,
-    key: &RunKey,
-) -> Result<Done, RunError> {
+fn already_there(configuration: &Configuration, lake: &Lake, key: &RunKey) -> Result<Done> {
     let row = RunRow::read(&lake.read(RunRow::TABLE, key)?).pop();
     let row = row.as_ref();
     let met = row.and_then(|row| match row.ending.verdict {

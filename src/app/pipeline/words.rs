@@ -9,8 +9,7 @@ use crate::fit::full::FullModel;
 use crate::fit::model::PartEvidence;
 use crate::fit::stated_size::FoundSize;
 use crate::join::{Pairing, Station, TargetId};
-use crate::judgement::sizes;
-use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source};
+use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source, sizes};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
@@ -112,12 +111,8 @@ fn session_words(session: &JoinedSession) -> String {
     let stations = &session.joined.stations;
     let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
     let paired = stations.iter().filter(is_paired).count();
-    let counted = format!(
-        "{}: {} stations, {paired} measured, {} not",
-        session.name,
-        stations.len(),
-        stations.len() - paired
-    );
+    let (name, all) = (&session.name, stations.len());
+    let counted = format!("{name}: {all} stations, {paired} measured, {} not", all - paired);
     let clock = &session.joined.clock;
     if clock.matched_edges == 0 {
         return format!("{counted}; {}", clock.method);

@@ -1,6 +1,6 @@
 //! Cells in eight bytes each: numbers as they are, blanks and texts as NaNs of their own.
 
-use super::{Cell, MOST_CELLS, MeasuredTableErrorKind};
+use super::{Cell, MOST_CELLS, MeasuredTableErrorKind, Result};
 
 /// The bits of a blank: a NaN that no number becomes, since every NaN among numbers is [`f64::NAN`].
 const BLANK: u64 = 0xfff8_0000_0000_0001;
@@ -28,7 +28,7 @@ impl Cells {
     }
 
     /// Takes a text; an error where there are too many. A short file may have one long text in many cells.
-    pub(super) fn text(&mut self, text: &str) -> Result<(), MeasuredTableErrorKind> {
+    pub(super) fn text(&mut self, text: &str) -> Result<()> {
         if self.texts.len() + text.len() > MOST_TEXT {
             return Err(MeasuredTableErrorKind::TooManyCells);
         }
@@ -42,7 +42,7 @@ impl Cells {
         self.bits.len()
     }
 
-    pub(super) fn check(&self) -> Result<(), MeasuredTableErrorKind> {
+    pub(super) fn check(&self) -> Result<()> {
         if self.len() > MOST_CELLS {
             return Err(MeasuredTableErrorKind::TooManyCells);
         }

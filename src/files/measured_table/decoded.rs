@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use super::MeasuredTableErrorKind;
+use super::{MeasuredTableErrorKind, Result};
 
 /// A text, and what was found about its encoding where it is not UTF-8 without a mark.
 pub struct Decoded<'b> {
@@ -10,7 +10,7 @@ pub struct Decoded<'b> {
 
 /// Decodes UTF-8, UTF-16 with or without a byte-order mark, and otherwise Latin-1, which has a character for every
 /// byte.
-pub fn decode(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
+pub fn decode(bytes: &[u8]) -> Result<Decoded<'_>> {
     let (little, big) = (u16::from_le_bytes, u16::from_be_bytes);
     match bytes {
         [0xef, 0xbb, 0xbf, rest @ ..] => eight(rest),
@@ -28,7 +28,7 @@ fn no_text(at: usize) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::NoText { at }
 }
 
-fn eight(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
+fn eight(bytes: &[u8]) -> Result<Decoded<'_>> {
     if let Some(at) = bytes.iter().position(|&byte| byte == 0) {
         return Err(no_text(at));
     }
@@ -41,11 +41,7 @@ fn eight(bytes: &[u8]) -> Result<Decoded<'_>, MeasuredTableErrorKind> {
     })
 }
 
-fn sixteen(
-    bytes: &[u8],
-    unit: fn([u8; 2]) -> u16,
-    start: usize,
-) -> Result<Decoded<'static>, MeasuredTableErrorKind> {
+fn sixteen(bytes: &[u8], unit: fn([u8; 2]) -> u16, start: usize) -> Result<Decoded<'static>> {
     let (units, rest) = bytes.as_chunks::<2>();
     let mut text = String::with_capacity(units.len());
     let mut at = start;

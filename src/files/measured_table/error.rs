@@ -7,6 +7,8 @@ use crate::at::At;
 
 pub type MeasuredTableError = At<MeasuredTableErrorKind>;
 
+pub(super) type Result<T, E = MeasuredTableErrorKind> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum MeasuredTableErrorKind {
     #[error("it cannot be read: {0}")]

@@ -5,7 +5,9 @@ use super::head::Head;
 use super::number::{Contrary, Numbers};
 use super::separator::Marks;
 use super::split::comment;
-use super::{Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, RowLeftOut};
+use super::{
+    Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, Result, RowLeftOut,
+};
 
 pub(super) trait Written {
     fn is_blank(&self) -> bool;
@@ -26,8 +28,8 @@ struct Found {
 pub(super) fn filled<'h, 's>(
     stated: Option<char>,
     sample: impl Iterator<Item = &'s str>,
-    fill: impl Fn(Numbers) -> Result<Filling<'h>, MeasuredTableErrorKind>,
-) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+    fill: impl Fn(Numbers) -> Result<Filling<'h>>,
+) -> Result<Filling<'h>> {
     let decimal = stated.or_else(|| Marks::count(sample).decimal());
     let numbers = Numbers::with(decimal.unwrap_or('.'));
     let filled = fill(numbers.clone())?;
@@ -75,11 +77,7 @@ impl<'h> Filling<'h> {
         self.left_out.push(RowLeftOut { line, reason });
     }
 
-    pub(super) fn record(
-        &mut self,
-        line: u64,
-        cells: &[impl Written],
-    ) -> Result<(), MeasuredTableErrorKind> {
+    pub(super) fn record(&mut self, line: u64, cells: &[impl Written]) -> Result<()> {
         if cells.iter().all(Written::is_blank) {
             self.blank(1);
             return Ok(());
@@ -110,7 +108,7 @@ impl<'h> Filling<'h> {
         is_header.then_some(LeftOutFor::Header)
     }
 
-    fn row(&mut self, line: u64, cells: &[impl Written]) -> Result<(), MeasuredTableErrorKind> {
+    fn row(&mut self, line: u64, cells: &[impl Written]) -> Result<()> {
         for (column, cell) in cells[..self.width].iter().enumerate() {
             if cell.is_blank() {
                 self.cells.blank();
@@ -124,12 +122,7 @@ impl<'h> Filling<'h> {
         self.cells.check()
     }
 
-    fn text_cell(
-        &mut self,
-        line: u64,
-        column: usize,
-        text: &str,
-    ) -> Result<(), MeasuredTableErrorKind> {
+    fn text_cell(&mut self, line: u64, column: usize, text: &str) -> Result<()> {
         if self.contrary[column].is_none()
             && let Some(kind) = self.numbers.contrary(text)
         {
@@ -146,7 +139,7 @@ impl<'h> Filling<'h> {
     }
 
     /// An error where a column has numbers in two ways of writing, or with separators of thousands.
-    fn refuse_contrary(&self) -> Result<(), MeasuredTableErrorKind> {
+    fn refuse_contrary(&self) -> Result<()> {
         for (place, found) in self.contrary.iter().enumerate() {
             let Some(Found { line, text, kind }) = found.clone() else { continue };
             // A column without any number is one of texts, whatever they look like.
@@ -171,11 +164,7 @@ impl<'h> Filling<'h> {
     }
 
     /// The table; an error where there is no row, or numbers are written in several ways.
-    pub(super) fn table(
-        self,
-        counted: Counted,
-        remarks: Vec<String>,
-    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    pub(super) fn table(self, counted: Counted, remarks: Vec<String>) -> Result<MeasuredTable> {
         if self.lines.is_empty() {
             return Err(MeasuredTableErrorKind::NoRows);
         }

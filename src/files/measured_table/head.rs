@@ -10,7 +10,7 @@ mod names;
 use std::collections::BTreeMap;
 
 use super::separator::EitherMark;
-use super::{MOST_COLUMNS, MeasuredTableErrorKind};
+use super::{MOST_COLUMNS, MeasuredTableErrorKind, Result};
 use block::Block;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +47,7 @@ pub(super) struct SampleRow {
     pub(super) is_comment: bool,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Head {
     pub(super) names: Vec<String>,
     /// What the header's cells hold, by which it is known again; empty where there is no header.
@@ -65,19 +65,10 @@ pub(super) struct Head {
 impl Head {
     /// The head of records that name their values themselves.
     pub(super) fn of(names: Vec<String>) -> Self {
-        Self {
-            names,
-            written: Vec::new(),
-            units: None,
-            units_written: Vec::new(),
-            header: None,
-            above: 0,
-            remark: None,
-        }
+        Self { names, ..Self::default() }
     }
 }
 
-/// The texts of all cells of a sample.
 pub(super) fn texts(sample: &[SampleRow]) -> impl Iterator<Item = &str> {
     sample.iter().flat_map(|row| &row.pieces).map(|piece| piece.text.as_str())
 }
@@ -111,11 +102,7 @@ impl SampleRow {
 
 /// Finds the head. `stated` is the line of the header, where a person states it, and `is_comma` tells that commas
 /// separate.
-pub(super) fn find(
-    sample: &[SampleRow],
-    stated: Option<u64>,
-    is_comma: bool,
-) -> Result<Head, MeasuredTableErrorKind> {
+pub(super) fn find(sample: &[SampleRow], stated: Option<u64>, is_comma: bool) -> Result<Head> {
     if let Some(line) = stated {
         return at_line(sample, line);
     }
@@ -146,7 +133,7 @@ fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -
     Head { remark, above: head.above.max(first), ..head }
 }
 
-fn at_line(sample: &[SampleRow], line: u64) -> Result<Head, MeasuredTableErrorKind> {
+fn at_line(sample: &[SampleRow], line: u64) -> Result<Head> {
     let found = sample.iter().position(|row| row.line == line && !row.is_blank());
     let header = found.ok_or(MeasuredTableErrorKind::NoHeaderThere { line })?;
     let width = sample[header].length();

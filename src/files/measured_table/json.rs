@@ -2,18 +2,12 @@
 
 use super::number::Numbers;
 use super::tree::{Document, Keys, MOST_LEVELS, MOST_NODES, Map, Node};
-use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded, tree};
+use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, Result, decoded, tree};
 
-pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let decoded = decoded::decode(bytes)?;
-    let mut parser = Parser {
-        text: &decoded.text,
-        at: 0,
-        line: 1,
-        keys: Keys::default(),
-        numbers: Numbers::with('.'),
-        nodes: 0,
-    };
+    let (keys, numbers) = (Keys::default(), Numbers::default());
+    let mut parser = Parser { text: &decoded.text, at: 0, line: 1, keys, numbers, nodes: 0 };
     let mut roots = Vec::new();
     while parser.peek().is_some() {
         roots.push((parser.line, parser.value(MOST_LEVELS)?));
@@ -33,8 +27,6 @@ struct Parser<'t> {
     numbers: Numbers,
     nodes: usize,
 }
-
-type Parsed<T> = Result<T, MeasuredTableErrorKind>;
 
 impl Parser<'_> {
     fn peek(&mut self) -> Option<u8> {
@@ -56,7 +48,7 @@ impl Parser<'_> {
         is
     }
 
-    fn expect(&mut self, sign: u8, wanted: &'static str) -> Parsed<()> {
+    fn expect(&mut self, sign: u8, wanted: &'static str) -> Result<()> {
         if self.take_if(sign) { Ok(()) } else { Err(self.wrong(wanted)) }
     }
 
@@ -66,7 +58,7 @@ impl Parser<'_> {
         MeasuredTableErrorKind::Json { line: self.line, column: line.chars().count() + 1, problem }
     }
 
-    fn value(&mut self, levels: usize) -> Parsed<Node> {
+    fn value(&mut self, levels: usize) -> Result<Node> {
         self.nodes += 1;
         if self.nodes > MOST_NODES {
             return Err(MeasuredTableErrorKind::TooManyCells);
@@ -83,7 +75,7 @@ impl Parser<'_> {
         }
     }
 
-    fn map(&mut self, levels: usize) -> Parsed<Map> {
+    fn map(&mut self, levels: usize) -> Result<Map> {
         self.at += 1;
         let mut map = Map { line: self.line, members: Vec::new() };
         if self.take_if(b'}') {
@@ -104,7 +96,7 @@ impl Parser<'_> {
         }
     }
 
-    fn list(&mut self, levels: usize) -> Parsed<Vec<Node>> {
+    fn list(&mut self, levels: usize) -> Result<Vec<Node>> {
         self.at += 1;
         let mut list = Vec::new();
         if self.take_if(b']') {
@@ -119,7 +111,7 @@ impl Parser<'_> {
         }
     }
 
-    fn word(&mut self) -> Parsed<Node> {
+    fn word(&mut self) -> Result<Node> {
         let rest = &self.text[self.at..];
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'-' | b'.');
         let length = rest.bytes().position(|byte| !is_part(byte)).unwrap_or(rest.len());
@@ -138,7 +130,7 @@ impl Parser<'_> {
         Ok(node)
     }
 
-    fn string(&mut self) -> Parsed<String> {
+    fn string(&mut self) -> Result<String> {
         self.at += 1;
         let mut text = String::new();
         loop {
@@ -157,7 +149,7 @@ impl Parser<'_> {
         }
     }
 
-    fn escape(&mut self) -> Parsed<char> {
+    fn escape(&mut self) -> Result<char> {
         let sign = self.text.as_bytes().get(self.at).copied();
         self.at += 1;
         Ok(match sign {
@@ -176,7 +168,7 @@ impl Parser<'_> {
     }
 
     /// The character of four digits, or of two times four.
-    fn code(&mut self) -> Parsed<char> {
+    fn code(&mut self) -> Result<char> {
         let first = self.four()?;
         if !(0xd800..0xdc00).contains(&first) || !self.text[self.at..].starts_with("\\u") {
             return Ok(char::from_u32(first.into()).unwrap_or(char::REPLACEMENT_CHARACTER));
@@ -188,7 +180,7 @@ impl Parser<'_> {
         Ok(found.unwrap_or(char::REPLACEMENT_CHARACTER))
     }
 
-    fn four(&mut self) -> Parsed<u16> {
+    fn four(&mut self) -> Result<u16> {
         let digits = self.text.get(self.at..self.at + 4);
         let is_code = |text: &&str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
         let code = digits.filter(is_code).and_then(|text| u16::from_str_radix(text, 16).ok());

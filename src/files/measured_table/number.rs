@@ -16,6 +16,12 @@ pub(super) enum Contrary {
     Grouped,
 }
 
+impl Default for Numbers {
+    fn default() -> Self {
+        Self::with('.')
+    }
+}
+
 impl Numbers {
     pub(super) fn with(mark: char) -> Self {
         let mark = if mark == ',' { b',' } else { b'.' };

@@ -16,16 +16,13 @@ use super::number::Numbers;
 use super::sheet::SheetCell;
 use super::{
     Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
+    Result,
 };
 use crate::input::Bound;
 use crate::stated;
 use crate::table::values::{numbers, texts};
 
-pub(super) fn read(
-    bytes: Vec<u8>,
-    form: &Form,
-    bound: Bound,
-) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn read(bytes: Vec<u8>, form: &Form, bound: Bound) -> Result<MeasuredTable> {
     // The reader panics on some damaged pages. It owns only the bytes.
     let read = catch_unwind(AssertUnwindSafe(|| batch(bytes.into(), bound)));
     let batch = read.unwrap_or_else(|_| Err(wrong("it is damaged")))?;
@@ -45,7 +42,7 @@ fn wrong(problem: impl ToString) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Parquet(problem + advice)
 }
 
-fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch, MeasuredTableErrorKind> {
+fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch> {
     stated::check_levels(&bytes).map_err(wrong)?;
     let values = bound.of_values();
     let too_large =
@@ -114,12 +111,7 @@ struct Leaves {
 }
 
 impl Leaves {
-    fn add(
-        &mut self,
-        name: String,
-        array: &ArrayRef,
-        places: Vec<Place>,
-    ) -> Result<(), MeasuredTableErrorKind> {
+    fn add(&mut self, name: String, array: &ArrayRef, places: Vec<Place>) -> Result<()> {
         if name.len() > LONGEST_NAME {
             return Err(MeasuredTableErrorKind::LongName { counted: Counted::Row.word(), line: 1 });
         }
@@ -137,12 +129,7 @@ impl Leaves {
         }
     }
 
-    fn list(
-        &mut self,
-        name: &str,
-        list: &ListArray,
-        places: &[Place],
-    ) -> Result<(), MeasuredTableErrorKind> {
+    fn list(&mut self, name: &str, list: &ListArray, places: &[Place]) -> Result<()> {
         let offsets = list.value_offsets();
         let of = |offset: i32| usize::try_from(offset).unwrap_or_default();
         let range = |place: usize| of(offsets[place])..of(offsets[place + 1]);
@@ -157,12 +144,7 @@ impl Leaves {
         Ok(())
     }
 
-    fn leaf(
-        &mut self,
-        name: String,
-        array: &ArrayRef,
-        places: Vec<Place>,
-    ) -> Result<(), MeasuredTableErrorKind> {
+    fn leaf(&mut self, name: String, array: &ArrayRef, places: Vec<Place>) -> Result<()> {
         self.check(1)?;
         match values(array) {
             Some(values) => self.found.push(Leaf { name, values, places }),
@@ -174,7 +156,7 @@ impl Leaves {
         Ok(())
     }
 
-    fn check(&self, more: usize) -> Result<(), MeasuredTableErrorKind> {
+    fn check(&self, more: usize) -> Result<()> {
         let found = self.found.len().saturating_add(more);
         if found > MOST_COLUMNS {
             return Err(MeasuredTableErrorKind::TooManyColumns { found });
@@ -185,7 +167,7 @@ impl Leaves {
         Ok(())
     }
 
-    fn table(self, form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    fn table(self, form: &Form) -> Result<MeasuredTable> {
         if self.found.is_empty() {
             return Err(MeasuredTableErrorKind::Empty);
         }

@@ -8,7 +8,7 @@ use super::fill::{self, Filling, Written};
 use super::head::{self, Head, Piece, PieceKind, SampleRow};
 use super::number::Numbers;
 use super::separator::{EitherMark, SAMPLE};
-use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind};
+use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind, Result};
 use crate::input::Bound;
 
 const LETTERS: usize = 256;
@@ -70,22 +70,14 @@ impl Sheet<'_> {
     }
 
     /// The table in the sheet, in a file with sheets of these names.
-    pub(super) fn table(
-        &self,
-        form: &Form,
-        names: &[String],
-    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    pub(super) fn table(&self, form: &Form, names: &[String]) -> Result<MeasuredTable> {
         self.own_table(form, names).map_err(|problem| MeasuredTableErrorKind::Sheet {
             name: self.name.clone(),
             problem: Box::new(problem),
         })
     }
 
-    fn own_table(
-        &self,
-        form: &Form,
-        names: &[String],
-    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    fn own_table(&self, form: &Form, names: &[String]) -> Result<MeasuredTable> {
         let all = self.columns(0);
         let head = head::find(&self.sample(&all)?, form.header, false)?;
         // A note beside the title makes no column.
@@ -100,12 +92,7 @@ impl Sheet<'_> {
         filling.table(Counted::Row, remarks)
     }
 
-    fn fill<'h>(
-        &self,
-        head: &'h Head,
-        columns: &[u32],
-        numbers: Numbers,
-    ) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+    fn fill<'h>(&self, head: &'h Head, columns: &[u32], numbers: Numbers) -> Result<Filling<'h>> {
         let mut filling = Filling::new(head, numbers);
         for (place, (line, row)) in self.rows.iter().enumerate() {
             let cells = dense(row, columns);
@@ -145,7 +132,7 @@ impl Sheet<'_> {
         columns.into_iter().collect()
     }
 
-    fn sample(&self, columns: &[u32]) -> Result<Vec<SampleRow>, MeasuredTableErrorKind> {
+    fn sample(&self, columns: &[u32]) -> Result<Vec<SampleRow>> {
         if columns.len() > MOST_COLUMNS {
             return Err(MeasuredTableErrorKind::TooManyColumns { found: columns.len() });
         }
@@ -191,7 +178,7 @@ pub(super) fn chosen<'n>(
     names: &'n [String],
     hidden: &[String],
     form: &Form,
-) -> Result<Vec<&'n String>, MeasuredTableErrorKind> {
+) -> Result<Vec<&'n String>> {
     let Some(wanted) = &form.sheet else {
         return Ok(names.iter().filter(|name| !hidden.contains(name)).collect());
     };
@@ -207,7 +194,7 @@ pub(super) fn chosen<'n>(
 const MOST_STYLES: u64 = 8 << 20;
 
 /// Checks that a packed file is not larger than the bound when it is unpacked, and holds as many texts as it states.
-pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredTableErrorKind> {
+pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<()> {
     let mut archive = ZipArchive::new(io::Cursor::new(bytes)).map_err(|error| packed(&error))?;
     let (mut rest, mut unpacked) = (bound.bytes, Vec::new());
     for entry in 0..archive.len() {
@@ -226,7 +213,7 @@ pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<(), MeasuredT
 }
 
 /// Refuses parts of a spreadsheet that would take far more memory than their bytes.
-fn check_part(name: &str, unpacked: &[u8]) -> Result<(), MeasuredTableErrorKind> {
+fn check_part(name: &str, unpacked: &[u8]) -> Result<()> {
     let found = unpacked.len() as u64;
     if name.ends_with("styles.xml") && found > MOST_STYLES {
         let (limit, advice) = (MOST_STYLES, "its styles alone; save it without formats");

@@ -3,9 +3,9 @@
 
 use std::borrow::Cow;
 
-use super::MeasuredTableErrorKind;
 use super::fill::Written;
 use super::number::Numbers;
+use super::{MeasuredTableErrorKind, Result};
 
 const MOST_IN_ROW: usize = 1 << 16;
 
@@ -74,10 +74,7 @@ impl<'t> Rows<'t> {
     }
 
     /// The cells of the next row, and the line that it begins in; `None` at the end of the text.
-    pub(super) fn next(
-        &mut self,
-        cells: &mut Vec<Span<'t>>,
-    ) -> Result<Option<u64>, MeasuredTableErrorKind> {
+    pub(super) fn next(&mut self, cells: &mut Vec<Span<'t>>) -> Result<Option<u64>> {
         cells.clear();
         if self.at >= self.text.len() {
             return Ok(None);
@@ -99,12 +96,7 @@ impl<'t> Rows<'t> {
 
     /// Reads a cell up to the next separator or line end, and tells whether the row ends there.
     #[inline]
-    fn cell(
-        &mut self,
-        sign: u8,
-        quotes: bool,
-        cells: &mut Vec<Span<'t>>,
-    ) -> Result<bool, MeasuredTableErrorKind> {
+    fn cell(&mut self, sign: u8, quotes: bool, cells: &mut Vec<Span<'t>>) -> Result<bool> {
         let start = self.skip(self.at, |byte| is_space(byte) && byte != sign);
         if quotes
             && self.text.get(start) == Some(&b'"')
@@ -122,11 +114,7 @@ impl<'t> Rows<'t> {
     }
 
     /// The same where spaces separate: spaces at the end of a line begin no cell.
-    fn word(
-        &mut self,
-        quotes: bool,
-        cells: &mut Vec<Span<'t>>,
-    ) -> Result<bool, MeasuredTableErrorKind> {
+    fn word(&mut self, quotes: bool, cells: &mut Vec<Span<'t>>) -> Result<bool> {
         let start = self.skip(self.at, is_space);
         if self.text.get(start).is_none_or(|&byte| is_end(byte)) {
             self.at = self.end_line(start);
@@ -189,7 +177,7 @@ impl<'t> Rows<'t> {
     }
 
     /// The inside of the quotes that open at `open`, and the place behind them; an error where they are never closed.
-    fn quoted(&self, open: usize) -> Result<Option<(Span<'t>, usize)>, MeasuredTableErrorKind> {
+    fn quoted(&self, open: usize) -> Result<Option<(Span<'t>, usize)>> {
         let mut close = open + 1;
         loop {
             close = self.skip(close, |byte| byte != b'"');

@@ -3,9 +3,9 @@ use super::head::{self, Head, Piece, SampleRow};
 use super::number::Numbers;
 use super::separator::{self, EitherMark, SAMPLE};
 use super::split::{Rows, Separator, comment};
-use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded};
+use super::{Counted, Form, MeasuredTable, Result, decoded};
 
-pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let decoded = decoded::decode(bytes)?;
     let text = decoded.text.as_ref();
     let stated = form.separator.or_else(|| separator_line(text));
@@ -31,7 +31,7 @@ fn separator_line(text: &str) -> Option<char> {
     (is_sign && signs.next().is_none()).then_some(sign)
 }
 
-fn sample(text: &str, separator: Separator) -> Result<Vec<SampleRow>, MeasuredTableErrorKind> {
+fn sample(text: &str, separator: Separator) -> Result<Vec<SampleRow>> {
     let either = EitherMark::new();
     let mut rows = Rows::new(text, separator);
     let (mut cells, mut sample) = (Vec::new(), Vec::new());
@@ -67,7 +67,7 @@ fn fill<'h>(
     separator: Separator,
     head: &'h Head,
     numbers: Numbers,
-) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+) -> Result<Filling<'h>> {
     let mut filling = Filling::new(head, numbers);
     let mut rows = Rows::new(text, separator);
     let mut cells = Vec::new();

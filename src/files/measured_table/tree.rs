@@ -6,7 +6,7 @@ mod turned;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use super::{Counted, Form, MOST_CELLS, MeasuredTable, MeasuredTableErrorKind};
+use super::{Counted, Form, MOST_CELLS, MeasuredTable, MeasuredTableErrorKind, Result};
 use flat::Flat;
 
 pub(super) const MOST_LEVELS: usize = 64;
@@ -68,10 +68,7 @@ impl<'d> Record<'d> {
     }
 }
 
-pub(super) fn table(
-    document: &Document,
-    form: &Form,
-) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn table(document: &Document, form: &Form) -> Result<MeasuredTable> {
     let [(line, root)] = document.roots.as_slice() else { return rows(document, form, Vec::new()) };
     let (made, remark) = if let Some(named) = turned::lists(root) {
         (named, "its records are lists")
@@ -84,11 +81,7 @@ pub(super) fn table(
     rows(&document, form, vec![remark.to_owned()])
 }
 
-fn rows(
-    document: &Document,
-    form: &Form,
-    mut remarks: Vec<String>,
-) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+fn rows(document: &Document, form: &Form, mut remarks: Vec<String>) -> Result<MeasuredTable> {
     let (records, counted) = match document.roots.as_slice() {
         [(_, root)] => (records(root, document.counted, &mut remarks)?, document.counted),
         roots => (documents(roots), Counted::Line),
@@ -116,7 +109,7 @@ fn records<'d>(
     root: &'d Node,
     counted: Counted,
     remarks: &mut Vec<String>,
-) -> Result<Vec<Record<'d>>, MeasuredTableErrorKind> {
+) -> Result<Vec<Record<'d>>> {
     let map = match root {
         Node::List(list) => {
             let nodes = list.iter().enumerate();

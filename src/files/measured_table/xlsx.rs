@@ -8,14 +8,10 @@ use calamine::{DataRef, ExcelDateTime, Reader as _, SheetVisible, Xlsx, XlsxErro
 
 use super::sheet::{self, Sheet, SheetCell};
 use super::tree::MOST_NODES;
-use super::{Form, MeasuredTable, MeasuredTableErrorKind};
+use super::{Form, MeasuredTable, MeasuredTableErrorKind, Result};
 use crate::input::Bound;
 
-pub(super) fn read(
-    bytes: &[u8],
-    form: &Form,
-    bound: Bound,
-) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn read(bytes: &[u8], form: &Form, bound: Bound) -> Result<MeasuredTable> {
     sheet::check_unpacked(bytes, bound)?;
     // The reader may panic on a damaged file. It owns nothing but its own state.
     let read = catch_unwind(AssertUnwindSafe(|| table(bytes, form)));
@@ -28,7 +24,7 @@ pub(super) fn panicked(panic: &(dyn Any + Send)) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Spreadsheet(format!("it is damaged ({})", text.unwrap_or("no message")))
 }
 
-fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let mut book: Xlsx<_> = Xlsx::new(Cursor::new(bytes)).map_err(|error| wrong(&error))?;
     let names = book.sheet_names();
     let hidden = book.sheets_metadata().iter().filter(|own| own.visible != SheetVisible::Visible);

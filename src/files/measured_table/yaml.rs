@@ -7,9 +7,9 @@ use saphyr_parser::{Event, Parser, ScalarStyle, ScanError, Span};
 
 use super::number::Numbers;
 use super::tree::{Document, Keys, MOST_LEVELS, MOST_NODES, Map, Node};
-use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, decoded, tree};
+use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, Result, decoded, tree};
 
-pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let decoded = decoded::decode(bytes)?;
     let mut builder = Builder::default();
     let mut parser = Parser::new_from_str(&decoded.text);
@@ -26,11 +26,8 @@ pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable, MeasuredT
 
 fn scan(error: &ScanError) -> MeasuredTableErrorKind {
     let place = error.marker();
-    MeasuredTableErrorKind::Yaml {
-        line: place.line() as u64,
-        column: place.col() + 1,
-        problem: error.info().to_owned(),
-    }
+    let (line, column) = (place.line() as u64, place.col() + 1);
+    MeasuredTableErrorKind::Yaml { line, column, problem: error.info().to_owned() }
 }
 
 /// A list or mapping whose end has not come.
@@ -87,6 +84,7 @@ impl Size {
     }
 }
 
+#[derive(Default)]
 struct Builder {
     roots: Vec<(u64, Node)>,
     open: Vec<Open>,
@@ -96,23 +94,8 @@ struct Builder {
     nodes: usize,
 }
 
-impl Default for Builder {
-    fn default() -> Self {
-        Self {
-            roots: Vec::new(),
-            open: Vec::new(),
-            anchors: HashMap::new(),
-            keys: Keys::default(),
-            numbers: Numbers::with('.'),
-            nodes: 0,
-        }
-    }
-}
-
-type Built = Result<(), MeasuredTableErrorKind>;
-
 impl Builder {
-    fn event(&mut self, event: Event<'_>, span: Span) -> Built {
+    fn event(&mut self, event: Event<'_>, span: Span) -> Result<()> {
         let line = span.start.line() as u64;
         match event {
             Event::Scalar(text, style, anchor, _) => {
@@ -156,7 +139,7 @@ impl Builder {
         }
     }
 
-    fn begin(&mut self, node: Node, line: u64, anchor: usize) -> Built {
+    fn begin(&mut self, node: Node, line: u64, anchor: usize) -> Result<()> {
         if self.takes_key() {
             return Err(wrong(line, "a key is a list or a mapping"));
         }
@@ -185,7 +168,7 @@ impl Builder {
     }
 
     /// Takes a value that is complete into the list, the mapping or the document that it belongs to.
-    fn value(&mut self, node: Node, line: u64, anchor: usize) -> Built {
+    fn value(&mut self, node: Node, line: u64, anchor: usize) -> Result<()> {
         self.count(1)?;
         if anchor > 0 {
             let size = Size::of(&node);
@@ -216,7 +199,7 @@ impl Builder {
         Ok(())
     }
 
-    fn alias(&mut self, anchor: usize, line: u64) -> Built {
+    fn alias(&mut self, anchor: usize, line: u64) -> Result<()> {
         if self.takes_key() {
             return Err(wrong(line, "an alias stands for a key"));
         }
@@ -231,7 +214,7 @@ impl Builder {
         self.value(node, line, 0)
     }
 
-    fn count(&mut self, nodes: usize) -> Built {
+    fn count(&mut self, nodes: usize) -> Result<()> {
         self.nodes = self.nodes.saturating_add(nodes);
         if self.nodes > MOST_NODES {
             return Err(MeasuredTableErrorKind::TooManyCells);

@@ -18,7 +18,7 @@ mod layout;
 use super::cdr_reader::{Repeat, Step};
 use super::cell::{Cell, Span, number, place};
 use super::value::TextForm;
-use super::{CdrReader, MessageFault, Primitive, Row, Serialization};
+use super::{CdrReader, Decoded, MessageFault, Primitive, Row, Serialization};
 
 pub(super) use layout::Layout;
 
@@ -39,7 +39,7 @@ struct Cursor<'m> {
 
 impl CdrReader {
     /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
-    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Decoded<()> {
         if row.fill_as_before(&self.identity, message) {
             return Ok(());
         }
@@ -61,7 +61,7 @@ impl CdrReader {
         }
     }
 
-    fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Result<(), MessageFault> {
+    fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Decoded<()> {
         let (steps, mut cursor) = self.begin(message, wide, row.take_layout())?;
         cursor.run(steps, row)?;
         cursor.finish()?;
@@ -78,17 +78,10 @@ impl CdrReader {
         message: &'m [u8],
         wide: u8,
         layout: Layout,
-    ) -> Result<(&[Step], Cursor<'m>), MessageFault> {
-        let mut packed = Cursor {
-            bytes: message,
-            at: 0,
-            big_endian: false,
-            texts: TextForm::Packed,
-            widest: 1,
-            version_2: false,
-            wide,
-            layout,
-        };
+    ) -> Decoded<(&[Step], Cursor<'m>)> {
+        let (at, big_endian, texts) = (0, false, TextForm::Packed);
+        let (bytes, widest, version_2) = (message, 1, false);
+        let mut packed = Cursor { bytes, at, big_endian, texts, widest, version_2, wide, layout };
         if self.serialization == Serialization::Ros1 {
             return Ok((&self.plain, packed));
         }
@@ -119,7 +112,7 @@ impl CdrReader {
 const HEADER: usize = 4;
 
 impl Cursor<'_> {
-    fn run(&mut self, steps: &[Step], row: &mut Row) -> Result<(), MessageFault> {
+    fn run(&mut self, steps: &[Step], row: &mut Row) -> Decoded<()> {
         for step in steps {
             match *step {
                 Step::Skip { of, count } => self.elements(of, u64::from(count)).map(drop)?,
@@ -141,11 +134,8 @@ impl Cursor<'_> {
                 Step::Numbers { slot, of, count } => {
                     let count = self.count_or(count)?;
                     let (start, end) = self.elements(of, u64::from(count))?;
-                    let big_endian = self.big_endian;
-                    row.set(
-                        slot,
-                        Cell::Numbers { start: place(start), end: place(end), of, big_endian },
-                    );
+                    let (start, end, big_endian) = (place(start), place(end), self.big_endian);
+                    row.set(slot, Cell::Numbers { start, end, of, big_endian });
                 }
                 Step::Texts { slot, count } => {
                     self.collection(|cursor| {
@@ -175,7 +165,7 @@ impl Cursor<'_> {
         Ok(())
     }
 
-    fn repeat(&mut self, repeat: &Repeat, row: &mut Row) -> Result<(), MessageFault> {
+    fn repeat(&mut self, repeat: &Repeat, row: &mut Row) -> Decoded<()> {
         let count = self.count_or(repeat.count)?;
         for &slot in &repeat.lists {
             row.list(slot);
@@ -196,18 +186,12 @@ impl Cursor<'_> {
     }
 
     /// Reads an array of anything but numbers: in version 2 it begins with its length in bytes.
-    fn collection(
-        &mut self,
-        read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
-    ) -> Result<(), MessageFault> {
+    fn collection(&mut self, read: impl FnOnce(&mut Self) -> Decoded<()>) -> Decoded<()> {
         if self.version_2 { self.delimited(read) } else { read(self) }
     }
 
     /// Reads a part that begins with its length in bytes; unread bytes of it are skipped.
-    fn delimited(
-        &mut self,
-        read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
-    ) -> Result<(), MessageFault> {
+    fn delimited(&mut self, read: impl FnOnce(&mut Self) -> Decoded<()>) -> Decoded<()> {
         let length = usize::try_from(self.count()?).map_err(|_| MessageFault::Short)?;
         let whole = self.bytes;
         let end = self.at.checked_add(length).ok_or(MessageFault::Short)?;
@@ -217,14 +201,14 @@ impl Cursor<'_> {
         result
     }
 
-    fn number(&mut self, of: Primitive) -> Result<Cell, MessageFault> {
+    fn number(&mut self, of: Primitive) -> Decoded<Cell> {
         let (start, end) = self.elements(of, 1)?;
         Ok(number(&self.bytes[start..end], of, self.big_endian))
     }
 
     /// The byte range of `count` numbers. An empty array is not aligned: nothing is written for it.
     #[inline]
-    fn elements(&mut self, of: Primitive, count: u64) -> Result<(usize, usize), MessageFault> {
+    fn elements(&mut self, of: Primitive, count: u64) -> Decoded<(usize, usize)> {
         if count == 0 {
             return Ok((self.at, self.at));
         }
@@ -247,7 +231,7 @@ impl Cursor<'_> {
         ((self.at + HEADER + size - 1) & !(size - 1)) - HEADER
     }
 
-    fn count(&mut self) -> Result<u32, MessageFault> {
+    fn count(&mut self) -> Decoded<u32> {
         let start = self.aligned(4);
         let bytes = self
             .bytes
@@ -259,11 +243,11 @@ impl Cursor<'_> {
         Ok(if self.big_endian { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) })
     }
 
-    fn count_or(&mut self, fixed: Option<u32>) -> Result<u32, MessageFault> {
+    fn count_or(&mut self, fixed: Option<u32>) -> Decoded<u32> {
         fixed.map_or_else(|| self.count(), Ok)
     }
 
-    fn text(&mut self) -> Result<Span, MessageFault> {
+    fn text(&mut self) -> Decoded<Span> {
         let length = self.count()?;
         let (start, end) = self.elements(Primitive::U8, u64::from(length))?;
         self.layout.text(end);
@@ -271,27 +255,23 @@ impl Cursor<'_> {
         Ok(Span::new(start, start + length, false))
     }
 
-    fn wide_text(&mut self) -> Result<(), MessageFault> {
+    fn wide_text(&mut self) -> Decoded<()> {
         let length = u64::from(self.count()?);
         self.elements(Primitive::U8, length * u64::from(self.wide)).map(drop)
     }
 
-    fn texts(&mut self, fixed: Option<u32>) -> Result<Cell, MessageFault> {
+    fn texts(&mut self, fixed: Option<u32>) -> Decoded<Cell> {
         let count = self.count_or(fixed)?;
         let start = self.aligned(4);
         for _ in 0..count {
             self.text()?;
         }
-        Ok(Cell::Texts {
-            start: place(start),
-            end: place(self.at.max(start)),
-            count,
-            form: self.texts,
-        })
+        let (start, end) = (place(start), place(self.at.max(start)));
+        Ok(Cell::Texts { start, end, count, form: self.texts })
     }
 
     /// Some writers of CDR pad a message to a multiple of four, or with zeros.
-    fn finish(&mut self) -> Result<(), MessageFault> {
+    fn finish(&mut self) -> Decoded<()> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let is_padding = rest.len() < 4 || rest.iter().all(|&byte| byte == 0);
         if rest.is_empty() || is_padding && self.texts != TextForm::Packed {
@@ -372,7 +352,7 @@ mod tests {
         }
     }
 
-    fn fault(reader: &CdrReader, message: &[u8]) -> Result<(), MessageFault> {
+    fn fault(reader: &CdrReader, message: &[u8]) -> Decoded<()> {
         reader.read(message, &mut Row::default())
     }
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use super::path::{Segment, Want, by_element};
 use super::{
-    Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Primitive, SchemaError,
-    Serialization, Shape,
+    Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Parsed, Primitive,
+    SchemaError, Serialization, Shape,
 };
 
 /// More fields than any real message has; it stops a hostile schema from expanding without end.
@@ -27,53 +27,27 @@ pub struct CdrReader {
     pub(super) identity: Arc<()>,
 }
 
-/// One step over the bytes of a message. `slot` is the place of the path among the wanted ones.
+/// One step over the bytes of a message. `slot` is the place of the path among the wanted ones; `count` is absent where the message
+/// states it. A sequence is a count and that many elements. `Pick` takes some numbers of an array by index and slot, and puts `each`
+/// into its slot's list where the array is in an element of another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
-    Skip {
-        of: Primitive,
-        count: u32,
-    },
-    /// A count and that many elements.
+    Skip { of: Primitive, count: u32 },
     SkipSequence(Primitive),
     SkipText,
     SkipWideText,
-    /// Elements of a nested type (or strings), as many as the definition or, if it states none, the message states.
     Repeat(Box<Repeat>),
     Delimited(Vec<Step>),
-    Number {
-        slot: usize,
-        of: Primitive,
-    },
-    Text {
-        slot: usize,
-    },
-    AddNumber {
-        slot: usize,
-        of: Primitive,
-    },
-    AddText {
-        slot: usize,
-    },
-    Numbers {
-        slot: usize,
-        of: Primitive,
-        count: Option<u32>,
-    },
-    Texts {
-        slot: usize,
-        count: Option<u32>,
-    },
-    /// Some numbers of an array are taken: index and slot; each into its slot's list where the array is in an element
-    /// of another.
-    Pick {
-        of: Primitive,
-        count: Option<u32>,
-        picks: Vec<(usize, usize)>,
-        each: bool,
-    },
+    Number { slot: usize, of: Primitive },
+    Text { slot: usize },
+    AddNumber { slot: usize, of: Primitive },
+    AddText { slot: usize },
+    Numbers { slot: usize, of: Primitive, count: Option<u32> },
+    Texts { slot: usize, count: Option<u32> },
+    Pick { of: Primitive, count: Option<u32>, picks: Vec<(usize, usize)>, each: bool },
 }
 
+/// Elements of a nested type, or strings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Repeat {
     pub(super) count: Option<u32>,
@@ -93,7 +67,7 @@ struct Unfolding<'d> {
 }
 
 impl CdrReader {
-    pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
+    pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Parsed<Self> {
         if let Some(mutable) = mutable(definition) {
             return Err(SchemaError::Mutable { name: mutable.name.clone() });
         }
@@ -124,7 +98,7 @@ fn mutable(definition: &Definition) -> Option<&MessageType> {
 }
 
 impl Unfolding<'_> {
-    fn message(&mut self, index: usize, wants: &[Want<'_>]) -> Result<Vec<Step>, SchemaError> {
+    fn message(&mut self, index: usize, wants: &[Want<'_>]) -> Parsed<Vec<Step>> {
         let message: &MessageType = &self.definition.types[index];
         self.level += 1;
         let has = |name: &str| message.fields.iter().any(|field| field.name == name);
@@ -146,12 +120,7 @@ impl Unfolding<'_> {
         Ok(steps)
     }
 
-    fn field(
-        &mut self,
-        field: &Field,
-        wants: &[Want<'_>],
-        steps: &mut Vec<Step>,
-    ) -> Result<(), SchemaError> {
+    fn field(&mut self, field: &Field, wants: &[Want<'_>], steps: &mut Vec<Step>) -> Parsed<()> {
         match (field.of, field.shape) {
             (FieldType::Message(inner), Shape::One) => {
                 if let Some(want) = wants.iter().find(|want| want.rest.is_empty()) {
@@ -190,11 +159,7 @@ impl Unfolding<'_> {
         Ok(())
     }
 
-    fn nested(
-        &mut self,
-        index: usize,
-        wants: &[Want<'_>],
-    ) -> Result<(Vec<Step>, Extensibility), SchemaError> {
+    fn nested(&mut self, index: usize, wants: &[Want<'_>]) -> Parsed<(Vec<Step>, Extensibility)> {
         let steps = self.message(index, wants)?;
         Ok((steps, self.definition.types[index].extensibility))
     }
@@ -206,7 +171,7 @@ impl Unfolding<'_> {
         count: Option<u32>,
         field: &Field,
         wants: &[Want<'_>],
-    ) -> Result<Repeat, SchemaError> {
+    ) -> Parsed<Repeat> {
         let element = |unfolding: &mut Self, wants: &[Want<'_>]| {
             let (steps, extensibility) = unfolding.nested(inner, wants)?;
             Ok(if unfolding.delimited && extensibility != Extensibility::Final {
@@ -235,12 +200,7 @@ impl Unfolding<'_> {
         Ok(Repeat { count, steps, picked, lists: each.iter().map(|want| want.slot).collect() })
     }
 
-    fn text_step(
-        &self,
-        field: &Field,
-        shape: Shape,
-        wants: &[Want<'_>],
-    ) -> Result<Step, SchemaError> {
+    fn text_step(&self, field: &Field, shape: Shape, wants: &[Want<'_>]) -> Parsed<Step> {
         let Some(want) = wants.first() else { return Ok(once_or_repeated(Step::SkipText, shape)) };
         let (slot, count) = (want.slot, fixed_count(shape));
         match (shape, want.rest) {
@@ -260,7 +220,7 @@ impl Unfolding<'_> {
         of: Primitive,
         shape: Shape,
         wants: &[Want<'_>],
-    ) -> Result<Step, SchemaError> {
+    ) -> Parsed<Step> {
         let count = fixed_count(shape);
         let Some(want) = wants.first() else {
             return Ok(match count {
@@ -293,7 +253,7 @@ impl Unfolding<'_> {
         }
     }
 
-    fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Result<(), SchemaError> {
+    fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Parsed<()> {
         match count.and_then(|count| usize::try_from(count).ok()) {
             Some(count) if index >= count => {
                 Err(SchemaError::NoElement { path: self.wanted[want.slot].to_string(), count })
@@ -311,10 +271,8 @@ impl Unfolding<'_> {
     }
 
     fn wrong_type(&self, want: &Want<'_>, field: &Field) -> SchemaError {
-        SchemaError::WrongType {
-            path: self.wanted[want.slot].to_string(),
-            found: field.to_string(),
-        }
+        let (path, found) = (self.wanted[want.slot].to_string(), field.to_string());
+        SchemaError::WrongType { path, found }
     }
 }
 
@@ -330,12 +288,8 @@ fn once_or_repeated(step: Step, shape: Shape) -> Step {
     if shape == Shape::One {
         return step;
     }
-    Step::Repeat(Box::new(Repeat {
-        count: fixed_count(shape),
-        steps: vec![step],
-        picked: Vec::new(),
-        lists: Vec::new(),
-    }))
+    let (count, steps) = (fixed_count(shape), vec![step]);
+    Step::Repeat(Box::new(Repeat { count, steps, picked: Vec::new(), lists: Vec::new() }))
 }
 
 /// Paths of the fields that can be wanted, for an error; not all of a very large message.

@@ -1,7 +1,7 @@
 //! The cell of one wanted path: a number, or the place of the value in the message.
 
 use super::value::{Text, TextForm};
-use super::{MessageFault, Primitive};
+use super::{Decoded, MessageFault, Primitive};
 
 /// Most elements of an array that are gathered one by one: far more than an arm has joints.
 const MOST_ELEMENTS: usize = 100_000;
@@ -94,12 +94,12 @@ impl Cell {
 
 impl List {
     #[inline]
-    pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
+    pub(super) fn begin_element(&mut self) -> Decoded<()> {
         self.push(Cell::Absent)
     }
 
     #[inline]
-    pub(super) fn push(&mut self, cell: Cell) -> Result<(), MessageFault> {
+    pub(super) fn push(&mut self, cell: Cell) -> Decoded<()> {
         if self.0.len() >= MOST_ELEMENTS {
             return Err(MessageFault::LongArray);
         }

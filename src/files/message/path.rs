@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use super::SchemaError;
+use super::{Parsed, SchemaError};
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldPath {
@@ -29,7 +29,7 @@ pub(super) struct Want<'p> {
 }
 
 impl FieldPath {
-    pub fn parse(text: &str) -> Result<Self, SchemaError> {
+    pub fn parse(text: &str) -> Parsed<Self> {
         let wrong = || SchemaError::Path { path: text.to_owned() };
         let mut segments = Vec::new();
         for part in text.split('.') {
@@ -52,7 +52,7 @@ impl FieldPath {
         Ok(Self { text: text.to_owned(), segments })
     }
 
-    pub fn join(&self, inner: &str) -> Result<Self, SchemaError> {
+    pub fn join(&self, inner: &str) -> Parsed<Self> {
         Self::parse(&format!("{}.{inner}", self.text))
     }
 

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    Definition, Extensibility, Field, FieldType, MessageType, Primitive, SchemaError,
+    Definition, Extensibility, Field, FieldType, MessageType, Parsed, Primitive, SchemaError,
     Serialization, Shape,
 };
 
@@ -34,11 +34,7 @@ struct Section {
     fields: Vec<RawField>,
 }
 
-pub fn parse(
-    name: &str,
-    text: &str,
-    serialization: Serialization,
-) -> Result<Definition, SchemaError> {
+pub fn parse(name: &str, text: &str, serialization: Serialization) -> Parsed<Definition> {
     let mut sections = sections(name, text)?;
     add_built_in(&mut sections, serialization)?;
     if serialization == Serialization::Cdr {
@@ -54,11 +50,8 @@ pub fn parse(
 
 /// The field that rosidl puts into a message without fields.
 fn placeholder() -> RawField {
-    RawField {
-        type_name: "uint8".to_owned(),
-        name: "structure_needs_at_least_one_member".to_owned(),
-        shape: Shape::One,
-    }
+    let name = "structure_needs_at_least_one_member".to_owned();
+    RawField { type_name: "uint8".to_owned(), name, shape: Shape::One }
 }
 
 pub fn short_name(name: &str) -> String {
@@ -70,10 +63,7 @@ pub fn short_name(name: &str) -> String {
 }
 
 /// Adds the sections of types that need no definition, where `sections` has none of them.
-fn add_built_in(
-    sections: &mut Vec<Section>,
-    serialization: Serialization,
-) -> Result<(), SchemaError> {
+fn add_built_in(sections: &mut Vec<Section>, serialization: Serialization) -> Parsed<()> {
     let built_in: &[_] = match serialization {
         Serialization::Cdr => &BUILT_IN,
         Serialization::Ros1 => &BUILT_IN_ROS_1,
@@ -86,7 +76,7 @@ fn add_built_in(
     Ok(())
 }
 
-fn sections(name: &str, text: &str) -> Result<Vec<Section>, SchemaError> {
+fn sections(name: &str, text: &str) -> Parsed<Vec<Section>> {
     let mut found = Vec::new();
     let mut current = short_name(name);
     let mut lines = Vec::new();
@@ -105,10 +95,7 @@ fn sections(name: &str, text: &str) -> Result<Vec<Section>, SchemaError> {
     Ok(found)
 }
 
-fn section<'t>(
-    name: &str,
-    lines: impl Iterator<Item = (usize, &'t str)>,
-) -> Result<Section, SchemaError> {
+fn section<'t>(name: &str, lines: impl Iterator<Item = (usize, &'t str)>) -> Parsed<Section> {
     let mut fields = Vec::new();
     for (number, line) in lines {
         let bad_line =
@@ -168,7 +155,7 @@ fn resolve(
     section: &Section,
     indices: &BTreeMap<&str, usize>,
     serialization: Serialization,
-) -> Result<MessageType, SchemaError> {
+) -> Parsed<MessageType> {
     let package = section.name.split_once('/').map_or("", |(package, _)| package);
     let fields = section
         .fields
@@ -187,11 +174,7 @@ fn resolve(
     Ok(MessageType { name: section.name.clone(), fields, extensibility: Extensibility::Unstated })
 }
 
-fn resolve_type(
-    name: &str,
-    package: &str,
-    indices: &BTreeMap<&str, usize>,
-) -> Result<FieldType, SchemaError> {
+fn resolve_type(name: &str, package: &str, indices: &BTreeMap<&str, usize>) -> Parsed<FieldType> {
     let full = match name {
         "Header" => "std_msgs/Header".to_owned(),
         "time" | "duration" if indices.contains_key(name) => name.to_owned(),

@@ -7,7 +7,7 @@ use super::cdr::Layout;
 use super::cell::{Cell, List, bytes};
 use super::template::Template;
 use super::value::Gathered;
-use super::{MessageFault, Numbers, Primitive, Texts, Value};
+use super::{Decoded, MessageFault, Numbers, Primitive, Texts, Value};
 
 #[derive(Debug, Clone, Default)]
 pub struct Row {
@@ -45,7 +45,7 @@ impl CellsMut<'_> {
 impl Row {
     /// Empties it for a message with this number of wanted values.
     #[inline]
-    pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
+    pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Decoded<()> {
         self.layout.forget();
         self.template.forget();
         self.filled += 1;

@@ -4,8 +4,7 @@ use super::cdr_reader::leaves;
 use super::json::{JsonReader, JsonSchema};
 use super::protobuf::{Descriptors, ProtobufReader};
 use super::{
-    CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, Serialization, ros2idl,
-    rosmsg,
+    CdrReader, Decoded, Definition, FieldPath, Parsed, Row, Serialization, ros2idl, rosmsg,
 };
 
 #[derive(Debug, Clone, PartialEq)]
@@ -30,7 +29,7 @@ impl MessageSchema {
         name: &str,
         language: &str,
         definition: &[u8],
-    ) -> Option<Result<Self, SchemaError>> {
+    ) -> Option<Parsed<Self>> {
         let text = || String::from_utf8_lossy(definition);
         Some(match (encoding, language) {
             ("cdr", "ros2msg") => rosmsg::parse(name, &text(), Serialization::Cdr).map(Self::Cdr),
@@ -42,7 +41,7 @@ impl MessageSchema {
         })
     }
 
-    pub fn reader(&self, wanted: &[FieldPath]) -> Result<FieldReader, SchemaError> {
+    pub fn reader(&self, wanted: &[FieldPath]) -> Parsed<FieldReader> {
         match self {
             Self::Cdr(definition) => CdrReader::resolve(definition, wanted).map(FieldReader::Cdr),
             Self::Protobuf(types) => {
@@ -71,7 +70,7 @@ impl MessageSchema {
 
 impl FieldReader {
     /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
-    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Decoded<()> {
         match self {
             Self::Cdr(reader) => reader.read(message, row),
             Self::Protobuf(reader) => reader.read(message, row),

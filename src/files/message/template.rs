@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::cell::{Cell, Span};
 use super::row::{CellsMut, Place};
-use super::{MessageFault, json, protobuf};
+use super::{Decoded, json, protobuf};
 
 /// Most bytes, and most slots, that are worth recording for each message.
 const LONGEST: usize = 1 << 16;
@@ -74,13 +74,9 @@ impl Template {
             return;
         }
         self.bytes.extend_from_slice(&message[self.gap_end..start]);
-        self.parts.push(Part {
-            start: self.gap_end,
-            bytes_end: self.bytes.len(),
-            texts_end: self.texts.len(),
-            places_end: self.places.len(),
-            slot,
-        });
+        let (bytes_end, texts_end) = (self.bytes.len(), self.texts.len());
+        let (start, places_end) = (self.gap_end, self.places.len());
+        self.parts.push(Part { start, bytes_end, texts_end, places_end, slot });
         self.gap_end = end;
     }
 
@@ -184,7 +180,7 @@ fn alike(known: &[u8], found: &[u8]) -> bool {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
+    fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Decoded<usize> {
         match self {
             Self::Json(slot) => slot.take(message, at, cell),
             Self::Protobuf(slot) => slot.take(message, at, cell),

@@ -92,14 +92,10 @@ pub struct Gathered<'m> {
     pub(super) list: &'m List,
 }
 
+/// Numbers that are stored one after another in the message, or gathered.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Numbers<'m> {
-    /// Stored one after another in the message.
-    Stored {
-        bytes: &'m [u8],
-        of: Primitive,
-        big_endian: bool,
-    },
+    Stored { bytes: &'m [u8], of: Primitive, big_endian: bool },
     Gathered(Gathered<'m>),
 }
 

@@ -66,14 +66,9 @@ impl Bucket {
         let (_, prefix) = place.bucket().expect("an address, as a client was made");
         let system =
             StoreError::folder("start a runtime for", std::path::Path::new("AWS requests"));
-        Ok(Self {
-            place: place.clone(),
-            prefix: prefix.to_owned(),
-            clients,
-            secrets,
-            runtime: runtime().map_err(system)?,
-            scratch: OnceLock::new(),
-        })
+        let (place, prefix) = (place.clone(), prefix.to_owned());
+        let (runtime, scratch) = (runtime().map_err(system)?, OnceLock::new());
+        Ok(Self { place, prefix, clients, secrets, runtime, scratch })
     }
 
     fn object(&self, key: &str) -> Result<Key, StoreError> {
@@ -140,12 +135,8 @@ impl Bucket {
         };
         let name = rest.rsplit('/').next().unwrap_or(rest);
         let is_wanted = levels.contains(&rest.matches('/').count()) && !name.starts_with('.');
-        is_wanted.then_some(Listed {
-            tag: found.e_tag,
-            bytes: found.size,
-            modified: Some(found.last_modified.into()),
-            key,
-        })
+        let (bytes, modified) = (found.size, Some(found.last_modified.into()));
+        is_wanted.then_some(Listed { tag: found.e_tag, bytes, modified, key })
     }
 
     async fn fetch(&self, listed: &Listed) -> Result<File, StoreError> {

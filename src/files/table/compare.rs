@@ -71,11 +71,8 @@ impl Comparison {
 
 /// The comparison leaves out the columns `ignored` and those that the published table's version lacks.
 pub fn compare(published: &Table, computed: &Table, ignored: &[&str]) -> Comparison {
-    assert_eq!(
-        published.schema().table,
-        computed.schema().table,
-        "tables of one schema are compared"
-    );
+    let [one, other] = [published, computed].map(|table| &table.schema().table);
+    assert_eq!(one, other, "tables of one schema are compared");
     let rows = pair(published, computed, ignored);
     let columns = published.schema().columns.iter();
     let columns = columns.filter(|column| {

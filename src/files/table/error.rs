@@ -41,30 +41,17 @@ pub struct FileError {
     pub kind: FileErrorKind,
 }
 
+/// `NotOfLake` has the difference in which the rows of its lake contradict the file.
 #[derive(Debug)]
 pub enum FileErrorKind {
     Open(io::Error),
-    TooLarge {
-        limit: u64,
-        advice: &'static str,
-    },
+    TooLarge { limit: u64, advice: &'static str },
     NoParquet(&'static str),
     CutOff,
     Damaged(String),
-    OtherTable {
-        found: String,
-        expected: String,
-    },
-    OtherVersion {
-        table: String,
-        found: String,
-        expected: u32,
-    },
-    Altered {
-        found: String,
-        stated: String,
-    },
-    /// The rows of its lake contradict the file: the difference.
+    OtherTable { found: String, expected: String },
+    OtherVersion { table: String, found: String, expected: u32 },
+    Altered { found: String, stated: String },
     NotOfLake(String),
     Content(TableError),
 }

@@ -36,14 +36,11 @@ impl Entries {
     }
 }
 
+/// The digest that the file carries; absent where an older version wrote it, or another program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Seal {
     Holds,
-    Broken {
-        stated: String,
-        found: String,
-    },
-    /// The file carries no digest: an older version wrote it, or another program.
+    Broken { stated: String, found: String },
     Absent,
 }
 
@@ -283,15 +280,16 @@ fn version(entries: &Entries) -> Option<u32> {
     entries.get("posegrid.schema_version")?.parse().ok()
 }
 
+/// What a file holds, by the name of its table; `None` where it is none of posegrid.
+pub fn in_words(table: Option<&str>) -> String {
+    table.map_or_else(|| "no table of posegrid".to_owned(), |name| format!("table {name:?}"))
+}
+
 fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result<(), FileError> {
     let table = entries.get("posegrid.table");
     if table != Some(&schema.table) {
-        let no_table = || "no table of posegrid".to_owned();
-        let other = FileErrorKind::OtherTable {
-            found: table.map_or_else(no_table, |name| format!("table {name:?}")),
-            expected: schema.table.clone(),
-        };
-        return Err(other.at(path));
+        let (found, expected) = (in_words(table.map(String::as_str)), schema.table.clone());
+        return Err(FileErrorKind::OtherTable { found, expected }.at(path));
     }
     if !version(entries).is_some_and(|version| schema.reads(version)) {
         let found = entries.get("posegrid.schema_version");

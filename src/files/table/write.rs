@@ -41,12 +41,9 @@ pub struct PartsFile<W: Write> {
 impl<W: Write + Send> PartsFile<W> {
     pub fn new(encoder: &Encoder, sink: W) -> Result<Self, ParquetError> {
         let (schema, properties) = (encoder.schema(), encoder.properties());
-        Ok(Self {
-            digest: encoder.digest(),
-            metadata: encoder.metadata(),
-            file: SerializedFileWriter::new(sink, schema, properties)?,
-            appended: 0,
-        })
+        let (digest, metadata) = (encoder.digest(), encoder.metadata());
+        let file = SerializedFileWriter::new(sink, schema, properties)?;
+        Ok(Self { digest, metadata, file, appended: 0 })
     }
 
     pub fn digest<'t>(&mut self, parts: impl IntoIterator<Item = &'t Table>) {

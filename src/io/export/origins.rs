@@ -229,12 +229,8 @@ fn same_arm(run: &Arm, chain: &Arm, joints: &[ChainJoint]) -> Result<(), Origins
     let moving = joints.iter().filter(|joint| joint.moves.is_some());
     let named = moving.zip(run.joints());
     let pair = |(chain, run): (&ChainJoint, &Joint)| format!("{} = {}", chain.name, run.name);
-    Err(OriginsError::OtherArm {
-        mm,
-        rad,
-        names: named.map(pair).collect::<Vec<_>>().join(", "),
-        constant: constant(&pairs),
-    })
+    let names = named.map(pair).collect::<Vec<_>>().join(", ");
+    Err(OriginsError::OtherArm { mm, rad, names, constant: constant(&pairs) })
 }
 
 /// The largest distance, mm, and the largest angle, rad, between poses.

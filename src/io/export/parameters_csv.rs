@@ -11,8 +11,9 @@ use super::controller_base::InControllerBase;
 use super::limits::Limits;
 use super::{ExportError, ExportErrorKind};
 use crate::fit::conversion::{Converted, converted};
-use crate::kinematics::{Arm, Convention, Element, Parameter, RobotFile};
+use crate::kinematics::{Arm, Convention, Parameter, RobotFile};
 use crate::manifest::RunKey;
+use crate::tables::parameters::nominal;
 
 /// The robot file's convention without one. Gives remarks for a person, a line each.
 pub fn write(
@@ -128,12 +129,4 @@ fn row(arm: &Arm, parameter: Parameter, offset: f64, sd: f64) -> [String; 10] {
         number(nominal + offset),
         number(sd),
     ]
-}
-
-fn nominal(arm: &Arm, wanted: Parameter) -> f64 {
-    let of = |element: &Element| match element {
-        Element::Free { nominal, parameter, .. } if *parameter == wanted => Some(*nominal),
-        _ => None,
-    };
-    arm.chain().elements().iter().find_map(of).unwrap_or(0.0)
 }

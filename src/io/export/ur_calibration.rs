@@ -16,8 +16,7 @@ use super::limits::Limits;
 use super::origins::{ChainJoint, Origins, OriginsError, about_z};
 use super::urdf::three;
 use super::{ExportError, ExportErrorKind};
-use crate::geometry::isometry_from_rpy;
-use crate::geometry::rpy;
+use crate::geometry::{isometry_from_rpy, rpy};
 use crate::kinematics::{Arm, Screws};
 
 const LINKS: [&str; 6] = ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"];

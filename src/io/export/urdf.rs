@@ -134,10 +134,8 @@ pub(super) fn three(numbers: [f64; 3]) -> String {
 }
 
 fn limit(joint: &Joint) -> String {
-    format!(
-        "    <limit lower=\"{}\" upper=\"{}\" effort=\"0\" velocity=\"0\"/>\n",
-        joint.lower, joint.upper
-    )
+    let Joint { lower, upper, .. } = joint;
+    format!("    <limit lower=\"{lower}\" upper=\"{upper}\" effort=\"0\" velocity=\"0\"/>\n")
 }
 
 fn fixed_name(child: &str, joints: &[Joint]) -> String {

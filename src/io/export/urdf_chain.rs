@@ -65,11 +65,8 @@ pub(super) fn steps<'a, 'i>(
     ends: Ends<'_>,
 ) -> Result<Vec<Step<'a, 'i>>, UrdfChainError> {
     let tree = Tree::of(document)?;
-    let selection = Selection {
-        base: Some(ends.base.to_owned()),
-        tip: Some(ends.tip.to_owned()),
-        joints: None,
-    };
+    let [base, tip] = [ends.base, ends.tip].map(|end| Some(end.to_owned()));
+    let selection = Selection { base, tip, joints: None };
     let ends = tree.ends(&selection)?;
     let way = tree.steps(&ends).into_iter();
     way.map(|step| Ok(Step { joint: chain_joint(step.joint, step.is_up)?, node: step.joint.node }))
@@ -93,11 +90,8 @@ fn chain_joint(joint: &Joint<'_, '_>, is_up: bool) -> Result<ChainJoint, UrdfCha
             "moves and stands between the root and the base: give a base that the tip stands on",
         ));
     }
-    Ok(ChainJoint {
-        name: joint.name.to_owned(),
-        origin: if is_up { origin.inverse() } else { origin },
-        moves,
-    })
+    let origin = if is_up { origin.inverse() } else { origin };
+    Ok(ChainJoint { name: joint.name.to_owned(), origin, moves })
 }
 
 fn moves(joint: &Joint<'_, '_>) -> Result<Option<Moves>, UrdfChainError> {
@@ -108,16 +102,11 @@ fn moves(joint: &Joint<'_, '_>) -> Result<Option<Moves>, UrdfChainError> {
     if joint.following()?.is_some() {
         return Err(wrong(joint, "follows another one, and its origin is not that of an axis"));
     }
-    Ok(Some(Moves {
-        axis: UnitVector3::new_normalize(joint.axis()?),
-        slides: kind == JointKind::Prismatic,
-    }))
+    let axis = UnitVector3::new_normalize(joint.axis()?);
+    Ok(Some(Moves { axis, slides: kind == JointKind::Prismatic }))
 }
 
 fn wrong(joint: &Joint<'_, '_>, problem: &str) -> UrdfChainError {
-    UrdfChainError::Joint {
-        line: joint.line(),
-        joint: joint.name.to_owned(),
-        problem: problem.to_owned(),
-    }
+    let (line, problem) = (joint.line(), problem.to_owned());
+    UrdfChainError::Joint { line, joint: joint.name.to_owned(), problem }
 }

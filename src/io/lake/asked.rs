@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use super::{Lake, LakeError, RUNS, session_key};
+use super::{Lake, LakeError, RUNS, Result, session_key};
 use crate::manifest::{Replaced, RunKey};
 use crate::rows::{Row as _, row};
 use crate::store::Listed;
@@ -40,7 +40,7 @@ pub fn request_of(key: &str) -> Option<(&str, u64)> {
     (is_own && is_number).then_some((folder, number))
 }
 
-pub fn request_key(key: &RunKey, number: u64) -> Result<String, LakeError> {
+pub fn request_key(key: &RunKey, number: u64) -> Result<String> {
     let folder = session_key(ASKED, key)?;
     Ok(format!("{folder}/{}", file_name(number)))
 }
@@ -51,11 +51,11 @@ fn file_name(number: u64) -> String {
 
 impl Lake {
     /// The current run of the robot and session of `key`, with the digest of its row; `None` where there is none yet.
-    pub fn current(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
+    pub fn current(&self, key: &RunKey) -> Result<Option<Replaced>> {
         self.current_by(&self.requests(&session_key(ASKED, key)?)?, key)
     }
 
-    fn current_by(&self, requests: &[Listed], key: &RunKey) -> Result<Option<Replaced>, LakeError> {
+    fn current_by(&self, requests: &[Listed], key: &RunKey) -> Result<Option<Replaced>> {
         for file in requests.iter().rev() {
             let (own, _) = self.request(&file.key)?;
             if self.exists(&own)? {
@@ -69,7 +69,7 @@ impl Lake {
 
     /// The last run of a session by name that no other replaces. A file that is not at the place of its row is not read
     /// as a row.
-    fn unreplaced(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
+    fn unreplaced(&self, key: &RunKey) -> Result<Option<Replaced>> {
         let rows = self.rows(RUNS, &session_key(RUNS, key)?, 0)?;
         let (mut runs, mut replaced) = (BTreeMap::new(), BTreeSet::new());
         for (place, row) in rows {
@@ -88,7 +88,7 @@ impl Lake {
         Ok(current.map(|(run, row_digest)| Replaced { run, row_digest }))
     }
 
-    pub fn ask(&self, key: &RunKey) -> Result<Asked, LakeError> {
+    pub fn ask(&self, key: &RunKey) -> Result<Asked> {
         loop {
             let requests = self.requests(&session_key(ASKED, key)?)?;
             let last = requests.last().and_then(|file| request_of(&file.key));
@@ -104,14 +104,11 @@ impl Lake {
     }
 
     /// Creates the row of a request now; false where another process created one of its number.
-    fn create_request(&self, key: &RunKey, asked: &Asked) -> Result<bool, LakeError> {
+    fn create_request(&self, key: &RunKey, asked: &Asked) -> Result<bool> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let now_us = i64::try_from(now.unwrap_or_default().as_micros());
-        let row = AskedRow {
-            number: asked.number,
-            replaced: asked.replaced.clone(),
-            asked_at: WallTime::of_us(now_us.unwrap_or(i64::MAX)),
-        };
+        let asked_at = WallTime::of_us(now_us.unwrap_or(i64::MAX));
+        let row = AskedRow { number: asked.number, replaced: asked.replaced.clone(), asked_at };
         let row = AskedRow::table(vec![row], key);
         let row = row.map_err(|source| LakeError::Record { source })?;
         let file = request_key(key, asked.number)?;
@@ -120,7 +117,7 @@ impl Lake {
     }
 
     /// The files of requests in the folder of a session, of a robot or of all, in their order; nothing is read.
-    pub fn requests(&self, folder: &str) -> Result<Vec<Listed>, LakeError> {
+    pub fn requests(&self, folder: &str) -> Result<Vec<Listed>> {
         let levels = 2_usize.saturating_sub(folder.matches('/').count());
         let mut listed = self.store.list(folder, levels..=levels)?;
         listed.retain(|file| request_of(&file.key).is_some());
@@ -128,7 +125,7 @@ impl Lake {
     }
 
     /// The run and the row of a request, which has to be the one of its place.
-    pub fn request(&self, key: &str) -> Result<(RunKey, AskedRow), LakeError> {
+    pub fn request(&self, key: &str) -> Result<(RunKey, AskedRow)> {
         let place = self.store.place(key);
         let table = table::read_open(self.store.open(key)?, &place.named(), AskedRow::schema())?;
         let row = table.key().cloned().zip(AskedRow::read(&table).pop());

@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{Read as _, Write as _};
 
 use super::error::folder_error;
-use super::{ASKED, FLEET, Lake, LakeError, OVER_TIME, RUNS, encoded, session_key};
+use super::{ASKED, FLEET, Lake, OVER_TIME, RUNS, Result, encoded, session_key};
 use crate::input::Bound;
 use crate::manifest::{RunKey, VERSION};
 use crate::store::{Listed, Place, StoreError};
@@ -39,7 +39,7 @@ pub fn summary_key(robot: &str) -> String {
     format!(".history/{robot}.jsonl.zst")
 }
 
-pub fn figures_key(key: &RunKey) -> Result<String, LakeError> {
+pub fn figures_key(key: &RunKey) -> Result<String> {
     Ok(format!("{}/{}.json.zst", session_key(FIGURES, key)?, encoded("run", &key.run)?))
 }
 
@@ -56,7 +56,7 @@ impl Lake {
     }
 
     /// Keeps a text, completely or not at all.
-    pub fn keep(&self, key: &str, text: &str) -> Result<(), LakeError> {
+    pub fn keep(&self, key: &str, text: &str) -> Result<()> {
         let place = self.written_at(key);
         let sealed = format!("{}\n{text}", seal(text));
         let packed = zstd::encode_all(sealed.as_bytes(), LEVEL);
@@ -64,14 +64,14 @@ impl Lake {
     }
 
     /// Writes a page over time, in place of an earlier one; gives its place.
-    pub fn keep_page(&self, name: &str, bytes: &[u8]) -> Result<Place, LakeError> {
+    pub fn keep_page(&self, name: &str, bytes: &[u8]) -> Result<Place> {
         let key = format!("{OVER_TIME}/{name}");
         self.put_whole(&key, bytes)?;
         Ok(self.store.place(&key))
     }
 
     /// Writes a file beside the tables, completely or not at all.
-    pub(super) fn put_whole(&self, key: &str, bytes: &[u8]) -> Result<(), LakeError> {
+    pub(super) fn put_whole(&self, key: &str, bytes: &[u8]) -> Result<()> {
         let mut temporary = self.store.temporary(key)?;
         let written = temporary.write_all(bytes);
         let written = written.and_then(|()| temporary.sync());
@@ -81,14 +81,14 @@ impl Lake {
     }
 
     /// The files of single tasks, by the states that they are named after.
-    pub fn kept_alone(&self) -> Result<BTreeMap<String, Listed>, LakeError> {
+    pub fn kept_alone(&self) -> Result<BTreeMap<String, Listed>> {
         let listed = self.store.list(ALONE, 0..=0)?.into_iter();
         let state = |key: &str| Some(key.rsplit('/').next()?.strip_suffix(".json.zst")?.to_owned());
         Ok(listed.filter_map(|own| Some((state(&own.key)?, own))).collect())
     }
 
     /// The keys of the rows of all runs and of all requests, as [`Lake::file_key`] and [`request_key`](super::request_key) have them.
-    pub fn run_and_request_keys(&self) -> Result<BTreeSet<String>, LakeError> {
+    pub fn run_and_request_keys(&self) -> Result<BTreeSet<String>> {
         let listed = [self.store.list(RUNS, 2..=2)?, self.requests(ASKED)?];
         Ok(listed.concat().into_iter().map(|own| own.key).collect())
     }
@@ -98,7 +98,7 @@ impl Lake {
         self.has_key(&format!("{OVER_TIME}/{FLEET}")).unwrap_or(true)
     }
 
-    pub fn has_key(&self, key: &str) -> Result<bool, LakeError> {
+    pub fn has_key(&self, key: &str) -> Result<bool> {
         Ok(self.store.exists(key)?)
     }
 }

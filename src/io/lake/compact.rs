@@ -23,7 +23,7 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::error::folder_error;
-use super::{Lake, LakeError, request_of};
+use super::{Lake, Result, request_of};
 use crate::schema;
 use crate::store::Listed;
 use crate::table::{self, Table};
@@ -67,7 +67,7 @@ impl CompactState {
 
 impl Lake {
     /// The newest state of the compact form; one without files where its file is damaged.
-    pub fn compact_state(&self) -> Result<CompactState, LakeError> {
+    pub fn compact_state(&self) -> Result<CompactState> {
         let states = self.store.list(STATES, 0..=0)?;
         let Some((number, newest)) = states.iter().filter_map(numbered).max_by_key(|own| own.0)
         else {
@@ -87,7 +87,7 @@ impl Lake {
         &self,
         before: &CompactState,
         files: &[CompactFile],
-    ) -> Result<bool, LakeError> {
+    ) -> Result<bool> {
         let key = format!("{STATES}/{:08}.jsonl", before.number + 1);
         let line = |file| serde_json::to_string(file).expect("texts and numbers") + "\n";
         let text: String = files.iter().map(line).collect();
@@ -95,12 +95,7 @@ impl Lake {
         Ok(self.store.create(&key, temporary)?)
     }
 
-    pub fn put_compact(
-        &self,
-        table: &Table,
-        month: &str,
-        runs: u64,
-    ) -> Result<CompactFile, LakeError> {
+    pub fn put_compact(&self, table: &Table, month: &str, runs: u64) -> Result<CompactFile> {
         let name = &table.schema().table;
         let folder = format!("{COMPACT}/{name}/{month}");
         let (temporary, digest) = self.write(table, &format!("{folder}/new.parquet"))?;
@@ -109,11 +104,7 @@ impl Lake {
         self.put_generation(key, temporary, name, month, runs, rows)
     }
 
-    pub fn put_compact_keys(
-        &self,
-        keys: &BTreeSet<String>,
-        month: &str,
-    ) -> Result<CompactFile, LakeError> {
+    pub fn put_compact_keys(&self, keys: &BTreeSet<String>, month: &str) -> Result<CompactFile> {
         let folder = format!("{COMPACT}/{KEYS}/{month}");
         let lines = keys.iter().flat_map(|key| [key.as_str(), "\n"]);
         let text: String = lines.collect();
@@ -134,22 +125,16 @@ impl Lake {
         month: &str,
         runs: u64,
         rows: u64,
-    ) -> Result<CompactFile, LakeError> {
+    ) -> Result<CompactFile> {
         let bytes = temporary.bytes().map_err(folder_error("write", &self.written_at(&key)))?;
         // Where it is there already it gets the same bytes, which its name is the digest of, and is new again.
         self.store.put(&key, temporary)?;
-        Ok(CompactFile {
-            table: table.to_owned(),
-            month: month.to_owned(),
-            file: key,
-            runs,
-            rows,
-            bytes,
-        })
+        let (table, month) = (table.to_owned(), month.to_owned());
+        Ok(CompactFile { table, month, file: key, runs, rows, bytes })
     }
 
     /// Reads the rows of a file of the compact form, checked by the digest of their content.
-    pub fn read_compact(&self, file: &CompactFile) -> Result<Table, LakeError> {
+    pub fn read_compact(&self, file: &CompactFile) -> Result<Table> {
         let schema = schema::find(&file.table)?;
         let open = self.store.open(&file.file)?;
         let place = self.store.place(&file.file).named();
@@ -171,7 +156,7 @@ impl Lake {
 
     /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their
     /// number.
-    pub fn remove_replaced(&self) -> Result<usize, LakeError> {
+    pub fn remove_replaced(&self) -> Result<usize> {
         let mut states: Vec<(u64, Listed)> = Vec::new();
         let listed = self.store.list(COMPACT, 1..=2)?;
         let found = listed.iter().filter_map(numbered);
@@ -197,7 +182,7 @@ impl Lake {
         Ok(gone.len() + unnamed.len())
     }
 
-    fn named_in(&self, state: &Listed) -> Result<Vec<String>, LakeError> {
+    fn named_in(&self, state: &Listed) -> Result<Vec<String>> {
         let mut text = String::new();
         let place = self.store.place(&state.key).named();
         let mut file = self.store.open_listed(state)?;
@@ -206,7 +191,7 @@ impl Lake {
         Ok(files.map(|own: CompactFile| own.file).collect())
     }
 
-    fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String), LakeError> {
+    fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String)> {
         let mut temporary = self.store.temporary(key)?;
         let written = temporary.write_all(bytes);
         let digest = written.and_then(|()| temporary.sync());

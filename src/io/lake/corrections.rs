@@ -5,7 +5,7 @@
 use std::path::Path;
 use std::time::SystemTime;
 
-use super::{Lake, LakeError, encoded, file_key};
+use super::{Lake, LakeError, Result, encoded, file_key};
 use crate::manifest::RunKey;
 use crate::rows::{Row as _, Word as _, row};
 use crate::schema::{self, KEY_COLUMNS};
@@ -124,7 +124,7 @@ impl Correction {
         }
     }
 
-    fn file_key(&self) -> Result<String, LakeError> {
+    fn file_key(&self) -> Result<String> {
         let (robot, session) =
             (encoded("robot", &self.key.robot)?, encoded("session", &self.key.session)?);
         let name = &self.digest()[..NAME];
@@ -177,7 +177,7 @@ impl Lake {
     }
 
     /// Sorted by robot, session and name; one that cannot be read does not stop the others.
-    pub fn corrections(&self) -> Result<Vec<Recorded>, LakeError> {
+    pub fn corrections(&self) -> Result<Vec<Recorded>> {
         let listed = self.store.list(CORRECTIONS, 2..=2)?.into_iter();
         let keys = listed.map(|listed| listed.key);
         let records = keys.filter(|key| is_correction(key)).map(|key| {
@@ -202,7 +202,7 @@ impl Lake {
     }
 
     /// Records a correction; returns whether it was not recorded yet.
-    pub fn record(&self, correction: &Correction) -> Result<bool, LakeError> {
+    pub fn record(&self, correction: &Correction) -> Result<bool> {
         let table = correction.table().map_err(|source| LakeError::Record { source })?;
         let key = correction.file_key()?;
         if self.store.exists(&key)? {

@@ -8,6 +8,8 @@ use crate::schema::SchemaError;
 use crate::store::{Place, StoreError};
 use crate::table::{FileError, TableError};
 
+pub(super) type Result<T, E = LakeError> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum LakeError {
     #[error(transparent)]

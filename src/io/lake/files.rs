@@ -5,7 +5,7 @@
 use std::fs::File;
 
 use super::compact::{self, COMPACT};
-use super::{Lake, LakeError, OVER_TIME, PAGES, file_key, is_correction, name, request_of};
+use super::{Lake, OVER_TIME, PAGES, Result, file_key, is_correction, name, request_of};
 use crate::manifest::RunKey;
 use crate::schema::{self, Role};
 use crate::store::Place;
@@ -35,14 +35,14 @@ pub enum Stands {
 
 impl Lake {
     /// All files below a folder of the lake, or of the whole lake where that is empty: hidden ones too, at any depth.
-    pub fn files(&self, folder: &str) -> Result<Vec<LakeFile>, LakeError> {
+    pub fn files(&self, folder: &str) -> Result<Vec<LakeFile>> {
         let keys = self.store.all(folder)?.into_iter();
         let file = |key: String| LakeFile { stands: Stands::of(&key), key };
         Ok(keys.map(file).collect())
     }
 
     /// The path, below the lake, of a file of a run: the table of that name, or its page ([`PAGES`]).
-    pub fn file_key(&self, table: &str, key: &RunKey) -> Result<String, LakeError> {
+    pub fn file_key(&self, table: &str, key: &RunKey) -> Result<String> {
         file_key(table, key)
     }
 
@@ -50,7 +50,7 @@ impl Lake {
         self.store.place(file_key)
     }
 
-    pub fn open_key(&self, file_key: &str) -> Result<File, LakeError> {
+    pub fn open_key(&self, file_key: &str) -> Result<File> {
         Ok(self.store.open(file_key)?)
     }
 

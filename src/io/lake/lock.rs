@@ -77,11 +77,8 @@ impl Holder {
         // A description that cannot be read is left empty.
         let _ = file.take(MOST_WORDS).read_to_end(&mut words);
         let signed = file.metadata().and_then(|metadata| metadata.modified());
-        Self {
-            path,
-            words: String::from_utf8_lossy(&words).into_owned(),
-            age: signed.ok().and_then(|signed| signed.elapsed().ok()),
-        }
+        let age = signed.ok().and_then(|signed| signed.elapsed().ok());
+        Self { path, words: String::from_utf8_lossy(&words).into_owned(), age }
     }
 }
 

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use parquet::errors::ParquetError;
 use rayon::prelude::*;
 
-use super::LakeError;
 use super::error::folder_error;
 use super::run::{OpenRun, into_io};
+use super::{LakeError, Result};
 use crate::manifest::Written;
 use crate::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::temporary::Temporary;
@@ -43,7 +43,7 @@ impl<'r> OpenTable<'r> {
         Self { run, begun: None }
     }
 
-    pub fn append(&mut self, part: &Table) -> Result<(), LakeError> {
+    pub fn append(&mut self, part: &Table) -> Result<()> {
         let begun = match &mut self.begun {
             Some(begun) => begun,
             none => none.insert(Begun::with(self.run, part)?),
@@ -92,13 +92,13 @@ impl<'r> OpenTable<'r> {
     }
 
     /// Syncs the table to the disk, still under its temporary name; `None` where there was no part.
-    pub fn finish(self) -> Result<Option<WholeTable>, LakeError> {
+    pub fn finish(self) -> Result<Option<WholeTable>> {
         self.begun.map(Begun::finish).transpose()
     }
 }
 
 impl Begun {
-    fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self, LakeError> {
+    fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self> {
         let key = run.file_key(first)?;
         let path = run.lake().written_at(&key);
         let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
@@ -118,11 +118,11 @@ impl Begun {
         })
     }
 
-    fn encode(&self, part: &Table) -> Result<RowGroups, LakeError> {
+    fn encode(&self, part: &Table) -> Result<RowGroups> {
         self.encoder.encode(part).map_err(|error| self.wrong(error))
     }
 
-    fn append(&mut self, part: &RowGroups) -> Result<(), LakeError> {
+    fn append(&mut self, part: &RowGroups) -> Result<()> {
         let appended = self.file.append(part);
         appended.map_err(|error| self.wrong(error))?;
         self.written.rows += part.rows();
@@ -133,7 +133,7 @@ impl Begun {
         folder_error("write", &self.path)(into_io(error))
     }
 
-    fn finish(self) -> Result<WholeTable, LakeError> {
+    fn finish(self) -> Result<WholeTable> {
         let Self { key, path, file, mut written, .. } = self;
         let wrong = |error: io::Error| folder_error("write", &path)(error);
         let mut temporary = file.finish().map_err(|error| wrong(into_io(error)))?;

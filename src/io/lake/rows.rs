@@ -4,7 +4,7 @@ use std::fs::File;
 
 use rayon::ThreadPoolBuilder;
 
-use super::{Lake, LakeError, RUNS};
+use super::{Lake, LakeError, RUNS, Result};
 use crate::schema;
 use crate::store::{Listed, Place};
 use crate::table::{self, Opened};
@@ -13,27 +13,27 @@ const AT_ONCE: usize = 64;
 const WAITING: usize = 16;
 
 /// The place of a row, and the row or why it cannot be read.
-pub type RunRow = (Place, Result<Opened, LakeError>);
+pub type RunRow = (Place, Result<Opened>);
 
 impl Lake {
     /// The rows of all runs, in the order of robot, session and run; one that cannot be read does not stop the others.
-    pub fn runs(&self) -> Result<Vec<RunRow>, LakeError> {
+    pub fn runs(&self) -> Result<Vec<RunRow>> {
         self.rows_of_all(RUNS)
     }
 
     /// The rows of all results that this table makes exist, likewise.
-    pub fn rows_of_all(&self, table: &str) -> Result<Vec<RunRow>, LakeError> {
+    pub fn rows_of_all(&self, table: &str) -> Result<Vec<RunRow>> {
         self.rows(table, table, 2)
     }
 
     /// The files of the rows of all runs, in the order of robot, session and run; nothing is read.
-    pub fn run_files(&self) -> Result<Vec<Listed>, LakeError> {
+    pub fn run_files(&self) -> Result<Vec<Listed>> {
         let mut listed = self.store.list(RUNS, 2..=2)?;
         listed.retain(|file| file.key.ends_with(".parquet"));
         Ok(listed)
     }
 
-    pub fn open_listed(&self, listed: &Listed) -> Result<File, LakeError> {
+    pub fn open_listed(&self, listed: &Listed) -> Result<File> {
         Ok(self.store.open_listed(listed)?)
     }
 
@@ -47,12 +47,7 @@ impl Lake {
     }
 
     /// The rows of a table `levels` folders below a folder.
-    pub(super) fn rows(
-        &self,
-        table: &str,
-        folder: &str,
-        levels: usize,
-    ) -> Result<Vec<RunRow>, LakeError> {
+    pub(super) fn rows(&self, table: &str, folder: &str, levels: usize) -> Result<Vec<RunRow>> {
         let schema = schema::find(table)?;
         let listed = self.store.list(folder, levels..=levels)?.into_iter();
         let listed: Vec<Listed> = listed.filter(|file| file.key.ends_with(".parquet")).collect();

@@ -6,7 +6,7 @@ use parquet::errors::ParquetError;
 
 use super::error::folder_error;
 use super::parts::WholeTable;
-use super::{Lake, LakeError, PAGES, file_key};
+use super::{Lake, LakeError, PAGES, Result, file_key};
 use crate::manifest::{RunKey, Written, digest};
 use crate::store::Tag;
 use crate::table::Table;
@@ -32,14 +32,8 @@ pub enum Commit {
 
 impl<'a> OpenRun<'a> {
     pub(super) fn new(lake: &'a Lake, key: &RunKey, rows: &'static str) -> Self {
-        Self {
-            lake,
-            key: key.clone(),
-            rows,
-            written: Vec::new(),
-            tags: Vec::new(),
-            kept: Vec::new(),
-        }
+        let (key, written) = (key.clone(), Vec::new());
+        Self { lake, key, rows, written, tags: Vec::new(), kept: Vec::new() }
     }
 
     pub const fn lake(&self) -> &Lake {
@@ -55,7 +49,7 @@ impl<'a> OpenRun<'a> {
     }
 
     /// Writes a table of the run; its session may be any of those that the run read.
-    pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
+    pub fn publish(&mut self, table: &Table) -> Result<()> {
         let key = self.file_key(table)?;
         let (temporary, digest) = self.lake.write(table, &key)?;
         let written = Written {
@@ -67,7 +61,7 @@ impl<'a> OpenRun<'a> {
         self.put_file(&key, temporary, written)
     }
 
-    pub fn publish_page(&mut self, html: &str) -> Result<(), LakeError> {
+    pub fn publish_page(&mut self, html: &str) -> Result<()> {
         let key = file_key(PAGES, &self.key)?;
         let mut temporary = self.lake.store.temporary(&key)?;
         let written = temporary.write_all(html.as_bytes());
@@ -83,19 +77,14 @@ impl<'a> OpenRun<'a> {
         self.kept.push(table);
     }
 
-    pub fn publish_kept(&mut self) -> Result<(), LakeError> {
+    pub fn publish_kept(&mut self) -> Result<()> {
         for table in std::mem::take(&mut self.kept) {
             self.put_file(&table.key, table.temporary, table.written)?;
         }
         Ok(())
     }
 
-    fn put_file(
-        &mut self,
-        key: &str,
-        temporary: Temporary,
-        written: Written,
-    ) -> Result<(), LakeError> {
+    fn put_file(&mut self, key: &str, temporary: Temporary, written: Written) -> Result<()> {
         let mut tag = None;
         if !self.lake.has(self.rows, &self.key)? {
             tag = self.lake.store.put(key, temporary)?;
@@ -110,7 +99,7 @@ impl<'a> OpenRun<'a> {
 
     /// Creates the run's row in `runs`, made with [`crate::tables::runs::table`], or that of a stage's result. Panics
     /// when the table is not that row.
-    pub fn commit(self, row: &Table) -> Result<Commit, LakeError> {
+    pub fn commit(self, row: &Table) -> Result<Commit> {
         assert_eq!(
             row.schema().table,
             self.rows,
@@ -129,11 +118,11 @@ impl<'a> OpenRun<'a> {
         })
     }
 
-    pub(super) fn temporary(&self, key: &str) -> Result<Temporary, LakeError> {
+    pub(super) fn temporary(&self, key: &str) -> Result<Temporary> {
         Ok(self.lake.store.temporary(key)?)
     }
 
-    pub(super) fn file_key(&self, table: &Table) -> Result<String, LakeError> {
+    pub(super) fn file_key(&self, table: &Table) -> Result<String> {
         match table.key() {
             Some(key) if key.run == self.key.run && key.robot == self.key.robot => {
                 file_key(&table.schema().table, key)
@@ -151,7 +140,7 @@ impl<'a> OpenRun<'a> {
     }
 
     /// Checks that a file is unchanged since it was written: by the store's tag, or by its digest where there is none.
-    fn check_unchanged(&self, written: &Written, tag: &Tag) -> Result<(), LakeError> {
+    fn check_unchanged(&self, written: &Written, tag: &Tag) -> Result<()> {
         let key = file_key(&written.table, &self.key.of_session(&written.session))?;
         if tag.is_some() && self.lake.store.tag(&key)? == *tag {
             return Ok(());
@@ -160,14 +149,11 @@ impl<'a> OpenRun<'a> {
         if found == written.digest {
             return Ok(());
         }
-        Err(LakeError::Changed {
-            place: self.lake.store.place(&key),
-            found,
-            written: written.digest.clone(),
-        })
+        let (place, written) = (self.lake.store.place(&key), written.digest.clone());
+        Err(LakeError::Changed { place, found, written })
     }
 
-    fn digest_of(&self, key: &str) -> Result<String, LakeError> {
+    fn digest_of(&self, key: &str) -> Result<String> {
         let place = self.lake.store.place(key).named();
         let digest = digest(self.lake.store.open(key)?).map_err(folder_error("read", &place))?;
         Ok(digest.0)

@@ -4,12 +4,11 @@ use std::fs;
 use std::io::Seek as _;
 use std::path::Path;
 
-use arrow_array::cast::AsArray as _;
-
 use super::error::folder_error;
-use super::{Lake, LakeError, encoded, rows_of};
+use super::{Lake, LakeError, Result, encoded, rows_of};
 use crate::input::{self, Bound};
 use crate::manifest::{RunKey, digest};
+use crate::rows::Field as _;
 use crate::schema::{self, TableSchema};
 use crate::table::{self, FileError, FileErrorKind, Opened, Seal, Table};
 
@@ -26,7 +25,7 @@ pub enum VouchedBy {
 
 impl Lake {
     /// Reads a table of a run unchecked, and states whether its content has the digest that its file carries.
-    pub fn read_as_it_is(&self, table: &str, key: &RunKey) -> Result<Opened, LakeError> {
+    pub fn read_as_it_is(&self, table: &str, key: &RunKey) -> Result<Opened> {
         let schema = schema::find(table)?;
         let file = self.open(table, key)?;
         let place = self.place(table, key)?.named();
@@ -35,14 +34,11 @@ impl Lake {
 
     /// `None` where there is no row; an error where the row does not name the file. A run that learnt from several
     /// sessions has files in the folder of each, and its row in one of them.
-    pub(super) fn written_digest(
-        &self,
-        table: &str,
-        key: &RunKey,
-    ) -> Result<Option<String>, LakeError> {
+    pub(super) fn written_digest(&self, table: &str, key: &RunKey) -> Result<Option<String>> {
         let Some(row) = self.row_of(rows_of(table), key)? else { return Ok(None) };
         let name = format!("{table}/{}", key.session);
-        let [names, digests] = ["table_names", "table_digests"].map(|own| texts(&row, own));
+        let texts = |column| Vec::<String>::all(&row, column).next().unwrap_or_default();
+        let (names, digests) = (texts(&["table_names"]), texts(&["table_digests"]));
         let place = names.iter().position(|own| *own == name);
         match place.and_then(|place| digests.get(place)) {
             Some(digest) => Ok(Some(digest.clone())),
@@ -53,7 +49,7 @@ impl Lake {
     }
 
     /// The row of the run, or of the session as joined, that has a file with this key.
-    fn row_of(&self, rows: &str, key: &RunKey) -> Result<Option<Table>, LakeError> {
+    fn row_of(&self, rows: &str, key: &RunKey) -> Result<Option<Table>> {
         if self.has(rows, key)? {
             return Ok(Some(self.read(rows, key)?));
         }
@@ -69,31 +65,20 @@ impl Lake {
     }
 
     /// Reads a table of a run, which has to have the digest in its row of `runs`, where there is one.
-    pub(super) fn read_vouched(
-        &self,
-        table: &str,
-        key: &RunKey,
-    ) -> Result<(Table, VouchedBy), LakeError> {
+    pub(super) fn read_vouched(&self, table: &str, key: &RunKey) -> Result<(Table, VouchedBy)> {
         if table != rows_of(table)
             && let Some(written) = self.written_digest(table, key)?
         {
             return Ok((self.read_written(table, key, &written)?, VouchedBy::Row));
         }
         let opened = self.read_as_it_is(table, key)?;
-        let vouched = match &opened.seal {
-            Seal::Absent => VouchedBy::Nothing,
-            Seal::Holds | Seal::Broken { .. } => VouchedBy::Itself,
-        };
+        let is_sealed = opened.seal != Seal::Absent;
+        let vouched = if is_sealed { VouchedBy::Itself } else { VouchedBy::Nothing };
         Ok((opened.believed(&self.place(table, key)?.named())?, vouched))
     }
 
     /// Reads a table of a run whose file has to have this digest.
-    pub fn read_written(
-        &self,
-        table: &str,
-        key: &RunKey,
-        written: &str,
-    ) -> Result<Table, LakeError> {
+    pub fn read_written(&self, table: &str, key: &RunKey, written: &str) -> Result<Table> {
         let place = self.place(table, key)?;
         let named = place.named();
         let wrong = folder_error("read", &named);
@@ -106,7 +91,7 @@ impl Lake {
         Ok(table::open(file, &named, schema::find(table)?)?.believed(&named)?)
     }
 
-    fn has_rows(&self) -> Result<bool, LakeError> {
+    fn has_rows(&self) -> Result<bool> {
         Ok(!self.store.list("runs", 2..=2)?.is_empty())
     }
 }
@@ -134,10 +119,8 @@ pub(super) fn read_by_path(
         input::open(path, Bound::TABLE).map_err(|source| FileErrorKind::Open(source).at(path))?;
     let opened = table::open_within(file, path, schema, Bound::TABLE.of_values())?;
     let Some(lake) = lake_of(path, schema) else {
-        let vouched = match &opened.seal {
-            Seal::Absent => VouchedBy::Nothing,
-            Seal::Holds | Seal::Broken { .. } => VouchedBy::Itself,
-        };
+        let is_sealed = opened.seal != Seal::Absent;
+        let vouched = if is_sealed { VouchedBy::Itself } else { VouchedBy::Nothing };
         return Ok((opened.believed(path)?, vouched));
     };
     let problem = |problem: String| FileErrorKind::NotOfLake(problem).at(path);
@@ -181,13 +164,4 @@ fn lake_of(path: &Path, schema: &TableSchema) -> Option<Lake> {
     }
     let lake = Lake::new(folder.parent()?);
     lake.has_rows().unwrap_or(true).then_some(lake)
-}
-
-fn texts(row: &Table, column: &str) -> Vec<String> {
-    if row.rows() == 0 {
-        return Vec::new();
-    }
-    let list = row.list(column).value(0);
-    let texts = list.as_string::<i32>().iter().flatten();
-    texts.map(str::to_owned).collect()
 }

@@ -71,14 +71,16 @@ impl Tally {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Outcome {
+    #[default]
     Walked,
     /// The block defines something new: it has to be walked again when its turn comes.
     Defines,
     Rejected(BlockFault),
 }
 
+#[derive(Default)]
 pub struct Block<P> {
     pub extent: Extent,
     pub stored: Vec<u8>,
@@ -95,25 +97,6 @@ pub struct Block<P> {
     pub indexed: Option<u64>,
     records: Vec<u8>,
     decompressor: Decompressor,
-}
-
-impl<P: Default> Default for Block<P> {
-    fn default() -> Self {
-        Self {
-            extent: Extent::default(),
-            stored: Vec::new(),
-            part: P::default(),
-            outcome: Outcome::Walked,
-            faults: Vec::new(),
-            metadata: Metadata::default(),
-            messages: 0,
-            of_channels: Vec::new(),
-            private_records: BTreeMap::new(),
-            indexed: None,
-            records: Vec::new(),
-            decompressor: Decompressor::default(),
-        }
-    }
 }
 
 impl<P> Block<P> {

@@ -27,28 +27,14 @@ pub use records::Records;
 /// Most candidates for a new frame that are tried in one log; it bounds the time that a hostile log takes.
 const MOST_PROBES: u32 = 1_000_000;
 
+/// What stands from `start` to `end`. A record is a schema, a channel, a message or metadata; a log is another one, which begins with
+/// its magic bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
-    /// A schema, channel, message or metadata record from `start` to `end`; `is_message` is true for a message.
-    Record {
-        start: u64,
-        end: u64,
-        is_message: bool,
-    },
-    Chunk {
-        start: u64,
-        end: u64,
-        chunk: ChunkRecord,
-    },
-    Private {
-        start: u64,
-        end: u64,
-        opcode: u8,
-    },
-    /// Another log begins here, with its magic bytes.
-    Log {
-        start: u64,
-    },
+    Record { start: u64, end: u64, is_message: bool },
+    Chunk { start: u64, end: u64, chunk: ChunkRecord },
+    Private { start: u64, end: u64, opcode: u8 },
+    Log { start: u64 },
     Lost(Lost),
 }
 
@@ -76,23 +62,9 @@ struct LogSoFar {
 }
 
 impl<'s> Frames<'s> {
-    pub const fn new(source: &'s mut Source, at: u64, limits: Limits) -> Self {
-        Self {
-            source,
-            limits,
-            at,
-            probes_left: MOST_PROBES,
-            before: None,
-            ended: false,
-            log: LogSoFar {
-                start: 0,
-                chunked: false,
-                went_on: false,
-                data_crc: None,
-                data_end: None,
-                end: None,
-            },
-        }
+    pub fn new(source: &'s mut Source, at: u64, limits: Limits) -> Self {
+        let (probes_left, log) = (MOST_PROBES, LogSoFar::default());
+        Self { source, limits, at, probes_left, before: None, ended: false, log }
     }
 
     /// Continues with the log that begins at `start`; its header ends at byte `at`.

@@ -128,13 +128,9 @@ impl<'s> SessionStreams<'s> {
             let in_order = of_poses(PoseBuffer::lengths(own), &own.topic);
             OrderedStream::new(in_order, SpillingPoses::default())
         });
-        Self {
-            joints: OrderedStream::new(of_joints, joints),
-            commands,
-            readings: readings.collect(),
-            temperatures,
-            lengths: lengths.collect(),
-        }
+        let joints = OrderedStream::new(of_joints, joints);
+        let (readings, lengths) = (readings.collect(), lengths.collect());
+        Self { joints, commands, readings, temperatures, lengths }
     }
 
     /// The blocks of a stream that follow are from this file.

@@ -68,12 +68,8 @@ impl ReadSummary {
 
     /// Bytes that cannot be read, each counted once; not those of sound messages that a stream cannot use.
     pub fn bytes_lost(&self) -> u64 {
-        let mut ranges: Vec<_> = self
-            .rejects
-            .iter()
-            .filter(|reject| reject.is_damage())
-            .map(|reject| (reject.byte_start, reject.byte_end))
-            .collect();
+        let damage = self.rejects.iter().filter(|reject| reject.is_damage());
+        let mut ranges: Vec<_> = damage.map(|own| (own.byte_start, own.byte_end)).collect();
         ranges.sort_unstable();
         let mut reached = 0;
         let mut lost = 0;

@@ -112,12 +112,9 @@ pub struct SchemaRecord<'a> {
 impl<'a> SchemaRecord<'a> {
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        let schema = Self {
-            id: fields.u16().filter(|&id| id != 0)?,
-            name: fields.text()?,
-            encoding: fields.text()?,
-            definition: fields.bytes()?,
-        };
+        let id = fields.u16().filter(|&id| id != 0)?;
+        let (name, encoding, definition) = (fields.text()?, fields.text()?, fields.bytes()?);
+        let schema = Self { id, name, encoding, definition };
         fields.end().map(|()| schema)
     }
 }
@@ -135,12 +132,9 @@ pub struct ChannelRecord<'a> {
 impl<'a> ChannelRecord<'a> {
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        let channel = Self {
-            id: fields.u16()?,
-            schema_id: fields.u16()?,
-            topic: fields.text()?,
-            encoding: fields.text()?,
-        };
+        let (id, schema_id) = (fields.u16()?, fields.u16()?);
+        let (topic, encoding) = (fields.text()?, fields.text()?);
+        let channel = Self { id, schema_id, topic, encoding };
         fields.text_map()?;
         fields.end().map(|()| channel)
     }

@@ -46,13 +46,8 @@ pub enum Refused {
 
 impl<D> Default for Registry<D> {
     fn default() -> Self {
-        Self {
-            schemas: BTreeMap::new(),
-            channels: BTreeMap::new(),
-            known: BTreeSet::new(),
-            before: 0,
-            size: 0,
-        }
+        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
+        Self { schemas, channels, known: BTreeSet::new(), before: 0, size: 0 }
     }
 }
 
@@ -119,12 +114,9 @@ impl<D> Registry<D> {
         if let Err(refused) = self.grow(record.topic.len() + record.encoding.len()) {
             return Ok(Err(refused));
         }
-        let channel = Channel {
-            id: record.id,
-            schema_id: record.schema_id,
-            topic: record.topic.to_owned(),
-            encoding: record.encoding.to_owned(),
-        };
+        let ChannelRecord { id, schema_id, topic, encoding } = *record;
+        let (topic, encoding) = (topic.to_owned(), encoding.to_owned());
+        let channel = Channel { id, schema_id, topic, encoding };
         let decoder = decoder(&channel, self.schemas.get(&record.schema_id))?;
         self.channels.insert(record.id, (channel, decoder));
         Ok(Ok(()))

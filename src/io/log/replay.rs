@@ -55,14 +55,8 @@ pub fn read_session(
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, LogError> {
-    let mut source = LogSource {
-        logs,
-        mapping,
-        limits,
-        progress,
-        buffered: BUFFERED,
-        amendments: Amendments::default(),
-    };
+    let (buffered, amendments) = (BUFFERED, Amendments::default());
+    let mut source = LogSource { logs, mapping, limits, progress, buffered, amendments };
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
     let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {
@@ -78,12 +72,8 @@ pub fn read_session(
     }
     rejects
         .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
-    Ok(SessionRead {
-        input: input(joints, ordered, mapping),
-        rejects,
-        metadata: files.metadata,
-        counts,
-    })
+    let (input, metadata) = (input(joints, ordered, mapping), files.metadata);
+    Ok(SessionRead { input, rejects, metadata, counts })
 }
 
 /// The streams as the join takes them, each under the name that the mapping gives it.

@@ -125,11 +125,8 @@ impl<'m, 's> Streams<'m, 's> {
         channel: &Channel,
         schema: Option<&Schema>,
     ) -> Result<Reader, LogError> {
-        let at = |source| LogError::Schema {
-            file: self.file.clone(),
-            topic: channel.topic.clone(),
-            source,
-        };
+        let (file, topic) = (&self.file, &channel.topic);
+        let at = |source| LogError::Schema { file: file.clone(), topic: topic.clone(), source };
         let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
         let unsuitable = |fields: Vec<String>| {
             LogError::Unsuitable(Box::new(Unsuitable {

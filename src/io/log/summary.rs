@@ -76,11 +76,8 @@ fn read_footer(at: u64, tail: &[u8]) -> Option<Footer> {
     let (_offsets, rest) = rest.split_first_chunk::<8>()?;
     let (crc, magic) = rest.split_first_chunk::<4>()?;
     let sound = opcode == op::FOOTER && u64::from_le_bytes(*length) == 20 && magic == MAGIC;
-    sound.then_some(Footer {
-        at,
-        summary_start: u64::from_le_bytes(*start),
-        crc: u32::from_le_bytes(*crc),
-    })
+    let (summary_start, crc) = (u64::from_le_bytes(*start), u32::from_le_bytes(*crc));
+    sound.then_some(Footer { at, summary_start, crc })
 }
 
 #[derive(Debug, Default)]

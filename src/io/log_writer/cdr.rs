@@ -1,6 +1,6 @@
 //! Little-endian CDR (XCDR1): values aligned to their size, counted from the end of the encapsulation header.
 
-use super::LogWriteError;
+use super::{LogWriteError, Result};
 
 /// Encapsulation header of little-endian CDR: the representation, then two bytes of options.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
@@ -39,7 +39,7 @@ impl Cdr {
     }
 
     /// The number of values that follow.
-    pub(super) fn length(&mut self, topic: &str, length: usize) -> Result<(), LogWriteError> {
+    pub(super) fn length(&mut self, topic: &str, length: usize) -> Result<()> {
         let counted = u32::try_from(length)
             .map_err(|_| LogWriteError::TooLong { topic: topic.to_owned(), found: length })?;
         self.u32(counted);
@@ -47,7 +47,7 @@ impl Cdr {
     }
 
     /// A string: its length with the closing NUL, then its bytes.
-    pub(super) fn string(&mut self, topic: &str, text: &str) -> Result<(), LogWriteError> {
+    pub(super) fn string(&mut self, topic: &str, text: &str) -> Result<()> {
         self.length(topic, text.len().saturating_add(1))?;
         self.bytes.extend(text.as_bytes());
         self.bytes.push(0);

@@ -22,6 +22,8 @@ const POSE: &str = "\
 MSG: geometry_msgs/Pose
 geometry_msgs/Point position
 geometry_msgs/Quaternion orientation
+";
+const QUATERNION: &str = "\
 ================================================================================
 MSG: geometry_msgs/Quaternion
 float64 x
@@ -36,23 +38,20 @@ pub(super) struct Topic {
     pub(super) definition: String,
 }
 
+/// The topic of messages of a header and these fields, whose types are defined in this order.
+fn topic(name: &str, schema: &'static str, fields: &str, types: &str) -> Topic {
+    let definition = format!("std_msgs/Header header\n{fields}{HEADER}{types}");
+    Topic { name: name.to_owned(), schema, definition }
+}
+
 pub(super) fn joint_topic() -> Topic {
-    let fields = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
-    Topic {
-        name: "/joint_states".to_owned(),
-        schema: "sensor_msgs/msg/JointState",
-        definition: format!("{fields}{HEADER}"),
-    }
+    let fields = "string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+    topic("/joint_states", "sensor_msgs/msg/JointState", fields, "")
 }
 
 pub(super) fn pose_topic(name: &str) -> Topic {
-    Topic {
-        name: name.to_owned(),
-        schema: "geometry_msgs/msg/PoseStamped",
-        definition: format!(
-            "std_msgs/Header header\ngeometry_msgs/Pose pose\n{HEADER}{POSE}{POINT}"
-        ),
-    }
+    let types = format!("{POSE}{QUATERNION}{POINT}");
+    topic(name, "geometry_msgs/msg/PoseStamped", "geometry_msgs/Pose pose\n", &types)
 }
 
 /// Poses that state their covariance; positions alone have no rotation, and `ignore_orientation` leaves it out.
@@ -63,21 +62,15 @@ MSG: geometry_msgs/PoseWithCovariance
 geometry_msgs/Pose pose
 float64[36] covariance
 ";
-    Topic {
-        name: "/tracker/pose_with_covariance".to_owned(),
-        schema: "geometry_msgs/msg/PoseWithCovarianceStamped",
-        definition: format!(
-            "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose\n{HEADER}{covariance}{POSE}{POINT}"
-        ),
-    }
+    let schema = "geometry_msgs/msg/PoseWithCovarianceStamped";
+    let fields = "geometry_msgs/PoseWithCovariance pose\n";
+    let types = format!("{covariance}{POSE}{QUATERNION}{POINT}");
+    topic("/tracker/pose_with_covariance", schema, fields, &types)
 }
 
 pub(super) fn point_topic() -> Topic {
-    Topic {
-        name: "/tracker/point".to_owned(),
-        schema: "geometry_msgs/msg/PointStamped",
-        definition: format!("std_msgs/Header header\ngeometry_msgs/Point point\n{HEADER}{POINT}"),
-    }
+    let fields = "geometry_msgs/Point point\n";
+    topic("/tracker/point", "geometry_msgs/msg/PointStamped", fields, POINT)
 }
 
 /// Transforms to targets that each message names.
@@ -93,41 +86,18 @@ float64 x
 float64 y
 float64 z
 ";
-    let quaternion = "\
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-";
-    Topic {
-        name: "/tracker/targets".to_owned(),
-        schema: "geometry_msgs/msg/TransformStamped",
-        definition: format!(
-            "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n{HEADER}{transform}{quaternion}"
-        ),
-    }
+    let fields = "string child_frame_id\ngeometry_msgs/Transform transform\n";
+    let types = format!("{transform}{QUATERNION}");
+    topic("/tracker/targets", "geometry_msgs/msg/TransformStamped", fields, &types)
 }
 
 pub(super) fn temperature_topic() -> Topic {
-    Topic {
-        name: "/tracker/temperature".to_owned(),
-        schema: "sensor_msgs/msg/Temperature",
-        definition: format!(
-            "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n{HEADER}"
-        ),
-    }
+    let fields = "float64 temperature\nfloat64 variance\n";
+    topic("/tracker/temperature", "sensor_msgs/msg/Temperature", fields, "")
 }
 
 /// Readings of an instrument of one length.
 pub(super) fn length_topic(name: &str) -> Topic {
-    Topic {
-        name: format!("/lengths/{name}"),
-        schema: "sensor_msgs/msg/Range",
-        definition: format!(
-            "std_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n\
-             float32 range\n{HEADER}"
-        ),
-    }
+    let fields = "uint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\nfloat32 range\n";
+    topic(&format!("/lengths/{name}"), "sensor_msgs/msg/Range", fields, "")
 }

@@ -18,6 +18,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::Selection;
 use crate::kinematics::RobotFile;
 
+use error::Result;
 pub use error::UrdfError;
 pub(super) use error::printable;
 pub(super) use joint::mm;
@@ -57,7 +58,7 @@ fn of_document(
     path: &Path,
     document: &Document<'_>,
     selection: &Selection,
-) -> Result<(RobotFile, LeftOut), UrdfError> {
+) -> Result<(RobotFile, LeftOut)> {
     let tree = Tree::of(document)?;
     let ends = tree.ends(selection)?;
     let steps = tree.steps(&ends);
@@ -74,7 +75,7 @@ fn of_document(
 }
 
 /// The XML of a URDF: foreign text, so without entities and of a bounded size.
-pub(crate) fn document(text: &str) -> Result<Document<'_>, UrdfError> {
+pub(crate) fn document(text: &str) -> Result<Document<'_>> {
     let mut tags = text.split('<').enumerate();
     let quotes = |tag: &str| tag.bytes().filter(|byte| matches!(byte, b'"' | b'\'')).count();
     if let Some((place, _)) = tags.find(|(_, tag)| quotes(tag) > MOST_QUOTES) {

@@ -148,11 +148,8 @@ pub(super) fn one(table: &MeasuredTable, key: &str, column: &str) -> Found<usize
 }
 
 fn no_column(key: &str, value: &str, source: ColumnError) -> StationTableErrorKind {
-    StationTableErrorKind::Column {
-        key: key.to_owned(),
-        value: value.to_owned(),
-        source: Box::new(source),
-    }
+    let (key, value) = (key.to_owned(), value.to_owned());
+    StationTableErrorKind::Column { key, value, source: Box::new(source) }
 }
 
 impl Sum {
@@ -171,10 +168,8 @@ impl Sum {
             }
         }
         if sum.terms.is_empty() {
-            return Err(StationTableErrorKind::Empty {
-                key: key.to_owned(),
-                value: value.to_owned(),
-            });
+            let (key, value) = (key.to_owned(), value.to_owned());
+            return Err(StationTableErrorKind::Empty { key, value });
         }
         Ok(sum)
     }

@@ -69,16 +69,8 @@ pub(super) fn rows(
     slides: &[bool],
     file: String,
 ) -> StationTable {
-    let mut reader = Reader {
-        table,
-        columns,
-        settings,
-        slides,
-        file,
-        apart: Vec::new(),
-        covariances: CovarianceCounts::NONE,
-        rejects: Vec::new(),
-    };
+    let (apart, covariances, rejects) = (Vec::new(), CovarianceCounts::NONE, Vec::new());
+    let mut reader = Reader { table, columns, settings, slides, file, apart, covariances, rejects };
     let broken = broken(table, settings);
     for row in &broken {
         reader.reject(RowItem::Row, row.line, Fault::of(row.reason.to_string()));
@@ -218,20 +210,16 @@ impl Reader<'_> {
             .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
         let place = self.settings.targets.iter().position(|target| *target == named);
         let unknown = || {
-            Fault::in_column(
-                Some(column),
-                &format!("its target {named:?} is none of [stations] targets"),
-            )
+            let problem = format!("its target {named:?} is none of [stations] targets");
+            Fault::in_column(Some(column), &problem)
         };
         place.map(TargetId).ok_or_else(unknown)
     }
 
     fn same_joints(&self, row: usize, station: &Row) -> Result<(), Fault> {
-        let same = self
-            .joints(row)?
-            .iter()
-            .zip(&station.joints)
-            .all(|(own, other)| (own - other).abs() <= 1e-9);
+        let joints = self.joints(row)?;
+        let mut pairs = joints.iter().zip(&station.joints);
+        let same = pairs.all(|(own, other)| (own - other).abs() <= 1e-9);
         let differ = || {
             Fault::of(format!(
                 "its joint angles are not those of line {}, which is of the same station",
@@ -507,11 +495,9 @@ impl Reader<'_> {
         let squares = deviations.iter().map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
         let squares = squares.collect::<Result<Vec<f64>, Fault>>()?;
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        Ok(MeanOrientation {
-            orientation: self.orientation(sums, row, columns)?,
-            scatter_rad: to_rad * mean.sqrt(),
-            stated_covariance: None,
-        })
+        let orientation = self.orientation(sums, row, columns)?;
+        let scatter_rad = to_rad * mean.sqrt();
+        Ok(MeanOrientation { orientation, scatter_rad, stated_covariance: None })
     }
 
     fn orientation(

@@ -65,31 +65,22 @@ pub enum FigureKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
     Mean,
-    /// Root mean square.
     Rms,
-    /// 95th percentile.
     P95,
-    /// 99th percentile.
     P99,
     Max,
-    /// Mean and three standard deviations.
     MeanPlus3Sd,
     /// Distribution-free upper tolerance bound.
     Bound,
     Iso(Characteristic),
     /// Share of stations inside their 95 % ellipsoid.
     ShareInEllipsoid,
-    /// Mean squared Mahalanobis distance.
     MeanMahalanobisSquared,
 }
 
 words! {
     BeforeAfter { Before: "before", After: "after" }
-    FigureKind {
-        PositionError: "position_error",
-        Iso9283: "iso_9283",
-        Coverage: "coverage",
-    }
+    FigureKind { PositionError: "position_error", Iso9283: "iso_9283", Coverage: "coverage" }
     FigureName {
         Mean: "mean",
         Rms: "rms",

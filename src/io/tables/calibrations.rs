@@ -13,13 +13,11 @@ use crate::fit::{
 };
 use crate::join::{Reading, ReadingKind, Station};
 use crate::judgement::Outcome;
-use crate::kinematics::Convention;
-use crate::kinematics::{Motion, Parameter};
+use crate::kinematics::{Convention, Motion, Parameter};
 use crate::report::{Angles, Model};
 use crate::rows::{columns, row, words};
 
 row! {
-    /// An identified model, its determinacy, and the conditions that it is valid for.
     pub struct CalibrationRow of "calibrations" {
         model_kind: Model,
         parts: Vec<String>,
@@ -137,6 +135,7 @@ fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
     let parallel = arm.parallel_joints();
     let parallel = parallel.iter().filter_map(|joint| arm.joints().get(joint - 1));
     let stated = |value: f64| (value > 0.0).then_some(value);
+    let target = outcome.error_frame.frames().flange_from_target.origin();
     ArmColumns {
         arm_model: arm.model().to_owned(),
         convention: arm.convention(),
@@ -148,13 +147,7 @@ fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
         prior_length_mm: stated(context.fit.prior_length_mm),
         prior_angle_rad: stated(context.fit.prior_angle_mrad * 1e-3),
         flange_from_tool: *outcome.error_frame.flange_from_tool(),
-        error_frame_target: outcome
-            .error_frame
-            .frames()
-            .flange_from_target
-            .origin()
-            .coords()
-            .into(),
+        error_frame_target: target.coords().into(),
         configurations: configurations(outcome),
         model_version: VERSION,
         valid_for: ValidFor::of(outcome, context),

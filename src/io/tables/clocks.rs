@@ -6,7 +6,6 @@ use crate::rows::row;
 const PPM: f64 = 1e6;
 
 row! {
-    /// The relation of a session's clocks.
     pub struct ClockRow of "clocks" {
         origin_ns: i64,
         offset_ns: f64,

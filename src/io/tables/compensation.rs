@@ -105,6 +105,7 @@ fn of_table(
 ) -> TableColumns {
     let turn = context.command_from_base.isometry().rotation;
     let verdict = outcome.verdict.table();
+    let target = outcome.error_frame.frames().flange_from_target.origin();
     TableColumns {
         orientation: 0,
         table_id: table_id(key).to_owned(),
@@ -127,13 +128,7 @@ fn of_table(
         verdict: (&verdict.verdict()).into(),
         reason: verdict.reason(),
         table_and_arm: context.pairs.table_and_arm.map(|own| own.words()),
-        flange_from_target: outcome
-            .error_frame
-            .frames()
-            .flange_from_target
-            .origin()
-            .coords()
-            .into(),
+        flange_from_target: target.coords().into(),
         valid_for: ValidFor::of(outcome, context),
     }
 }
@@ -216,12 +211,8 @@ impl<'a> Support<'a> {
 /// The largest joint difference to the station for which it is smallest, rad; a mm of sliding counts as a mrad.
 fn nearest_rad(joints: &[f64], stations: &[&Station], counted: &[f64]) -> Option<f64> {
     let apart = |station: &&Station| {
-        let differences = station
-            .joints
-            .iter()
-            .zip(joints)
-            .zip(counted)
-            .map(|((a, b), counted)| (a - b).abs() * counted);
+        let pairs = station.joints.iter().zip(joints).zip(counted);
+        let differences = pairs.map(|((a, b), counted)| (a - b).abs() * counted);
         differences.fold(0.0, f64::max)
     };
     stations.iter().map(apart).min_by(f64::total_cmp)

@@ -106,13 +106,7 @@ fn readings(sessions: &[&JoinedSession]) -> StageCount {
         ("missing", sum(|c| c.missing)),
     ];
     let kept = sum(|c| c.kept);
-    StageCount {
-        stage: "join",
-        of: "readings",
-        read: kept + rejected.iter().map(|(_, count)| count).sum::<u64>(),
-        kept,
-        rejected: nonzero(rejected),
-    }
+    whole("join", "readings", kept, nonzero(rejected))
 }
 
 fn dwells(sessions: &[&JoinedSession]) -> StageCount {
@@ -166,13 +160,17 @@ fn grid(outcome: &Outcome<'_>) -> Option<StageCount> {
         rejected.insert(refusal.name().to_owned(), *count as u64);
     }
     let kept = held_out.counted().visits as u64;
-    Some(StageCount {
-        stage: "grid",
-        of: "held-out stations of the chosen step",
-        read: kept + rejected.values().sum::<u64>(),
-        kept,
-        rejected,
-    })
+    Some(whole("grid", "held-out stations of the chosen step", kept, rejected))
+}
+
+/// The count of a stage that states what it kept and rejected.
+fn whole(
+    stage: &'static str,
+    of: &'static str,
+    kept: u64,
+    rejected: BTreeMap<String, u64>,
+) -> StageCount {
+    StageCount { stage, of, read: kept + rejected.values().sum::<u64>(), kept, rejected }
 }
 
 fn nonzero<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {

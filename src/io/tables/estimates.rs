@@ -1,7 +1,7 @@
 //! `estimates`: what an estimate trained, for runs that differ in what comes after it. Its row makes it exist; `estimate_residuals` has the
 //! errors of its stations.
 
-use super::PublishError;
+use super::Result;
 use super::residuals::{self, EstimateResidualRow};
 use super::stage_results::{self, MadeColumns, NotRestored, signed};
 use crate::judgement::StoredTrainings;
@@ -50,22 +50,14 @@ pub fn inputs<'s>(
 }
 
 /// The table `estimate_residuals`; `targets` are the names of targets, where there are several.
-pub fn residuals(
-    sets: &[ResidualSet],
-    targets: &[String],
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+pub fn residuals(sets: &[ResidualSet], targets: &[String], key: &RunKey) -> Result<Table> {
     let rows = residuals::rows(sets, targets).into_iter();
     let rows = rows.map(|residual| EstimateResidualRow { residual }).collect();
     Ok(EstimateResidualRow::table(rows, key)?.table)
 }
 
 /// The table `estimates` of what this work trained, whose residuals were written as `written`.
-pub fn table(
-    trained: &StoredTrainings,
-    work: &Work,
-    written: &[Written],
-) -> Result<Table, PublishError> {
+pub fn table(trained: &StoredTrainings, work: &Work, written: &[Written]) -> Result<Table> {
     let (robots, sessions): (Vec<&Input>, Vec<&Input>) =
         work.inputs.iter().partition(|input| input.name == ROBOT);
     let row = EstimateRow {

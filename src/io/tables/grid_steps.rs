@@ -68,21 +68,19 @@ row! {
 }
 
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<StepRow> {
-    let judged = outcome.grids.judged.iter().enumerate();
-    judged
-        .map(|(place, judged)| {
-            let choice = &outcome.grids.choice;
-            let why = |picked: &Option<Picked>| {
-                let own = picked.as_ref().filter(|picked| picked.row == place)?;
-                Some(own.words.clone())
-            };
-            StepRow {
-                choice_within: why(&choice.within),
-                choice_fewest_nodes: why(&choice.fewest_nodes),
-                ..row(judged, outcome, context)
-            }
-        })
-        .collect()
+    let row = |(place, judged): (usize, &Judged)| {
+        let choice = &outcome.grids.choice;
+        let why = |picked: &Option<Picked>| {
+            let own = picked.as_ref().filter(|picked| picked.row == place)?;
+            Some(own.words.clone())
+        };
+        StepRow {
+            choice_within: why(&choice.within),
+            choice_fewest_nodes: why(&choice.fewest_nodes),
+            ..row(judged, outcome, context)
+        }
+    };
+    outcome.grids.judged.iter().enumerate().map(row).collect()
 }
 
 fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> StepRow {
@@ -92,6 +90,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
     let (held_out, counted) = (&judged.held_out, judged.held_out.counted());
     let (excess, covered) = (held_out.excess(), judged.covered.as_ref());
     let cells = |of: &[Refusal]| refused_cells(judged, of);
+    let configuration = outcome.grids.configuration.as_ref().filter(|_| is_table);
     StepRow {
         source: judged.source,
         interpolation: judged.interpolation,
@@ -105,12 +104,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         },
         of_session: of_session(judged, outcome),
         orientation: is_table.then_some(0),
-        configuration: outcome
-            .grids
-            .configuration
-            .as_ref()
-            .filter(|_| is_table)
-            .map(Configuration::to_string),
+        configuration: configuration.map(Configuration::to_string),
         step_mm: judged.step_mm,
         pitch_mm: judged.pitch_mm,
         nodes: Some(judged.nodes),

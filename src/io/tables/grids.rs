@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::PublishError;
+use super::Result;
 use super::stage_results::{self, FileColumns, MadeColumns, NotRestored, signed};
 use crate::grid::answers::Answer;
 use crate::grid::{Interpolation, Judgement, Source, StepAnswers};
@@ -18,7 +18,6 @@ use crate::table::Table;
 pub const ESTIMATE: &str = "estimate";
 
 row! {
-    /// The steps of an estimate's grids.
     pub struct GridsRow of "grids" {
         made: MadeColumns,
         estimate: String,
@@ -48,7 +47,7 @@ pub fn work(robot: &str, session: &str, estimate: &str, settings: String) -> Wor
     Work::of_stage(robot, session, Vec::new(), vec![input], settings)
 }
 
-pub fn errors(steps: &[StepAnswers], key: &RunKey) -> Result<Table, PublishError> {
+pub fn errors(steps: &[StepAnswers], key: &RunKey) -> Result<Table> {
     let of_step = |step: &StepAnswers| {
         let row = |own: &Answer| GridErrorRow {
             step_mm: step.step_mm,
@@ -67,11 +66,7 @@ pub fn errors(steps: &[StepAnswers], key: &RunKey) -> Result<Table, PublishError
 }
 
 /// The table `grids` of the steps of this work, whose answers were written as `written`.
-pub fn table(
-    steps: &[StepAnswers],
-    work: &Work,
-    written: &[Written],
-) -> Result<Table, PublishError> {
+pub fn table(steps: &[StepAnswers], work: &Work, written: &[Written]) -> Result<Table> {
     let estimate = work.inputs.iter().find(|input| input.name == ESTIMATE);
     let row = GridsRow {
         made: work.into(),

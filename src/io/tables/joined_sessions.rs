@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::PublishError;
+use super::Result;
 use super::readings::{self, ReadingRow};
 use super::stage_results::{self, FileColumns, InputColumns, MadeColumns, NotRestored, signed};
 use crate::ingest::LogReject;
@@ -74,16 +74,12 @@ pub fn work(robot: &str, session: &str, inputs: Vec<Input>, settings: String) ->
     Work::of_stage(robot, session, vec![session.to_owned()], inputs, settings)
 }
 
-pub fn readings(session: &JoinedSession, key: &RunKey) -> Result<Rows<ReadingRow>, PublishError> {
+pub fn readings(session: &JoinedSession, key: &RunKey) -> Result<Rows<ReadingRow>> {
     Ok(Row::table(readings::rows(&session.joined.stations), key)?)
 }
 
 /// The table `joined_sessions` of a session whose readings were written as `written`.
-pub fn table(
-    session: &JoinedSession,
-    work: &Work,
-    written: &[Written],
-) -> Result<Table, PublishError> {
+pub fn table(session: &JoinedSession, work: &Work, written: &[Written]) -> Result<Table> {
     let row = JoinedSessionRow {
         made: work.into(),
         session_started: session.started(),

@@ -20,7 +20,6 @@ const EVERY_MM: f64 = 10.0;
 const MOST: usize = 10_000;
 
 row! {
-    /// The error of a joint at one angle.
     pub struct JointErrorRow of "joint_errors" {
         joint: usize,
         joint_name: Arc<str>,

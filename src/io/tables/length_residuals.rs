@@ -7,7 +7,6 @@ use crate::report::Model;
 use crate::rows::row;
 
 row! {
-    /// Measured minus predicted length of one reading by one model.
     pub struct LengthResidualRow of "length_residuals" {
         model: Model,
         role: Role,

@@ -7,7 +7,7 @@
 //! millions of samples, where a part has them in one array as they come from the log. A test reads the parts as rows and holds
 //! those against the schema, as the rows of every table are.
 
-use super::PublishError;
+use super::Result;
 use super::words::orientation_rows;
 use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use crate::join::JoinInput;
@@ -72,24 +72,19 @@ pub struct LogTable<'r> {
     joints: usize,
     /// A part of joint samples: most of its columns are also those of the next part.
     like: Option<Table>,
-    table: Result<OpenTable<'r>, PublishError>,
+    table: Result<OpenTable<'r>>,
 }
 
 impl<'r> LogTable<'r> {
     /// The table before anything is written.
     pub fn new(run: &'r OpenRun<'r>, session: &str) -> Self {
-        Self {
-            run,
-            key: run.key().of_session(session),
-            joints: 0,
-            like: None,
-            table: Ok(OpenTable::new(run)),
-        }
+        let (key, table) = (run.key().of_session(session), Ok(OpenTable::new(run)));
+        Self { run, key, joints: 0, like: None, table }
     }
 
     /// Writes all other samples of the session after the joint samples, for [`OpenRun::keep`]; `None` where there are no
     /// samples at all.
-    pub fn finish(self, input: &JoinInput) -> Result<Option<WholeTable>, PublishError> {
+    pub fn finish(self, input: &JoinInput) -> Result<Option<WholeTable>> {
         let mut table = self.table?;
         table.append_all(parts(input), |part| rows_of(input, part, &self.key))?;
         Ok(table.finish()?)
@@ -138,11 +133,7 @@ fn parts(input: &JoinInput) -> Vec<Part> {
     samples.into_iter().flat_map(of_source).collect()
 }
 
-fn rows_of(
-    input: &JoinInput,
-    Part { source, rows }: Part,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+fn rows_of(input: &JoinInput, Part { source, rows }: Part, key: &RunKey) -> Result<Table> {
     match source {
         Behind::Command => command_rows(&input.commands.read(rows.clone())?, rows, key),
         Behind::Target => target_rows(&input.readings.read(rows.clone())?, rows, key),
@@ -156,7 +147,7 @@ fn columns(
     source: Source,
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,
-) -> Result<Columns, PublishError> {
+) -> Result<Columns> {
     Ok(Columns::new(schema::find("logs")?, rows.len())
         .key(key)
         .same("source", source.word())
@@ -173,11 +164,7 @@ fn in_ns<C>(stamps: &[Stamp<C>]) -> impl Iterator<Item = i64> {
     stamps.iter().map(|stamp| stamp.ns())
 }
 
-fn command_rows(
-    commands: &CommandSamples,
-    rows: Rows,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+fn command_rows(commands: &CommandSamples, rows: Rows, key: &RunKey) -> Result<Table> {
     let table = columns(key, Source::Command, rows, in_ns(&commands.stamps))?;
     let orientations = commands.orientations.as_deref();
     Ok(placed(table, &commands.positions, orientations).rest_absent().finish()?)
@@ -189,7 +176,7 @@ fn more_joint_rows(
     stamps_ns: impl Iterator<Item = i64>,
     angles: &[f64],
     like: &Table,
-) -> Result<Table, PublishError> {
+) -> Result<Table> {
     let table = Columns::like(like)
         .whole_numbers("sample", numbers(&rows))
         .whole_numbers("stamp_ns", stamps_ns.collect())
@@ -203,12 +190,12 @@ fn joint_rows(
     stamps_ns: impl Iterator<Item = i64>,
     angles: &[f64],
     key: &RunKey,
-) -> Result<Table, PublishError> {
+) -> Result<Table> {
     let table = columns(key, Source::Joints, rows, stamps_ns)?.lists_alike("joints_rad", angles);
     Ok(table.rest_absent().finish()?)
 }
 
-fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
+fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table> {
     let TargetReadings { stamps, positions, orientations, covariances } = readings;
     let mut table = columns(key, Source::Target, rows, in_ns(stamps))?;
     if let Some(covariances) = covariances {
@@ -222,11 +209,7 @@ fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Ta
     Ok(placed(table, positions, orientations.as_deref()).rest_absent().finish()?)
 }
 
-fn temperature_rows(
-    temperatures: &TemperatureSamples,
-    rows: Rows,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+fn temperature_rows(temperatures: &TemperatureSamples, rows: Rows, key: &RunKey) -> Result<Table> {
     let stamps_ns = in_ns(&temperatures.stamps[rows.clone()]);
     let table = columns(key, Source::Temperature, rows.clone(), stamps_ns)?
         .column("temperature_c", temperatures.celsius[rows].iter().copied());
@@ -280,7 +263,7 @@ pub(super) mod tests {
     #[test]
     fn the_columns_of_every_part_are_the_rows_that_were_sampled() {
         let key = RunKey::new("kr210", "mon", "00ff");
-        let read = |part: Result<Table, PublishError>| LogRow::read(&part.expect("a part"));
+        let read = |part: Result<Table>| LogRow::read(&part.expect("a part"));
         let stamps = [5, 9];
         let joints = joint_rows(3..5, stamps.into_iter(), &[0.1, 0.2, 0.3, 0.4], &key);
         let like = joints.expect("a part");

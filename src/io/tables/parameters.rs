@@ -99,14 +99,11 @@ words! {
     }
 }
 
+/// An unknown, or the command–feedback weight of one joint (from 0), in one session or in all.
 #[derive(Debug, Clone, Copy)]
 enum Subject {
     Chain(Unknown),
-    /// The command–feedback weight of one joint (from 0), in one session or in all.
-    CommandWeight {
-        joint: usize,
-        session: Option<usize>,
-    },
+    CommandWeight { joint: usize, session: Option<usize> },
 }
 
 /// The results for a parameter, other than its place.
@@ -306,7 +303,7 @@ fn prior_sd(
 }
 
 /// The nominal value of a link's quantity; 0 for base and target.
-fn nominal(arm: &Arm, parameter: Parameter) -> f64 {
+pub(crate) fn nominal(arm: &Arm, parameter: Parameter) -> f64 {
     let of_element = |element: &Element| match element {
         Element::Free { nominal, parameter: own, .. } if *own == parameter => Some(*nominal),
         _ => None,

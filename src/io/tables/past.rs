@@ -10,7 +10,6 @@ pub struct PastSession {
     pub key: RunKey,
     /// First stamp of its controller's log.
     pub measured_at_ns: i64,
-    /// The judgement of the history on it.
     pub judged: Judged,
 }
 

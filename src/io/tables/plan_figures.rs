@@ -61,11 +61,7 @@ pub enum CorrectedBy {
 }
 
 words! {
-    FigureStudy {
-        Step: "step",
-        Design: "design",
-        Promise: "promise",
-    }
+    FigureStudy { Step: "step", Design: "design", Promise: "promise" }
     CorrectedBy { Measured: "measured", Model: "model", IdentifiedArm: "identified_arm" }
 }
 

@@ -1,6 +1,6 @@
 //! `runs`: the inputs of a run, the counts of each stage, the files it wrote. Its row makes the run exist.
 
-use super::PublishError;
+use super::Result;
 pub use super::stage_results::row_digest;
 use super::stage_results::{FileColumns, InputColumns, MadeColumns, signed};
 use super::words::{TableVerdict, VerdictOf};
@@ -64,7 +64,7 @@ pub fn table(
     counts: &[StageCount],
     written: &[Written],
     ending: &Ending,
-) -> Result<Table, PublishError> {
+) -> Result<Table> {
     counts.iter().try_for_each(StageCount::check)?;
     let row = RunRow {
         pipeline: work.pipeline.clone(),

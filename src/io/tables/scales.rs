@@ -4,7 +4,6 @@ use crate::fit::scale::{ScaleVerdict, SessionScale};
 use crate::rows::row;
 
 row! {
-    /// The estimate of one session's scale.
     pub struct ScaleRow of "scales" {
         of_session: String,
         stations: usize,
@@ -24,7 +23,6 @@ row! {
     }
 }
 
-/// The rows of all training sessions.
 pub fn rows(all: &[SessionScale]) -> Vec<ScaleRow> {
     all.iter().map(of_session).collect()
 }

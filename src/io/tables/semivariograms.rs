@@ -66,7 +66,6 @@ fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<Sem
     bins.chain(models).collect()
 }
 
-/// The row of a bin or of a model.
 fn row(
     errors: Model,
     of: &Semivariogram,

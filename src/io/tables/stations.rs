@@ -12,7 +12,6 @@ use crate::kinematics::Arm;
 use crate::rows::{Word, columns, row, words};
 
 row! {
-    /// A dwell of the arm.
     pub struct StationRow of "stations" {
         dwell: DwellColumns,
         verdict: PairingVerdict,

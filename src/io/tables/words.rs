@@ -91,7 +91,6 @@ pub enum CorrectedForm {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
     Mm,
-    /// Radians.
     Rad,
     /// None: a ratio.
     One,

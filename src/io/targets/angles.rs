@@ -56,11 +56,9 @@ impl JointUnits {
     pub(super) fn joints(&self, values: &[f64]) -> TargetJoints {
         let values = values.iter().enumerate();
         let slides = (0..values.len()).map(|joint| self.slides_at(joint));
-        TargetJoints {
-            names: Vec::new(),
-            slides: Some(slides.collect()),
-            angles: values.map(|(joint, value)| self.inside(joint, *value)).collect(),
-        }
+        let slides = Some(slides.collect());
+        let angles = values.map(|(joint, value)| self.inside(joint, *value)).collect();
+        TargetJoints { names: Vec::new(), slides, angles }
     }
 
     /// The value to the nanometre, or to a ten-millionth of a degree or finer: a micrometre is some 20 millionths of a

@@ -29,11 +29,8 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         });
     }
     read.map_err(|source| TargetsErrorKind::Json(source).at(path))?;
-    Ok(Rows {
-        placed: found.placed,
-        unused: found.unused.into_iter().collect(),
-        units: found.units.unwrap_or_else(|| AngleUnit::Rad.into()),
-    })
+    let units = found.units.unwrap_or_else(|| AngleUnit::Rad.into());
+    Ok(Rows { placed: found.placed, unused: found.unused.into_iter().collect(), units })
 }
 
 #[derive(Default)]
@@ -111,10 +108,8 @@ impl Keys {
         for (key, cell) in &self.0 {
             match cell {
                 Cell::Other { mark: Some(mark), .. } => {
-                    return Err(RowProblem::Marked {
-                        key: mark.key.clone(),
-                        value: mark.value.clone(),
-                    });
+                    let (key, value) = (mark.key.clone(), mark.value.clone());
+                    return Err(RowProblem::Marked { key, value });
                 }
                 Cell::Absent => {}
                 cell if names::is_mark(key) => {

@@ -38,11 +38,8 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         let found = row_of(row, lacks_an_angle(&table, number));
         Ok((place, found.map_err(|problem| problem.at(path, place))?))
     });
-    Ok(Rows {
-        placed: placed.collect::<Result<_, TargetsError>>()?,
-        unused: Vec::new(),
-        units: AngleUnit::Rad.into(),
-    })
+    let placed = placed.collect::<Result<_, TargetsError>>()?;
+    Ok(Rows { placed, unused: Vec::new(), units: AngleUnit::Rad.into() })
 }
 
 fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {

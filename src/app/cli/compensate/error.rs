@@ -38,6 +38,8 @@ pub struct CorrectedAlready {
     pub record: PathBuf,
 }
 
+pub(super) type Result<T, E = CompensateCommandError> = std::result::Result<T, E>;
+
 #[derive(Debug, Error)]
 pub enum CompensateCommandError {
     #[error(transparent)]

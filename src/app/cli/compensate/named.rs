@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{CompensateArgs, CompensateCommandError};
+use super::{CompensateArgs, CompensateCommandError, Result};
 use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
 use crate::files::store::Place;
 use crate::io::lake::Lake;
@@ -20,7 +20,7 @@ pub(super) struct Named {
 }
 
 impl CompensateArgs {
-    pub(super) fn check_folders(&self) -> Result<(), CompensateCommandError> {
+    pub(super) fn check_folders(&self) -> Result<()> {
         if self.lake.is_none() && self.table.is_dir() {
             return Err(table_folder(&self.table));
         }
@@ -40,7 +40,7 @@ impl CompensateArgs {
         }
     }
 
-    pub(super) fn named(&self) -> Result<Named, CompensateCommandError> {
+    pub(super) fn named(&self) -> Result<Named> {
         let path = self.table.clone();
         match &self.lake {
             Some(lake) => self.of_robot(lake),
@@ -49,7 +49,7 @@ impl CompensateArgs {
         }
     }
 
-    fn of_robot(&self, lake: &Path) -> Result<Named, CompensateCommandError> {
+    fn of_robot(&self, lake: &Path) -> Result<Named> {
         let lake = Lake::at(&Place::of(lake))?;
         let robot = self.table.to_string_lossy();
         let key = match &self.session {
@@ -72,11 +72,7 @@ impl CompensateArgs {
     }
 
     /// The table asked for; without a wish the identified arm where every target states what it needs, otherwise the nodes.
-    fn table_of(
-        &self,
-        lake: &Lake,
-        key: &RunKey,
-    ) -> Result<CorrectingTable, CompensateCommandError> {
+    fn table_of(&self, lake: &Lake, key: &RunKey) -> Result<CorrectingTable> {
         let wanted = match self.by {
             Some(by) => vec![by],
             None if self.is_of_program() => {
@@ -101,7 +97,7 @@ impl CompensateArgs {
     }
 }
 
-fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey, CompensateCommandError> {
+fn current(lake: &Lake, robot: &str, session: &str) -> Result<RunKey> {
     let current = lake.current(&RunKey::new(robot, session, ""))?;
     let run = current.ok_or_else(|| CompensateCommandError::NoRun {
         lake: lake.root(),

@@ -7,9 +7,9 @@ use std::time::SystemTime;
 
 use chrono::DateTime;
 
-use super::CompensateCommandError;
 use super::error::CorrectedAlready;
 use super::source::Source;
+use super::{CompensateCommandError, Result};
 use crate::at::At;
 use crate::compensation::{Corrected, Target};
 use crate::files::input::{self, Bound};
@@ -65,7 +65,7 @@ impl Recording {
 }
 
 impl Recorded {
-    pub(super) fn around(table: &Path, source: &Source) -> Result<Self, CompensateCommandError> {
+    pub(super) fn around(table: &Path, source: &Source) -> Result<Self> {
         let by = source.by(&[]);
         let lake = Lake::around(table, by.table.word(), by.key);
         let mut records = Vec::new();
@@ -83,7 +83,7 @@ impl Recorded {
     }
 
     /// Checks that the file is none that was written as corrected.
-    pub(super) fn check_file(&self, targets: &Path) -> Result<(), CompensateCommandError> {
+    pub(super) fn check_file(&self, targets: &Path) -> Result<()> {
         if self.records.is_empty() {
             return Ok(());
         }
@@ -91,11 +91,7 @@ impl Recorded {
     }
 
     /// Checks that a file of this digest is none that was written as corrected.
-    pub(super) fn check_digest(
-        &self,
-        targets: &Path,
-        digest: &str,
-    ) -> Result<(), CompensateCommandError> {
+    pub(super) fn check_digest(&self, targets: &Path, digest: &str) -> Result<()> {
         let known = self.records.iter().find(|(_, _, own)| own.file_digest == digest);
         known.map_or(Ok(()), |known| Err(corrected_already(targets, "the file".to_owned(), known)))
     }
@@ -106,17 +102,13 @@ impl Recorded {
         path: &Path,
         targets: &[Target],
         least: usize,
-    ) -> Result<(), CompensateCommandError> {
+    ) -> Result<()> {
         for known in &self.records {
             let commands = Commands::of(&known.2);
             let same: Vec<&Target> = targets.iter().filter(|own| commands.has(own)).collect();
             if let Some(first) = same.first().filter(|_| same.len() >= least) {
-                let what = format!(
-                    "{} of its {} targets, {:?} first,",
-                    same.len(),
-                    targets.len(),
-                    first.name
-                );
+                let (found, all) = (same.len(), targets.len());
+                let what = format!("{found} of its {all} targets, {:?} first,", first.name);
                 return Err(corrected_already(path, what, known));
             }
         }
@@ -129,7 +121,7 @@ impl Recorded {
         made: &Made<'_>,
         by: CorrectedBy<'_>,
         no_record: bool,
-    ) -> Result<Recording, CompensateCommandError> {
+    ) -> Result<Recording> {
         let Some(lake) = &self.lake else {
             return Ok(Recording::NoLake);
         };
@@ -164,7 +156,7 @@ fn count(number: usize) -> i64 {
     i64::try_from(number).expect("no more rows than a file holds")
 }
 
-pub(super) fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
+pub(super) fn digest(targets: &Path) -> Result<String> {
     let wrong = |source| CompensateCommandError::Digest(At::new(targets.display(), source));
     let bound = Bound { bytes: Bound::TABLE.bytes, ..Bound::TARGETS };
     let file = input::open(targets, bound).map_err(wrong)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::CompensateCommandError;
+use super::{CompensateCommandError, Result};
 use crate::compensation::slips::Slip;
 use crate::compensation::{
     Corrected, Covariances, Exception, Refused, Target, Term, Validity, compensate,
@@ -21,18 +21,15 @@ pub(super) enum Source {
 }
 
 impl Source {
-    pub(super) fn read(path: &Path) -> Result<Self, CompensateCommandError> {
+    pub(super) fn read(path: &Path) -> Result<Self> {
         let held = table::head(path)?.table;
         match held.as_deref() {
             Some("compensation") => Ok(Self::Table(Box::new(compensation_table::read(path)?))),
             Some("calibrations") => Ok(Self::Arm(Box::new(calibrations_table::read(path)?))),
-            other => Err(CompensateCommandError::OtherTable {
-                path: path.to_owned(),
-                found: other.map_or_else(
-                    || "no table of posegrid".to_owned(),
-                    |name| format!("table {name:?}"),
-                ),
-            }),
+            other => {
+                let (path, found) = (path.to_owned(), table::in_words(other));
+                Err(CompensateCommandError::OtherTable { path, found })
+            }
         }
     }
 

@@ -41,13 +41,8 @@ impl fmt::Display for Compensated {
         for refused in self.refused().take(REFUSALS_SHOWN) {
             writeln!(f, "{refused}")?;
         }
-        write!(
-            f,
-            "{} targets: {} corrected, refused: {}",
-            self.outcomes.len(),
-            self.corrected().count(),
-            self.refusals()
-        )?;
+        let (all, corrected) = (self.outcomes.len(), self.corrected().count());
+        write!(f, "{all} targets: {corrected} corrected, refused: {}", self.refusals())?;
         let largest =
             self.corrected().map(|corrected| corrected.correction.norm()).fold(0.0, f64::max);
         write!(f, "; largest correction {largest:.3} mm")
@@ -69,11 +64,8 @@ impl Compensated {
             )?;
         }
         if !self.targets.unused.is_empty() {
-            writeln!(
-                f,
-                "columns without effect on a correction: {}",
-                self.targets.unused.join(", ")
-            )?;
+            let unused = self.targets.unused.join(", ");
+            writeln!(f, "columns without effect on a correction: {unused}")?;
         }
         Ok(())
     }
@@ -103,16 +95,12 @@ fn checked(held: &Held) -> Vec<String> {
         lines.push(format!("outside what the table is valid for, and allowed: {outside}"));
     }
     if !held.not_said.is_empty() {
-        lines.push(format!(
-            "not checked, as it is not stated for the targets: {}",
-            named(&held.not_said)
-        ));
+        let not_said = named(&held.not_said);
+        lines.push(format!("not checked, as it is not stated for the targets: {not_said}"));
     }
     if !held.not_stated.is_empty() {
-        lines.push(format!(
-            "not checked, as the table does not state it: {}",
-            named(&held.not_stated)
-        ));
+        let not_stated = named(&held.not_stated);
+        lines.push(format!("not checked, as the table does not state it: {not_stated}"));
     }
     lines
 }

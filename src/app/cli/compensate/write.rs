@@ -1,13 +1,13 @@
 use std::io::Write;
 
-use super::{CompensateArgs, CompensateCommandError, WriteCause};
+use super::{CompensateArgs, CompensateCommandError, Result, WriteCause};
 use crate::files::table::{self, Table};
 use crate::files::whole_file::write_whole;
 use crate::io::targets::{self, Form, JointUnits};
 
 impl CompensateArgs {
     /// The form of the result, known before anything is read.
-    pub(super) fn out_form(&self) -> Result<Form, CompensateCommandError> {
+    pub(super) fn out_form(&self) -> Result<Form> {
         self.check_folders()?;
         let form = Form::of(&self.targets)?;
         let Some(out) = &self.out else {
@@ -20,11 +20,7 @@ impl CompensateArgs {
         Ok(wanted)
     }
 
-    pub(super) fn write(
-        &self,
-        bytes: &[u8],
-        mut stdout: impl Write,
-    ) -> Result<(), CompensateCommandError> {
+    pub(super) fn write(&self, bytes: &[u8], mut stdout: impl Write) -> Result<()> {
         let written = match &self.out {
             None => stdout.write_all(bytes).and_then(|()| stdout.flush()),
             Some(out) => write_whole(out, |sink| sink.write_all(bytes)),

@@ -110,12 +110,6 @@ fn left_out(robot: &RobotHistory) -> Option<String> {
     }
     let words: Vec<String> =
         counts.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-    (!words.is_empty()).then(|| {
-        format!(
-            "runs: {}, {} used; left out: {}",
-            robot.runs,
-            robot.sessions.len(),
-            words.join(", ")
-        )
-    })
+    let (runs, used, words) = (robot.runs, robot.sessions.len(), words.join(", "));
+    (!words.is_empty()).then(|| format!("runs: {runs}, {used} used; left out: {words}"))
 }

@@ -14,17 +14,10 @@ pub fn describe(found: &Inspection) -> String {
     let read_summary = &found.read_summary;
     let mut text = String::new();
     let mut line = |line: String| text.push_str(&(line + "\n"));
-    line(format!(
-        "{}  {:.1} MB, {} messages",
-        escaped(&read_summary.file),
-        read_summary.bytes as f64 / 1e6,
-        read_summary.messages
-    ));
-    line(format!(
-        "  profile {:?}, written by {:?}",
-        shown(&read_summary.profile),
-        shown(&read_summary.library)
-    ));
+    let (file, megabytes) = (escaped(&read_summary.file), read_summary.bytes as f64 / 1e6);
+    line(format!("{file}  {megabytes:.1} MB, {} messages", read_summary.messages));
+    let (profile, library) = (shown(&read_summary.profile), shown(&read_summary.library));
+    line(format!("  profile {profile:?}, written by {library:?}"));
     line(format!("  {}", storage(read_summary)));
     line(format!("  {}", ending(read_summary.ending)));
     remarks(read_summary).into_iter().for_each(&mut line);
@@ -147,12 +140,9 @@ fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
 }
 
 fn of_clock(name: &str, clock: &ClockSummary) -> String {
-    let mut text = format!(
-        "{name:<7} {} … {}, largest gap {:.3} s",
-        moment(clock.first),
-        moment(clock.last),
-        seconds(clock.largest_gap)
-    );
+    let (first, last) = (moment(clock.first), moment(clock.last));
+    let gap_s = seconds(clock.largest_gap);
+    let mut text = format!("{name:<7} {first} … {last}, largest gap {gap_s:.3} s");
     let usual = clock.span_s() / (clock.count - 1).max(1) as f64;
     if seconds(clock.largest_gap) > LONG_GAP * usual {
         write!(text, " after {}", moment(clock.gap_start)).expect("writing to a string");

@@ -45,28 +45,19 @@ fn words(located: &Located, args: &PlanArgs) -> String {
     let line = |expected: &Expected| {
         format!("mean {:.3} mm, {share} % within {:.3} mm", expected.mean_mm, expected.share_mm)
     };
-    writeln!(
-        text,
-        "expected errors over the box, drift still to come included: {}",
-        line(&plan.promise)
-    )
-    .expect("a string");
+    let promise = line(&plan.promise);
+    writeln!(text, "expected errors over the box, drift still to come included: {promise}")
+        .expect("a string");
     for (poses, expected) in &plan.others {
         writeln!(text, "  with {poses} poses: {}", line(expected)).expect("a string");
     }
-    writeln!(
-        text,
-        "  with the whole box measured: {}, which only a better arm improves",
-        line(&plan.arm_alone)
-    )
-    .expect("a string");
-    let is_met = if plan.is_met(&located.settings) {
-        "expected within it"
-    } else {
-        "not expected within it"
-    };
+    let alone = line(&plan.arm_alone);
+    writeln!(text, "  with the whole box measured: {alone}, which only a better arm improves")
+        .expect("a string");
+    let is_met = if plan.is_met(&located.settings) { "expected" } else { "not expected" };
     let tolerance_mm = located.settings.tolerance.mm;
-    writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met}").expect("a string");
+    writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met} within it")
+        .expect("a string");
     text += "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test\n";
     if let Some(csv) = &args.out {
         writeln!(text, "poses: {}", csv.display()).expect("a string");

@@ -1,5 +1,5 @@
 use std::io;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use console::Term;
 use indicatif::TermLike;
@@ -21,10 +21,7 @@ impl Screen {
     }
 
     fn pending(&self) -> MutexGuard<'_, String> {
-        match self.pending.lock() {
-            Ok(pending) => pending,
-            Err(poisoned) => poisoned.into_inner(),
-        }
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn put(&self, text: &str) {

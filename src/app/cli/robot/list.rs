@@ -14,14 +14,9 @@ pub(super) fn ready() -> String {
     for robot in READY {
         let file = toml::from_str::<RobotFile>(robot.text).ok();
         let Some(arm) = file.and_then(|file| file.arm().ok()) else { continue };
-        let _ = writeln!(
-            text,
-            "{:<22} {:>4} {:>9.0}  {}",
-            robot.name(),
-            arm.joints().len(),
-            reach_mm(&arm),
-            arm.model()
-        );
+        let (name, joints) = (robot.name(), arm.joints().len());
+        let (reach, model) = (reach_mm(&arm), arm.model());
+        let _ = writeln!(text, "{name:<22} {joints:>4} {reach:>9.0}  {model}");
     }
     text += "\nreach_mm: how far the flange gets from the first axis. posegrid robot NAME prints the robot file.\n";
     text

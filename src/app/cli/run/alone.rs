@@ -60,11 +60,8 @@ fn held(holder: &Holder) -> String {
         words => words,
     };
     let since = holder.age.map_or_else(String::new, |age| format!("; for {}", span(age)));
-    format!(
-        "another batch works on this lake: {}{since} (it locks {})",
-        Printable(who),
-        holder.path.display()
-    )
+    let (who, path) = (Printable(who), holder.path.display());
+    format!("another batch works on this lake: {who}{since} (it locks {path})")
 }
 
 #[cfg(test)]

@@ -50,11 +50,8 @@ impl PoseFlags {
     pub(super) fn home(&self, arm: &Arm) -> Result<Vec<f64>, SimulateError> {
         let joints = arm.joints();
         if self.home.0.len() != joints.len() {
-            return Err(SimulateError::Length {
-                what: "--home",
-                joints: joints.len(),
-                found: self.home.0.len(),
-            });
+            let (what, joints, found) = ("--home", joints.len(), self.home.0.len());
+            return Err(SimulateError::Length { what, joints, found });
         }
         let values = joints.iter().zip(&self.home.0);
         Ok(values.map(|(joint, value)| joint.read(*value)).collect())

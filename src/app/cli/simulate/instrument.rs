@@ -77,10 +77,6 @@ struct Camera {
 fn camera(text: &str) -> Result<Camera, String> {
     let [focal_px, noise_px, edge_mm, _] = numbers(text, "4")?;
     let corners = text.rsplit(',').next().unwrap_or_default().trim();
-    Ok(Camera {
-        focal_px,
-        noise_px,
-        edge_mm,
-        corners: corners.parse().map_err(|_| format!("{corners} corners: give a whole number"))?,
-    })
+    let corners = corners.parse().map_err(|_| format!("{corners} corners: give a whole number"))?;
+    Ok(Camera { focal_px, noise_px, edge_mm, corners })
 }

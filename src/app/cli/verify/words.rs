@@ -224,12 +224,8 @@ fn input(input: &ChangedInput) -> String {
 
 fn setting(setting: &ChangedSetting) -> String {
     let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
-    format!(
-        "setting {}: {}, the row states {}",
-        setting.key,
-        shown(&setting.found),
-        shown(&setting.claimed)
-    )
+    let (found, claimed) = (shown(&setting.found), shown(&setting.claimed));
+    format!("setting {}: {found}, the row states {claimed}", setting.key)
 }
 
 fn file(file: &ComparedFile) -> Vec<String> {
@@ -279,12 +275,9 @@ fn difference(column: &ColumnDifference) -> String {
         .expect("a string");
     }
     if let Some(unlike) = &column.unlike {
-        write!(
-            text,
-            ", first {:?} published, {:?} computed, at {}",
-            unlike.published, unlike.computed, unlike.row
-        )
-        .expect("a string");
+        let (published, computed, row) = (&unlike.published, &unlike.computed, &unlike.row);
+        write!(text, ", first {published:?} published, {computed:?} computed, at {row}")
+            .expect("a string");
     }
     text
 }

@@ -17,17 +17,11 @@ pub(super) fn rows(of: &Report<'_>) -> Vec<Vec<String>> {
         || NOT_STATED.to_owned(),
         |kg| format!("{kg} kg; rated load, centre of mass and inertia: not stated"),
     );
+    let robot = format!("{arm}; controller: {controller}; serial number: not stated");
+    let instrument = "uncertainty as below; type, serial number and calibration: not stated";
     let rows = [
-        (
-            "Robot",
-            "maker, type, serial number, controller",
-            format!("{arm}; controller: {controller}; serial number: not stated"),
-        ),
-        (
-            "Instrument",
-            "type, calibration, uncertainty",
-            "uncertainty as below; type, serial number and calibration: not stated".to_owned(),
-        ),
+        ("Robot", "maker, type, serial number, controller", robot),
+        ("Instrument", "type, calibration, uncertainty", instrument.to_owned()),
         ("Load", "100 % of the rated load", load),
         ("Speed", "100 % of the largest; 50 % and 10 % besides", NOT_STATED.to_owned()),
         ("Warm-up", "as the maker says; drift from cold", NOT_STATED.to_owned()),
@@ -56,12 +50,8 @@ fn figures<'r>(of: &'r Report<'_>, own: Characteristic) -> impl Iterator<Item = 
 fn temperature(of: &Report<'_>) -> String {
     let valid = &of.arm.valid_for;
     let met = valid.temperature_min_c.zip(valid.temperature_max_c);
-    met.map_or_else(
-        || NOT_STATED.to_owned(),
-        |(least, most)| {
-            held(least >= 18.0 && most <= 22.0, &format!("{least} to {most} °C while measuring"))
-        },
-    )
+    let Some((least, most)) = met else { return NOT_STATED.to_owned() };
+    held(least >= 18.0 && most <= 22.0, &format!("{least} to {most} °C while measuring"))
 }
 
 fn poses(of: &Report<'_>) -> String {

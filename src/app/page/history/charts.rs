@@ -95,10 +95,8 @@ fn banded(series: &Series, scale: f64) -> Drawn {
         let half = 2.0 * point.sd.unwrap_or(0.0);
         [at(point), scale * (point.value - half), scale * (point.value + half)]
     });
-    Drawn::new(
-        &series.name,
-        vec![Marks::Band(band.collect()), Marks::Line(line.clone()), Marks::Points(line)],
-    )
+    let band = Marks::Band(band.collect());
+    Drawn::new(&series.name, vec![band, Marks::Line(line.clone()), Marks::Points(line)])
 }
 
 pub(super) fn control(content: &Content) -> Markup {

@@ -60,18 +60,12 @@ fn means(rows: &[&FigureRow]) -> Markup {
     let mut all = series(rows, |row| row.mean_mm);
     for design in DESIGNS {
         let name = format!("expected, {}", words::design(design));
-        all.push(
-            Series::line_and_points(&name, points(rows, design, |row| row.expected_mean_mm))
-                .looking(EXPECTED),
-        );
+        let points = points(rows, design, |row| row.expected_mean_mm);
+        all.push(Series::line_and_points(&name, points).looking(EXPECTED));
     }
     all.push(ring(rows, |row| row.mean_mm));
-    chart(
-        "Mean error against the number of poses",
-        Axis::new("mean error left on fresh poses", "mm").logarithmic(),
-        all,
-        Vec::new(),
-    )
+    let y = Axis::new("mean error left on fresh poses", "mm").logarithmic();
+    chart("Mean error against the number of poses", y, all, Vec::new())
 }
 
 fn bounds(content: &Content, rows: &[&FigureRow]) -> Markup {

@@ -48,10 +48,8 @@ fn view_of(visits: &[VisitRow], (name, across, up): (&str, usize, usize)) -> Mar
     let places = |purpose: VisitPurpose| {
         let own: Vec<&VisitRow> = visits.iter().filter(|visit| visit.purpose == purpose).collect();
         let every = own.len().div_ceil(MOST_DRAWN).max(1);
-        own.iter()
-            .step_by(every)
-            .map(|visit| [visit.position[across], visit.position[up]])
-            .collect::<Vec<_>>()
+        let at = |visit: &&VisitRow| [visit.position[across], visit.position[up]];
+        own.iter().step_by(every).map(at).collect::<Vec<_>>()
     };
     Chart {
         title: format!("Planned poses, {}", name.to_lowercase()),

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::{CompactError, Compacted, TABLES, UNDATED};
+use super::{CompactError, Compacted, Result, TABLES, UNDATED};
 use crate::files::schema::{self, TableSchema};
 use crate::files::store::Listed;
 use crate::files::table::{self, Table, together};
@@ -64,7 +64,7 @@ impl Month {
         month: &str,
         done: &mut Compacted,
         progress: &dyn Progress,
-    ) -> Result<Option<Vec<CompactFile>>, CompactError> {
+    ) -> Result<Option<Vec<CompactFile>>> {
         let mut parts = match self.earlier(lake, state, month) {
             Ok(parts) => parts,
             Err(CompactError::Lake(LakeError::Store(error))) if !error.is_missing() => {
@@ -91,12 +91,7 @@ impl Month {
     }
 
     /// The rows of the earlier state, without those of runs that are gone.
-    fn earlier(
-        &self,
-        lake: &Lake,
-        state: &CompactState,
-        month: &str,
-    ) -> Result<RunTables, CompactError> {
+    fn earlier(&self, lake: &Lake, state: &CompactState, month: &str) -> Result<RunTables> {
         let mut parts = RunTables::default();
         if self.keys.is_empty() {
             return Ok(parts);
@@ -131,7 +126,7 @@ impl Month {
         read: Vec<Result<RunTables, String>>,
         parts: &mut RunTables,
         done: &mut Compacted,
-    ) -> Result<(), CompactError> {
+    ) -> Result<()> {
         let mut new = RunTables::default();
         for (run, tables) in runs.iter().zip(read) {
             match tables {
@@ -146,12 +141,7 @@ impl Month {
         add(parts, new)
     }
 
-    fn written(
-        &self,
-        lake: &Lake,
-        month: &str,
-        parts: &RunTables,
-    ) -> Result<Vec<CompactFile>, CompactError> {
+    fn written(&self, lake: &Lake, month: &str, parts: &RunTables) -> Result<Vec<CompactFile>> {
         if self.keys.is_empty() {
             return Ok(Vec::new());
         }
@@ -246,7 +236,7 @@ fn runs_in(table: &Table) -> u64 {
     keys.len() as u64
 }
 
-fn add(parts: &mut RunTables, new: RunTables) -> Result<(), CompactError> {
+fn add(parts: &mut RunTables, new: RunTables) -> Result<()> {
     for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
         if !new.is_empty() {
             parts.push(together(schema(name), &new)?);

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{ConfigurationError, ConfigurationErrorKind, lengths};
+use super::{ConfigurationErrorKind, Result, lengths};
 use crate::files::message;
 use crate::fit::Uncertainty;
 use crate::grid::{GridSettings, Lattice, WorkBox};
@@ -19,11 +19,7 @@ use crate::pipeline::file::{PipelineFile, Pool};
 pub(in crate::pipeline) type Check = Result<(), ConfigurationErrorKind>;
 
 /// Checks everything that needs only this file; `joints` is the number of joints of the arm.
-pub(super) fn check(
-    path: &Path,
-    file: &PipelineFile,
-    joints: usize,
-) -> Result<(), ConfigurationError> {
+pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<()> {
     numbers(file, joints).map_err(|wrong| wrong.at(path))?;
     commands(path, file)?;
     own_rows(path, file)?;
@@ -42,7 +38,7 @@ pub(super) fn check(
 }
 
 /// Checks that the robot has a name where a column of tables names it.
-fn own_rows(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> {
+fn own_rows(path: &Path, file: &PipelineFile) -> Result<()> {
     let has_column = |own: &StationsSettings| own.robot.is_some();
     let has_column = file.stations.as_ref().is_some_and(has_column);
     if file.robot.name.is_some() || !has_column {
@@ -56,7 +52,7 @@ fn own_rows(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> 
 }
 
 /// Checks that commands of tables have frames, and that frames of commands have commands.
-fn commands(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> {
+fn commands(path: &Path, file: &PipelineFile) -> Result<()> {
     let Some(stations) = &file.stations else { return Ok(()) };
     let (key, reason) = match (&stations.commanded, &file.commanded) {
         (Some(_), None) => (
@@ -73,11 +69,7 @@ fn commands(path: &Path, file: &PipelineFile) -> Result<(), ConfigurationError> 
 }
 
 /// Checks that the unit of positions is stated where `arm` has a joint that slides, and nowhere else.
-pub(super) fn length_unit(
-    path: &Path,
-    file: &PipelineFile,
-    arm: &Arm,
-) -> Result<(), ConfigurationError> {
+pub(super) fn length_unit(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<()> {
     let slide = arm.joints().iter().find(|joint| joint.slides);
     let stated = match (&file.stations, &file.controller) {
         (Some(stations), _) => stations.length_unit,
@@ -114,11 +106,8 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     }
     if let Some(name) = &file.robot.name {
         let refused = |error| {
-            ConfigurationErrorKind::setting(
-                "[robot] name",
-                format!("{name:?}"),
-                format!("another: {error}"),
-            )
+            let wanted = format!("another: {error}");
+            ConfigurationErrorKind::setting("[robot] name", format!("{name:?}"), wanted)
         };
         lake::check_name("robot", name).map_err(refused)?;
     }
@@ -188,12 +177,8 @@ fn mapping(file: &PipelineFile, joints: usize) -> Check {
         "given",
         "left out: temperatures are read by [tracker]",
     )?;
-    wrong_unless(
-        commanded.target.is_none(),
-        "[commanded] fields.target",
-        "given",
-        "left out: targets are of [tracker]",
-    )?;
+    let (is_absent, wanted) = (commanded.target.is_none(), "left out: targets are of [tracker]");
+    wrong_unless(is_absent, "[commanded] fields.target", "given", wanted)?;
     paths("[commanded] fields", &commanded.paths())
 }
 
@@ -286,12 +271,8 @@ fn grid(grid: &GridSettings) -> Check {
     if let Some(quaternion) = grid.orientation_xyzw {
         let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
         let wanted = format!("a quaternion of norm 1; this one has {norm}");
-        wrong_unless(
-            (norm - 1.0).abs() < 1e-3,
-            "[grid] orientation_xyzw",
-            format!("{quaternion:?}"),
-            wanted,
-        )?;
+        let (is_unit, found) = ((norm - 1.0).abs() < 1e-3, format!("{quaternion:?}"));
+        wrong_unless(is_unit, "[grid] orientation_xyzw", found, wanted)?;
     }
     Ok(())
 }

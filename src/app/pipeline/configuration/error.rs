@@ -13,6 +13,8 @@ use crate::manifest::ManifestError;
 use crate::nearest::did_you_mean;
 use crate::pipeline::robot_file::NoRobotFile;
 
+pub(in crate::pipeline) type Result<T, E = ConfigurationError> = std::result::Result<T, E>;
+
 /// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
 pub enum ConfigurationError {

@@ -7,7 +7,8 @@ use toml::Table;
 use super::robots::{Robots, StatedRobot};
 use super::tree::Tree;
 use super::{
-    ConfigurationError, ConfigurationErrorKind, checks, folder_of, placed_at, read_arm, resolved,
+    ConfigurationError, ConfigurationErrorKind, Result, checks, folder_of, placed_at, read_arm,
+    resolved,
 };
 use crate::files::input::{self, Bound, toml_problem};
 use crate::files::store::Place;
@@ -37,7 +38,7 @@ pub struct Source {
 }
 
 /// Reads the pipeline file at `path`, of the robot of that name where it has several.
-pub fn read(path: &Path, robot: Option<&str>) -> Result<Files, ConfigurationError> {
+pub fn read(path: &Path, robot: Option<&str>) -> Result<Files> {
     let source = Source::read(path)?;
     match (&source.robots, robot) {
         (None, _) => source.alone(),
@@ -50,7 +51,7 @@ pub fn read(path: &Path, robot: Option<&str>) -> Result<Files, ConfigurationErro
 }
 
 impl Source {
-    pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
+    pub fn read(path: &Path) -> Result<Self> {
         let text = input::text(path, Bound::SETTINGS)
             .map_err(|source| ConfigurationErrorKind::Read(source).at(path))?;
         let values: Table = toml::from_str(&text).map_err(|source| unread(path, &source))?;
@@ -59,13 +60,13 @@ impl Source {
     }
 
     /// The files of the only robot.
-    pub fn alone(&self) -> Result<Files, ConfigurationError> {
+    pub fn alone(&self) -> Result<Files> {
         self.keys(&self.text, true)?;
         let file = toml::from_str(&self.text).map_err(|source| unread(&self.path, &source))?;
         self.checked(file)
     }
 
-    pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files, ConfigurationError> {
+    pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files> {
         let text = robots.file_of(&robot.entry).to_string();
         let file = self.keys(&text, false).and_then(|()| self.made(&text));
         let files = file.and_then(|file| self.checked(file));
@@ -73,24 +74,20 @@ impl Source {
     }
 
     /// The pipeline file of a robot that stands for all of them: its sessions are those of every robot.
-    pub fn of_any(
-        &self,
-        robots: &Robots,
-        robot: &StatedRobot,
-    ) -> Result<PipelineFile, ConfigurationError> {
+    pub fn of_any(&self, robots: &Robots, robot: &StatedRobot) -> Result<PipelineFile> {
         let file = self.made(&robots.file_of_any(&robot.entry).to_string());
         file.map_err(|source| robot.fault(source))
     }
 
     /// The pipeline file of a text made from several places, whose lines nobody knows.
-    fn made(&self, text: &str) -> Result<PipelineFile, ConfigurationError> {
+    fn made(&self, text: &str) -> Result<PipelineFile> {
         let problem = |source: toml::de::Error| source.message().trim().replace('\n', " ");
         let file = toml::from_str(text).map_err(problem);
         file.map_err(|problem| ConfigurationErrorKind::Fault(problem).at(&self.path))
     }
 
     /// Checks that no other robot than that of `files` is asked for, as the file is of one.
-    pub fn is_of(&self, files: &Files, robots: &[String]) -> Result<(), ConfigurationError> {
+    pub fn is_of(&self, files: &Files, robots: &[String]) -> Result<()> {
         let own = &files.file.robot.name;
         let Some(other) = robots.iter().find(|name| own.as_ref() != Some(name)) else {
             return Ok(());
@@ -99,7 +96,7 @@ impl Source {
     }
 
     /// Checks that the file is sound for a robot at least.
-    pub fn sound(&self) -> Result<(), ConfigurationError> {
+    pub fn sound(&self) -> Result<()> {
         let Some(robots) = &self.robots else { return self.alone().map(drop) };
         let mut each = robots.stated.iter().map(|own| self.of(robots, own));
         let first = each.next().map_or(Ok(()), |own| own.map(drop));
@@ -107,23 +104,18 @@ impl Source {
     }
 
     /// Checks keys and ranges of a file with this text, whose lines are told where the text `is_written` by a person.
-    fn keys(&self, text: &str, is_written: bool) -> Result<(), ConfigurationError> {
+    fn keys(&self, text: &str, is_written: bool) -> Result<()> {
         let checked = door::check(KeyReference::pipeline(), text, is_written);
         checked.map_err(|faults| ConfigurationErrorKind::Fault(faults.to_string()).at(&self.path))
     }
 
-    fn checked(&self, file: PipelineFile) -> Result<Files, ConfigurationError> {
+    fn checked(&self, file: PipelineFile) -> Result<Files> {
         let robot_file = resolved(&self.base, &file.robot.file);
         let arm = read_arm(&self.path, &robot_file, &file.robot.selection())?;
         checks::check(&self.path, &file, arm.joints().len())?;
         checks::length_unit(&self.path, &file, &arm)?;
-        Ok(Files {
-            lake: placed_at(&self.base, &file.output.lake),
-            file,
-            base: self.base.clone(),
-            robot_file,
-            arm,
-        })
+        let (lake, base) = (placed_at(&self.base, &file.output.lake), self.base.clone());
+        Ok(Files { file, base, robot_file, arm, lake })
     }
 
     /// The place of the sessions that a pipeline file names.
@@ -138,7 +130,7 @@ impl Files {
     }
 
     /// The tree in which the sessions are searched.
-    pub fn tree(&self) -> Result<Tree, ConfigurationError> {
+    pub fn tree(&self) -> Result<Tree> {
         Ok(Tree::at(&self.sessions())?)
     }
 }

@@ -121,10 +121,8 @@ fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf
         return Ok(Vec::new());
     }
     let found = files(tree, parent)?.into_iter();
-    Ok(found
-        .filter(|(name, _)| shown(name, &last) && fits(&last, name))
-        .map(|(_, path)| path)
-        .collect())
+    let own = found.filter(|(name, _)| shown(name, &last) && fits(&last, name));
+    Ok(own.map(|(_, path)| path).collect())
 }
 
 /// Files that match a pattern with `place` in it, like `{session}`, and the name in that place in each.
@@ -142,10 +140,8 @@ pub(in crate::pipeline) fn named(
     let (before, after) = last.split_once(place).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));
     let found = files(tree, parent)?.into_iter();
-    Ok(found
-        .filter(|(name, _)| shown(name, &before))
-        .filter_map(|(name, path)| Some((between(&before, &after, &name)?, path)))
-        .collect())
+    let own = found.filter(|(name, _)| shown(name, &before));
+    Ok(own.filter_map(|(name, path)| Some((between(&before, &after, &name)?, path))).collect())
 }
 
 /// Whether a file is one that a pattern names in a folder.

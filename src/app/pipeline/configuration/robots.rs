@@ -7,7 +7,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::{ConfigurationError, ConfigurationErrorKind};
+use super::{ConfigurationError, ConfigurationErrorKind, Result};
 use crate::io::lake;
 use crate::pipeline::file::{ROBOT_PLACE, RobotsBy};
 use crate::pipeline::robot_entry::{RobotEntry, put};
@@ -26,7 +26,6 @@ pub struct Robots {
     common: Table,
 }
 
-/// A robot with the place where it is stated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatedRobot {
     pub entry: RobotEntry,
@@ -36,21 +35,14 @@ pub struct StatedRobot {
 
 impl StatedRobot {
     pub(super) fn fault(&self, source: ConfigurationError) -> ConfigurationError {
-        ConfigurationError::OfRobot {
-            robot: self.entry.name.clone(),
-            place: self.place.clone(),
-            source: Box::new(source),
-        }
+        let (robot, place) = (self.entry.name.clone(), self.place.clone());
+        ConfigurationError::OfRobot { robot, place, source: Box::new(source) }
     }
 }
 
 impl Robots {
     /// The robots of the pipeline file at `path` with these values; `None` where it is of one robot.
-    pub fn of(
-        path: &Path,
-        base: &Path,
-        values: &Table,
-    ) -> Result<Option<Self>, ConfigurationError> {
+    pub fn of(path: &Path, base: &Path, values: &Table) -> Result<Option<Self>> {
         let own = values.get("robots");
         let input = values.get("input").and_then(Value::as_table);
         let of_input = |key: &str| input.and_then(|input| input.get(key));
@@ -71,7 +63,7 @@ impl Robots {
         Ok(Some(robots))
     }
 
-    pub fn named(&self, path: &Path, name: &str) -> Result<&StatedRobot, ConfigurationError> {
+    pub fn named(&self, path: &Path, name: &str) -> Result<&StatedRobot> {
         let found = self.stated.iter().find(|own| own.entry.name == name);
         found.ok_or_else(|| {
             let known: Vec<String> = self.names().map(str::to_owned).collect();
@@ -141,7 +133,7 @@ impl Robots {
         has("stations") || (has("controller") && has("tracker"))
     }
 
-    fn are_sound(&self, path: &Path) -> Result<(), ConfigurationError> {
+    fn are_sound(&self, path: &Path) -> Result<()> {
         let wrong = |stated: &StatedRobot, reason: String| {
             robots_error(path, None, format!("{}: {reason}", stated.place))
         };
@@ -265,7 +257,7 @@ fn of_file(own: &Value) -> Result<Vec<StatedRobot>, String> {
 }
 
 /// The robots of a table beside the file.
-fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, ConfigurationError> {
+fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>> {
     let mut stated = table::read(at).map_err(|reason| robots_error(path, Some(at), reason))?;
     for own in &mut stated {
         own.place = format!("{} of {named}", own.place);
@@ -273,7 +265,7 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>, Con
     Ok(stated)
 }
 
-fn robots_by(path: &Path, by: Option<&Value>) -> Result<RobotsBy, ConfigurationError> {
+fn robots_by(path: &Path, by: Option<&Value>) -> Result<RobotsBy> {
     let Some(by) = by else { return Ok(RobotsBy::default()) };
     by.clone().try_into().map_err(|_| {
         let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
@@ -287,7 +279,7 @@ fn stated(
     base: &Path,
     own: Option<&Value>,
     named: Option<&Value>,
-) -> Result<Vec<StatedRobot>, ConfigurationError> {
+) -> Result<Vec<StatedRobot>> {
     let (key, found, wanted) = match (own, named) {
         (Some(own), None) => {
             return of_file(own).map_err(|reason| robots_error(path, None, reason));

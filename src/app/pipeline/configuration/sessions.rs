@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::tree::Tree;
-use super::{ConfigurationError, ConfigurationErrorKind, Overrides, logs};
+use super::{ConfigurationError, ConfigurationErrorKind, Overrides, Result, logs};
 use crate::ingest::StationsSettings;
 use crate::io::lake::Lake;
 use crate::io::log::SessionLogs;
@@ -34,7 +34,6 @@ pub const POOLED: &str = "pooled";
 pub enum Recorded {
     /// The logs of its two sides.
     Logs(SessionLogs),
-    /// A table of its stations.
     Table(SessionTable),
     /// No files: the lake has it as joined.
     Joined(JoinedBefore),
@@ -68,7 +67,6 @@ pub struct JoinedBefore {
     pub inputs: Vec<Input>,
 }
 
-/// A table with the stations of a session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionTable {
     pub path: PathBuf,
@@ -167,7 +165,7 @@ pub(in crate::pipeline) fn look(
     tree: &Tree,
     folder: &Path,
     file: &PipelineFile,
-) -> Result<FoundSessions, ConfigurationError> {
+) -> Result<FoundSessions> {
     let (input, stations) = (&file.input, file.stations.as_ref());
     let logs = [("controller", &input.controller), ("tracker", &input.tracker)];
     let table = input.stations.as_ref().map(|names| ("stations", names));
@@ -231,7 +229,7 @@ pub(super) fn list(
     folder: &Path,
     input: &InputSection,
     overrides: &Overrides,
-) -> Result<Listed, ConfigurationError> {
+) -> Result<Listed> {
     let candidates = Candidates {
         place: folder.to_owned(),
         wanted: input.sessions_by.of(input),
@@ -248,7 +246,7 @@ pub(super) fn list_joined(
     wanted: &Wanted<'_>,
     input: &InputSection,
     overrides: &Overrides,
-) -> Result<Listed, ConfigurationError> {
+) -> Result<Listed> {
     let (sessions, left_out) = joined::sessions(lake, wanted)?;
     let lacks = || "the lake does not have it as joined".to_owned();
     let candidates = Candidates {
@@ -273,11 +271,7 @@ struct Candidates<'a> {
 }
 
 impl Candidates<'_> {
-    fn listed(
-        &self,
-        input: &InputSection,
-        overrides: &Overrides,
-    ) -> Result<Listed, ConfigurationError> {
+    fn listed(&self, input: &InputSection, overrides: &Overrides) -> Result<Listed> {
         let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
         let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
         let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
@@ -331,7 +325,7 @@ fn by_what_there_is(
     path: &Path,
     input: &InputSection,
     stations: Option<&StationsSettings>,
-) -> Result<(), ConfigurationError> {
+) -> Result<()> {
     let has_column = stations.is_some_and(|stations| stations.session.is_some());
     let (found, wanted) = match (input.sessions_by, stations.is_some()) {
         (SessionsBy::Column, false) => {
@@ -354,12 +348,7 @@ fn by_what_there_is(
 }
 
 /// Checks that names have `{session}` in their last part where sessions are found by it, and nowhere else.
-fn name_sessions(
-    path: &Path,
-    key: &str,
-    names: &LogNames,
-    by: SessionsBy,
-) -> Result<(), ConfigurationError> {
+fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Result<()> {
     let wanted = match by {
         SessionsBy::FileName => {
             "names with one {session} in their last part, as sessions_by = \"file_name\" asks"
@@ -474,7 +463,7 @@ impl SetAside {
     }
 }
 
-fn named_once(names: &[String], test: &[String]) -> Result<(), ConfigurationError> {
+fn named_once(names: &[String], test: &[String]) -> Result<()> {
     let mut seen = BTreeSet::new();
     for name in names {
         let how = if !seen.insert(name) {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::configuration::{
-    ConfigurationError, ConfigurationErrorKind, FoundSessions, LeftOut, Recorded, Robots, Session,
-    Tree, Why, logs, look,
+    ConfigurationError, ConfigurationErrorKind, FoundSessions, LeftOut, Recorded, Result, Robots,
+    Session, Tree, Why, logs, look,
 };
 use crate::pipeline::file::{PipelineFile, ROBOT_PLACE, RobotsBy, SESSION_PLACE, SessionsBy};
 
@@ -20,7 +20,7 @@ pub struct ByRobot {
 impl ByRobot {
     /// Searches the sessions of all robots once, and reads the robot that each names: in its logs' metadata, or in a column of its table.
     /// Those of no robot come with the reason.
-    pub fn found(within: &Within<'_>) -> Result<(Self, Vec<(String, Why)>), ConfigurationError> {
+    pub fn found(within: &Within<'_>) -> Result<(Self, Vec<(String, Why)>)> {
         check(within)?;
         let mut found = look(within.path, within.tree, within.folder, within.file)?;
         let all = std::mem::take(&mut found.sessions);
@@ -86,7 +86,7 @@ fn robot_of(session: &Session, limits: Limits) -> Result<String, Why> {
 }
 
 /// Checks that sessions are of a kind, and in a place, that names robots so.
-fn check(within: &Within<'_>) -> Result<(), ConfigurationError> {
+fn check(within: &Within<'_>) -> Result<()> {
     let (by, are_tables) = (within.robots.by, within.file.input.stations.is_some());
     let has_column = within.file.stations.as_ref().is_some_and(|own| own.robot.is_some());
     let is_here = matches!(within.tree, Tree::Folder);
@@ -125,7 +125,7 @@ pub struct Within<'a> {
 }
 
 impl Within<'_> {
-    pub fn folders_of_no_robot(&self) -> Result<Vec<(String, Why)>, ConfigurationError> {
+    pub fn folders_of_no_robot(&self) -> Result<Vec<(String, Why)>> {
         let entries = self.tree.entries(self.folder);
         let entries = entries.map_err(|source| self.unread(source))?;
         let known = self.robots.stated.iter().map(|stated| {
@@ -144,7 +144,7 @@ impl Within<'_> {
     }
 
     /// Files whose names have a robot in the place of `{robot}` that is not known, by what stands there.
-    pub fn files_of_no_robot(&self) -> Result<Vec<(String, Why)>, ConfigurationError> {
+    pub fn files_of_no_robot(&self) -> Result<Vec<(String, Why)>> {
         let mut strange: BTreeMap<String, BTreeSet<PathBuf>> = BTreeMap::new();
         let known: BTreeSet<&str> = self.robots.names().collect();
         for folder in self.folders().map_err(|source| self.unread(source))? {

@@ -18,12 +18,9 @@ pub fn fleet(robots: &[RobotHistory], pages: &[String], as_of: Option<WallTime>)
     let own = robots.iter().zip(pages);
     let robots: Vec<Robot> = own.map(|(own, page)| robot(own, page)).collect();
     let newest = robots.iter().filter_map(|own| own.newest.as_ref()?.started);
-    html(&Content {
-        version: VERSION.to_owned(),
-        as_of: as_of.or_else(|| newest.max()),
-        is_stated: as_of.is_some(),
-        robots,
-    })
+    let (version, is_stated) = (VERSION.to_owned(), as_of.is_some());
+    let as_of = as_of.or_else(|| newest.max());
+    html(&Content { version, as_of, is_stated, robots })
 }
 
 fn robot(own: &RobotHistory, page: &str) -> Robot {

@@ -48,7 +48,6 @@ pub(super) fn current(lake: &Lake, rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<Left
     (current, left_out)
 }
 
-/// The readable rows, and the others as left out.
 fn readable(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
     let (mut kept, mut left_out) = (Vec::new(), Vec::new());
     for Row { place, digest, fact, .. } in rows {

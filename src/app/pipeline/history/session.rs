@@ -27,7 +27,7 @@ use crate::report::{Angles, BaseRefit, Model, Point, Split};
 
 /// The figures of one session: those that are kept, or of its tables where there are none or `is_fresh`; or, as text, why there are none.
 pub(super) fn read(lake: &Lake, fact: &Fact, is_fresh: bool) -> Result<SessionFigures, String> {
-    let kept = (!is_fresh).then(|| Kept::of_fact(lake, fact)).flatten();
+    let kept = (!is_fresh).then(|| Kept::read(lake, &fact.key, &fact.tables)).flatten();
     let Kept { model, estimate, accuracy, noticed, .. } =
         kept.map_or_else(|| of_tables(lake, fact), Ok)?;
     Ok(SessionFigures {
@@ -206,10 +206,5 @@ impl Kept {
     pub(in crate::pipeline) fn write(&self, lake: &Lake, key: &RunKey) -> Result<(), LakeError> {
         let text = serde_json::to_string(self).expect("texts and numbers");
         lake.keep(&figures_key(key)?, &text)
-    }
-
-    /// Those of a session whose row states these facts.
-    pub(super) fn of_fact(lake: &Lake, fact: &Fact) -> Option<Self> {
-        Self::read(lake, &fact.key, &fact.tables)
     }
 }

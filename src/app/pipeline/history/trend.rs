@@ -79,10 +79,8 @@ fn series(figures: &[Vec<Figure>]) -> Vec<Series> {
 }
 
 fn numbered(figures: &[Vec<Figure>]) -> impl Iterator<Item = (usize, &Figure)> {
-    figures
-        .iter()
-        .enumerate()
-        .flat_map(|(place, own)| own.iter().map(move |figure| (place, figure)))
+    let numbered = figures.iter().enumerate();
+    numbered.flat_map(|(place, own)| own.iter().map(move |figure| (place, figure)))
 }
 
 /// Curves of the first and of the newest session.

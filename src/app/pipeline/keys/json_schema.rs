@@ -97,12 +97,9 @@ impl Node<'_> {
 
     fn table(&self) -> Value {
         let keys = || self.section.into_iter().flat_map(|own| &own.keys);
-        let mut properties: Map<String, Value> = self
-            .inside
-            .iter()
-            .filter(|(name, _)| **name != "NAME")
-            .map(|(name, node)| ((*name).to_owned(), node.schema()))
-            .collect();
+        let named = self.inside.iter().filter(|(name, _)| **name != "NAME");
+        let mut properties: Map<String, Value> =
+            named.map(|(name, node)| ((*name).to_owned(), node.schema())).collect();
         for key in keys() {
             let own = self.inside.get(key.key.as_str());
             properties.insert(key.key.clone(), key.schema(own));

@@ -9,7 +9,7 @@ use crate::fit::{CameraUncertainty, FitSettings, TrackerUncertainty, Uncertainty
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::configuration::{
-    ConfigurationError, ConfigurationErrorKind, placed, several_targets, upwards,
+    ConfigurationError, ConfigurationErrorKind, Result, placed, several_targets, upwards,
 };
 use crate::pipeline::file::PipelineFile;
 use crate::plan::line_of_sight::{Constraints, KeepOut, LineOfSight};
@@ -25,11 +25,7 @@ pub(super) struct Placed<'p> {
 }
 
 impl<'p> Placed<'p> {
-    pub(super) fn new(
-        path: &'p Path,
-        file: &PipelineFile,
-        section: &PlanSection,
-    ) -> Result<Self, ConfigurationError> {
+    pub(super) fn new(path: &'p Path, file: &PipelineFile, section: &PlanSection) -> Result<Self> {
         let tool = file.commanded.as_ref().and_then(|section| section.flange_from_tool);
         let tool =
             tool.map(|tool| placed(path, "[commanded] flange_from_tool", &tool)).transpose()?;
@@ -67,17 +63,13 @@ impl<'p> Placed<'p> {
         arm: &Arm,
         file: &PipelineFile,
         section: &PlanSection,
-    ) -> Result<PlanSettings, ConfigurationError> {
+    ) -> Result<PlanSettings> {
         let missing = |key, reason| ConfigurationErrorKind::missing(key, reason).at(self.path);
         let bounds = file.grid.bounds.ok_or_else(|| {
             missing("[grid] box", "a plan has no stations to take a box from: give low_mm and high_mm in the base frame")
         })?;
-        let home: Vec<f64> = section
-            .home_deg
-            .iter()
-            .zip(arm.joints())
-            .map(|(value, joint)| joint.read(*value))
-            .collect();
+        let home = section.home_deg.iter().zip(arm.joints());
+        let home: Vec<f64> = home.map(|(value, joint)| joint.read(*value)).collect();
         let at_home = arm.flange(&home).isometry() * self.flange_from_target;
         let orientation = file.grid.orientation_xyzw.map_or(at_home.rotation, |[x, y, z, w]| {
             // The table's orientation is the tool's: that of the target here.
@@ -136,7 +128,7 @@ impl<'p> Placed<'p> {
         arm: &Arm,
         home: &[f64],
         section: &ConstraintsSection,
-    ) -> Result<Constraints, ConfigurationError> {
+    ) -> Result<Constraints> {
         let nominal = arm.no_offsets();
         let factors = SingularityFactors::of(arm, &nominal, home);
         let line_of_sight = section.line_of_sight.map(|line_of_sight| {

@@ -53,34 +53,18 @@ pub enum KnownError {
     Misfit { path: PathBuf, kind: KnownMisfit },
 }
 
-/// The reason why the arm of a past session is not the one to plan for.
+/// The reason why the arm of a past session is not the one to plan for. Places of targets are in the flange frame, mm.
+///
+/// `NoBase`: the base is said to be where it was, but each instrument of the session read one length: none has a frame.
+/// `NotPositive`: the covariance cannot be factored because of rounding.
 #[derive(Debug)]
 pub enum KnownMisfit {
-    OtherRobot {
-        found: String,
-        wanted: String,
-    },
-    Joints {
-        found: usize,
-        wanted: usize,
-    },
-    OtherNominal {
-        found: String,
-        wanted: String,
-        what: &'static str,
-    },
+    OtherRobot { found: String, wanted: String },
+    Joints { found: usize, wanted: usize },
+    OtherNominal { found: String, wanted: String, what: &'static str },
     GeometryAlone,
-    OtherTarget {
-        /// Where it sat, mm on the flange.
-        found: [f64; 3],
-        /// Its position in the plan, flange frame, mm.
-        wanted: [f64; 3],
-        /// Distance between the two, mm.
-        away_mm: f64,
-    },
-    /// The base is said to be where it was, but each instrument of the session read one length: none has a frame.
+    OtherTarget { found: [f64; 3], wanted: [f64; 3], away_mm: f64 },
     NoBase,
-    /// The covariance cannot be factored because of rounding.
     NotPositive,
 }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 
 use super::known::{self, KnownError};
-use super::{PlanningError, Stated};
+use super::{Result, Stated};
 use crate::files::store::Place;
 use crate::io::lake::Lake;
 use crate::kinematics::Arm;
@@ -43,17 +43,14 @@ impl Located {
         robot: Option<&str>,
         lake: Option<&Path>,
         count: usize,
-    ) -> Result<Self, PlanningError> {
+    ) -> Result<Self> {
         let Stated { read, section, settings, lake, robot, command_from_base } =
             Stated::read(path, robot, lake)?;
         let table = table(path, &read, &section, &lake, &robot)?;
         let past = known::identified(&table, &read.arm, &robot).map_err(Box::new)?;
         let target_sd_mm = target_sd_mm(&section, &settings);
-        let identified = Identified {
-            model: known::full(&table, &past.arm).map_err(Box::new)?,
-            session: past.arm.model.session,
-            target_sd_mm,
-        };
+        let model = known::full(&table, &past.arm).map_err(Box::new)?;
+        let identified = Identified { model, session: past.arm.model.session, target_sd_mm };
         let plan = locate(&read.arm, &identified, count, &settings)?;
         Ok(Self {
             plan: plan.ok_or_else(|| Box::new(known::not_positive(&table)))?,
@@ -73,7 +70,7 @@ fn table(
     section: &PlanSection,
     lake: &Place,
     robot: &str,
-) -> Result<PathBuf, PlanningError> {
+) -> Result<PathBuf> {
     if let Some(known) = &section.known {
         let lakes = [lake, &read.lake];
         let table = known::table(path, &read.base, known, lakes, robot);

@@ -13,15 +13,14 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::{Planning, PlanningError, SESSION};
+use super::{Planning, Result, SESSION};
 use crate::fit::full::FullModel;
 use crate::fit::{self, FitError, Observation, Purpose, SourceId, TrainingSettings};
 use crate::io::lake::Lake;
 use crate::io::rows::Row as _;
 use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::join::{Pairing, Station};
-use crate::judgement::JoinedSession;
-use crate::judgement::StageSettings;
+use crate::judgement::{JoinedSession, StageSettings};
 use crate::manifest::RunKey;
 use crate::pipeline::configuration::{Configuration, Overrides};
 use crate::pipeline::run;
@@ -66,20 +65,12 @@ pub enum SoFarError {
 
 impl Planning {
     /// Compares the stations so far of `session` with the plan that the pipeline file at `path` makes.
-    pub fn so_far(
-        &self,
-        path: &Path,
-        session: &str,
-        progress: &dyn Progress,
-    ) -> Result<SoFar, PlanningError> {
+    pub fn so_far(&self, path: &Path, session: &str, progress: &dyn Progress) -> Result<SoFar> {
         let key = RunKey::new(&self.work.robot, SESSION, &self.work.key().run);
         let lake = Lake::at(&self.lake)?;
         if !lake.exists(&key)? {
-            return Err(Box::new(SoFarError::NotPlanned {
-                lake: self.lake.to_string(),
-                run: key.run,
-            })
-            .into());
+            let (lake, run) = (self.lake.to_string(), key.run);
+            return Err(Box::new(SoFarError::NotPlanned { lake, run }).into());
         }
         let poses = VisitRow::read(&lake.read("sampling_plan", &key)?);
         let (joined, stages) = self.read_session(path, session, progress)?;
@@ -123,7 +114,7 @@ impl Planning {
         path: &Path,
         session: &str,
         progress: &dyn Progress,
-    ) -> Result<(JoinedSession, StageSettings), PlanningError> {
+    ) -> Result<(JoinedSession, StageSettings)> {
         let overrides = Overrides {
             robot: Some(self.work.robot.clone()),
             sessions: vec![session.to_owned()],
@@ -143,7 +134,7 @@ impl Planning {
         joined: &JoinedSession,
         stations: &[Station],
         stages: &StageSettings,
-    ) -> Result<FullModel, PlanningError> {
+    ) -> Result<FullModel> {
         let numbers = |number: usize| stations.iter().any(|station| station.number == number);
         let mut observations = fit::observations(0, stations, &self.arm, &stages.noise);
         fit::add_commands(&mut observations, &joined.joined.stations, &joined.commanded);
@@ -160,12 +151,8 @@ impl Planning {
         stages: &StageSettings,
     ) -> Result<Option<FullModel>, FitError> {
         let settings = &self.settings;
-        let train = TrainingSettings {
-            fit: &stages.fit,
-            full: &settings.full,
-            up: settings.up,
-            purpose: Purpose::Judges,
-        };
+        let (fit, full, up) = (&stages.fit, &settings.full, settings.up);
+        let train = TrainingSettings { fit, full, up, purpose: Purpose::Judges };
         let Some(known) = &settings.known else {
             return Ok(fit::models::train(&self.arm, observations, 1, &train)?.full);
         };

@@ -17,6 +17,8 @@ use crate::pipeline::damage::DamageError;
 use crate::pipeline::fetch::FetchError;
 use crate::setup::Finding;
 
+pub(super) type Result<T, E = RunError> = std::result::Result<T, E>;
+
 /// The reason why a piece of work has no result.
 #[derive(Debug, Error)]
 pub enum RunError {

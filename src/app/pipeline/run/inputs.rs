@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::RunError;
+use super::{Result, RunError};
 use crate::files::input::{self, Bound};
 use crate::io::log::{SessionLogs, read_metadata};
 use crate::io::station_table::{self, Whose};
@@ -15,10 +15,7 @@ use crate::pipeline::configuration::{
 const SIDES: [&str; 4] = ["controller", "tracker", "stations", "corrected"];
 
 /// The work's identity. A log is opened here only where neither the pipeline file nor the command line names the robot.
-pub(in crate::pipeline) fn work(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-) -> Result<Work, RunError> {
+pub(in crate::pipeline) fn work(configuration: &Configuration, piece: &WorkPiece) -> Result<Work> {
     let mut inputs = vec![input(&configuration.robot_file, ROBOT)?];
     for files in piece.training.iter().chain(&piece.test) {
         inputs.extend(session_inputs(configuration, files).map_err(|error| error.of(files))?);
@@ -35,10 +32,7 @@ pub(in crate::pipeline) fn work(
     })
 }
 
-fn session_inputs(
-    configuration: &Configuration,
-    files: &SessionFiles,
-) -> Result<Vec<Input>, RunError> {
+fn session_inputs(configuration: &Configuration, files: &SessionFiles) -> Result<Vec<Input>> {
     let name = &files.name;
     let mut inputs = match &files.recorded {
         Recorded::Logs(logs) => both_logs(logs, name)?,
@@ -53,7 +47,7 @@ fn session_inputs(
     Ok(inputs)
 }
 
-fn both_logs(logs: &SessionLogs, name: &str) -> Result<Vec<Input>, RunError> {
+fn both_logs(logs: &SessionLogs, name: &str) -> Result<Vec<Input>> {
     let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
     if logs.tracker != logs.controller {
         inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
@@ -62,11 +56,7 @@ fn both_logs(logs: &SessionLogs, name: &str) -> Result<Vec<Input>, RunError> {
 }
 
 /// A table as an input: the file, or its rows of one robot and session where it names them.
-fn table_input(
-    configuration: &Configuration,
-    table: &SessionTable,
-    name: &str,
-) -> Result<Input, RunError> {
+fn table_input(configuration: &Configuration, table: &SessionTable, name: &str) -> Result<Input> {
     let settings = match &configuration.reads {
         Reads::Tables(settings) if table.whose != Whose::default() => settings,
         Reads::Tables(_) | Reads::Logs(_) => return input(&table.path, name),
@@ -79,7 +69,7 @@ fn table_input(
 }
 
 /// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
-fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
+fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>> {
     let inputs = paths.iter().map(|path| input(path, name));
     let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
     if inputs.len() < 2 {
@@ -107,14 +97,14 @@ pub(in crate::pipeline) fn is_of_session(input: &str, session: &str) -> bool {
     SIDES.contains(&side) && part.parse::<usize>().is_ok()
 }
 
-pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
+pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input> {
     let wrong = |source| RunError::Input { path: path.to_owned(), source };
     let (digest, bytes) =
         manifest::digest(input::open(path, Bound::ANY).map_err(wrong)?).map_err(wrong)?;
     Ok(Input { name: name.to_owned(), bytes, digest })
 }
 
-fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String, RunError> {
+fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String> {
     if let Some(name) = &configuration.robot {
         return Ok(name.clone());
     }

@@ -364,12 +364,8 @@ fn of_file(tree: &Tree, path: &Path) -> Option<String> {
             let modified = metadata.modified().ok()?;
             let (inode, changed) = inode_and_change(&metadata);
             let since = |time: SystemTime| time.duration_since(SystemTime::UNIX_EPOCH).ok();
-            Some(format!(
-                "{} {:?} {:?} {inode}",
-                metadata.len(),
-                since(modified),
-                changed.and_then(since)
-            ))
+            let (modified, changed) = (since(modified), changed.and_then(since));
+            Some(format!("{} {modified:?} {changed:?} {inode}", metadata.len()))
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Where a camera is mounted, by its readings: a camera on the flange that is stated to stand in the cell, or the other way round, is
 //! told by the nominal arm, which agrees with one of the two alone.
 
-use super::RunError;
+use super::{Result, RunError};
 use crate::fit::Mounted;
 use crate::join::Value;
 use crate::join::placement::{NOMINAL_MM, Placement, ReadingAtFlange};
@@ -19,12 +19,7 @@ pub(super) const fn other(mounted: Mounted) -> Mounted {
 }
 
 /// An error where the readings of a table agree with the nominal arm under the other mounting than is stated.
-pub(super) fn check(
-    arm: &Arm,
-    session: &str,
-    stated: Mounted,
-    rows: &Rows,
-) -> Result<(), RunError> {
+pub(super) fn check(arm: &Arm, session: &str, stated: Mounted, rows: &Rows) -> Result<()> {
     let of = |mounted| median_mm(arm, rows, mounted).unwrap_or(f64::INFINITY);
     let (as_stated, as_other) = (of(stated), of(other(stated)));
     if as_stated <= NOMINAL_MM || as_other > EXPLAINS * as_stated {

@@ -6,7 +6,7 @@
 
 use super::inputs::is_of_session;
 use super::session::{of_joined, session};
-use super::{RunError, StageDone, work};
+use super::{Result, RunError, StageDone, work};
 use crate::files::table::Table;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, OpenRun, Stage};
 use crate::io::tables::stage_results::NotRestored;
@@ -45,7 +45,7 @@ impl<'a> Results<'a> {
         configuration: &'a Configuration,
         piece: &WorkPiece,
         progress: &'a dyn Progress,
-    ) -> Result<Self, RunError> {
+    ) -> Result<Self> {
         let lake = Lake::at(&configuration.lake)?;
         Ok(Self { configuration, work: work(configuration, piece)?, lake, progress })
     }
@@ -55,7 +55,7 @@ impl<'a> Results<'a> {
         &self,
         piece: &WorkPiece,
         mut run: Option<&mut OpenRun<'_>>,
-    ) -> Result<Sessions, RunError> {
+    ) -> Result<Sessions> {
         let mut made_of = Vec::new();
         let mut joined = |files: &SessionFiles| {
             let found = self.session(files, run.as_deref_mut())?;
@@ -63,9 +63,9 @@ impl<'a> Results<'a> {
             Ok(found.value)
         };
         let training = piece.training.iter().map(&mut joined);
-        let training = training.collect::<Result<Vec<_>, RunError>>()?;
+        let training = training.collect::<Result<Vec<_>>>()?;
         let test = piece.test.iter().map(&mut joined);
-        let test = test.collect::<Result<Vec<_>, RunError>>()?;
+        let test = test.collect::<Result<Vec<_>>>()?;
         Ok(Sessions { training, test, made_of })
     }
 
@@ -74,7 +74,7 @@ impl<'a> Results<'a> {
         &self,
         files: &SessionFiles,
         run: Option<&mut OpenRun<'_>>,
-    ) -> Result<Found<JoinedSession>, RunError> {
+    ) -> Result<Found<JoinedSession>> {
         self.joined(files, run).map_err(|error| error.of(files))
     }
 
@@ -82,7 +82,7 @@ impl<'a> Results<'a> {
         &self,
         files: &SessionFiles,
         run: Option<&mut OpenRun<'_>>,
-    ) -> Result<Found<JoinedSession>, RunError> {
+    ) -> Result<Found<JoinedSession>> {
         let is_own =
             |input: &&Input| input.name == ROBOT || is_of_session(&input.name, &files.name);
         let inputs = self.work.inputs.iter().filter(is_own).cloned().collect();
@@ -107,7 +107,7 @@ impl<'a> Results<'a> {
         })
     }
 
-    pub(super) fn estimate(&self, sessions: Sessions) -> Result<Found<Estimate>, RunError> {
+    pub(super) fn estimate(&self, sessions: Sessions) -> Result<Found<Estimate>> {
         let Self { configuration, progress, .. } = self;
         let (arm, settings) = (&configuration.arm, &configuration.stages);
         let targets = &settings.fit.target_names;
@@ -136,10 +136,7 @@ impl<'a> Results<'a> {
     }
 
     /// All results that follow from an estimate, under the name of its grids.
-    pub(super) fn outcome(
-        &self,
-        estimate: Found<Estimate>,
-    ) -> Result<Found<Outcome<'a>>, RunError> {
+    pub(super) fn outcome(&self, estimate: Found<Estimate>) -> Result<Found<Outcome<'a>>> {
         let RunKey { robot, session, run } = &estimate.key;
         let work = grids::work(robot, session, run, self.configuration.grids_settings.clone());
         let known = self.known(GRIDS, &work, self.configuration.from_grids, |key| {
@@ -163,8 +160,8 @@ impl<'a> Results<'a> {
         stage: Stage,
         work: &Work,
         is_only: bool,
-        read: impl FnOnce(&RunKey) -> Result<Option<T>, RunError>,
-    ) -> Result<Found<Option<T>>, RunError> {
+        read: impl FnOnce(&RunKey) -> Result<Option<T>>,
+    ) -> Result<Found<Option<T>>> {
         let key = work.key();
         let already_there = self.lake.has(stage.rows, &key)?;
         if is_only && !already_there {
@@ -205,10 +202,7 @@ impl<T> Found<T> {
 }
 
 impl<T> Found<Option<T>> {
-    fn or_make(
-        self,
-        make: impl FnOnce(&RunKey) -> Result<T, RunError>,
-    ) -> Result<Found<T>, RunError> {
+    fn or_make(self, make: impl FnOnce(&RunKey) -> Result<T>) -> Result<Found<T>> {
         let Self { value, key, already_there } = self;
         let value = value.map_or_else(|| make(&key), Ok)?;
         Ok(Found { value, key, already_there })

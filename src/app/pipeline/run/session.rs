@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::Isometry3;
 
-use super::{RunError, mounting};
+use super::{Result, RunError, mounting};
 use crate::files::input::Bound;
-use crate::fit::Mounted;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::knocks;
-use crate::fit::report_steps;
+use crate::fit::{Mounted, report_steps};
 use crate::ingest::covariances::CovarianceCounts;
 use crate::ingest::{Mapping, StationsSettings};
 use crate::io::lake::OpenRun;
@@ -33,7 +32,7 @@ pub(in crate::pipeline) fn session(
     files: &SessionFiles,
     run: Option<&mut OpenRun<'_>>,
     progress: &dyn Progress,
-) -> Result<JoinedSession, RunError> {
+) -> Result<JoinedSession> {
     match (&files.recorded, &configuration.reads) {
         (Recorded::Logs(logs), Reads::Logs(mapping)) => {
             let own = OwnLogs { configuration, files, logs, mapping };
@@ -63,7 +62,7 @@ impl OwnLogs<'_> {
         &self,
         run: Option<&mut OpenRun<'_>>,
         progress: &dyn Progress,
-    ) -> Result<SessionRead, RunError> {
+    ) -> Result<SessionRead> {
         let Some(run) = run.filter(|_| self.configuration.file.output.logs) else {
             return self.read(&mut (), progress);
         };
@@ -76,11 +75,7 @@ impl OwnLogs<'_> {
     }
 
     /// Reads the logs; their joint samples go to `sink` too.
-    fn read(
-        &self,
-        sink: &mut dyn JointSink,
-        progress: &dyn Progress,
-    ) -> Result<SessionRead, RunError> {
+    fn read(&self, sink: &mut dyn JointSink, progress: &dyn Progress) -> Result<SessionRead> {
         let (limits, rule) =
             (self.configuration.file.limits, self.configuration.file.join.arm_rule());
         let read = read_session(self.logs, self.mapping, limits, &rule, sink, progress)?;
@@ -97,12 +92,8 @@ impl OwnLogs<'_> {
         };
         let mut mapping = self.mapping.clone();
         mapping.tracker.eye_in_hand = !mapping.tracker.eye_in_hand;
-        let other = OwnLogs {
-            configuration: self.configuration,
-            files: self.files,
-            logs: self.logs,
-            mapping: &mapping,
-        };
+        let Self { configuration, files, logs, .. } = *self;
+        let other = OwnLogs { configuration, files, logs, mapping: &mapping };
         let joined = other.read(&mut (), progress);
         let joined = joined.and_then(|read| other.joined(read));
         joined.map_or(error, |joined| RunError::Mounted {
@@ -113,7 +104,7 @@ impl OwnLogs<'_> {
         })
     }
 
-    fn joined(&self, read: SessionRead) -> Result<JoinedSession, RunError> {
+    fn joined(&self, read: SessionRead) -> Result<JoinedSession> {
         let (configuration, files) = (self.configuration, self.files);
         let (arm, settings) = (&configuration.arm, &configuration.file.join);
         let joined = join(&read.input, arm, settings);
@@ -159,7 +150,7 @@ pub(super) fn of_joined(
     configuration: &Configuration,
     files: &SessionFiles,
     restored: Restored,
-) -> Result<JoinedSession, RunError> {
+) -> Result<JoinedSession> {
     let set_up = set_up(configuration, files, &restored.joined, || None)?;
     Ok(JoinedSession {
         log_rejects: restored.log_rejects,
@@ -181,7 +172,7 @@ fn of_table(
     files: &SessionFiles,
     table: &SessionTable,
     settings: &StationsSettings,
-) -> Result<JoinedSession, RunError> {
+) -> Result<JoinedSession> {
     let joints = configuration.arm.joints().iter();
     let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
     let bound = Bound::of(configuration.file.limits);
@@ -233,7 +224,7 @@ fn with_commands(
     configuration: &Configuration,
     files: &SessionFiles,
     joined: Joined,
-) -> Result<JoinedSession, RunError> {
+) -> Result<JoinedSession> {
     let driven_by = driven::driven_by(files, &joined.stations, configuration.file.limits)?;
     Ok(commanded_in(configuration, files, joined, driven_by))
 }
@@ -266,7 +257,7 @@ fn without_knocks(
     configuration: &Configuration,
     files: &SessionFiles,
     joined: &mut Joined,
-) -> Result<(), RunError> {
+) -> Result<()> {
     if joined.references.is_empty() {
         let up = configuration.stages.up;
         let knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
@@ -284,7 +275,7 @@ fn set_up(
     files: &SessionFiles,
     joined: &Joined,
     anew: impl FnOnce() -> Option<Finding>,
-) -> Result<Option<Finding>, RunError> {
+) -> Result<Option<Finding>> {
     if let Some(frames) = &configuration.command_frames {
         let stepped = report_steps::check(&joined.stations, &configuration.arm, frames);
         stepped.map_err(|source| join_error(files, source))?;

@@ -43,10 +43,8 @@ impl Size {
     pub fn of(configuration: &Configuration, piece: &WorkPiece) -> Self {
         let sessions = piece.training.iter().chain(&piece.test);
         let size = |path| configuration.tree.size(path).unwrap_or(0);
-        Self {
-            sessions: piece.training.len(),
-            bytes: sessions.flat_map(files_of).map(|path| size(path)).sum(),
-        }
+        let bytes = sessions.flat_map(files_of).map(|path| size(path)).sum();
+        Self { sessions: piece.training.len(), bytes }
     }
 
     fn by_rule(self) -> Expected {

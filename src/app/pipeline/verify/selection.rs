@@ -163,10 +163,8 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
 
 impl From<LakeError> for NoClaim {
     fn from(error: LakeError) -> Self {
-        Self {
-            is_damage: matches!(&error, LakeError::File(error) if error.is_damage()),
-            reason: error.to_string(),
-        }
+        let is_damage = matches!(&error, LakeError::File(error) if error.is_damage());
+        Self { is_damage, reason: error.to_string() }
     }
 }
 

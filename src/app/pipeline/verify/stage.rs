@@ -212,18 +212,13 @@ impl StageVerifier<'_> {
             let inputs =
                 joined.inputs.inputs().ok_or_else(|| format!("{name} as joined is damaged"))?;
             let inputs = inputs.into_iter().filter(|input| input.name != ROBOT).collect();
-            training.push(SessionFiles {
-                name: name.clone(),
-                recorded: Recorded::Joined(JoinedBefore { key, inputs }),
-                corrected: None,
-            });
+            let recorded = Recorded::Joined(JoinedBefore { key, inputs });
+            training.push(SessionFiles { name: name.clone(), recorded, corrected: None });
             settings.push(joined.made.settings);
         }
-        let session = |own: &SessionFiles| Session {
-            name: own.name.clone(),
-            recorded: Ok(own.recorded.clone()),
-            corrected: None,
-            robot: None,
+        let session = |own: &SessionFiles| {
+            let (name, recorded) = (own.name.clone(), Ok(own.recorded.clone()));
+            Session { name, recorded, corrected: None, robot: None }
         };
         let sessions: Vec<Session> = training.iter().map(session).collect();
         let found = self.sought.with_sessions(&estimate.robot, &sessions, |configuration| {

@@ -1,7 +1,7 @@
 //! The records of one length, among which the header and the first row are.
 
 use super::{Piece, PieceKind, SampleRow, names};
-use crate::measured_table::MeasuredTableErrorKind;
+use crate::measured_table::{MeasuredTableErrorKind, Result};
 
 /// The records of the sample, and the columns that hold numbers in most rows.
 pub(super) struct Block<'s> {
@@ -82,11 +82,7 @@ impl<'s> Block<'s> {
     }
 
     /// An error where a record of names stands above the first row, of another length than rows have.
-    pub(super) fn refuse_other_length(
-        &self,
-        first: usize,
-        is_comma: bool,
-    ) -> Result<(), MeasuredTableErrorKind> {
+    pub(super) fn refuse_other_length(&self, first: usize, is_comma: bool) -> Result<()> {
         let is_text = |row: &SampleRow| {
             !row.is_comment && row.length() > 1 && row.count(PieceKind::Number) == 0
         };

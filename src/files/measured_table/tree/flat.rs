@@ -8,6 +8,7 @@ use crate::measured_table::head::Head;
 use crate::measured_table::number::Numbers;
 use crate::measured_table::{
     Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
+    Result,
 };
 
 #[derive(Default)]
@@ -29,11 +30,7 @@ enum Value<'d> {
 }
 
 impl<'d> Flat<'d> {
-    pub(super) fn record(
-        &mut self,
-        record: &Record<'d>,
-        counted: Counted,
-    ) -> Result<(), MeasuredTableErrorKind> {
+    pub(super) fn record(&mut self, record: &Record<'d>, counted: Counted) -> Result<()> {
         if !matches!(record.node, Node::Map(_)) {
             self.ends.push(None);
             return Ok(());
@@ -101,7 +98,7 @@ impl<'d> Flat<'d> {
         form: &Form,
         counted: Counted,
         remarks: Vec<String>,
-    ) -> Result<MeasuredTable, MeasuredTableErrorKind> {
+    ) -> Result<MeasuredTable> {
         let head = Head::of(self.names.iter().map(|name| name.trim().to_owned()).collect());
         let texts = self.values.iter().filter_map(|(_, value)| match value {
             Value::Text(text) => Some(*text),
@@ -116,7 +113,7 @@ impl<'d> Flat<'d> {
         head: &'h Head,
         records: &[Record<'_>],
         numbers: Numbers,
-    ) -> Result<Filling<'h>, MeasuredTableErrorKind> {
+    ) -> Result<Filling<'h>> {
         let mut filling = Filling::new(head, numbers);
         let mut row = vec![Value::Blank; self.names.len()];
         let mut start = 0;

@@ -3,11 +3,11 @@
 use std::rc::Rc;
 
 use super::{Map, Node};
-use crate::measured_table::MeasuredTableErrorKind;
+use crate::measured_table::{MeasuredTableErrorKind, Result};
 
 /// Records made of columns: an object of lists of one length, or of objects with the keys 0, 1, …; `None` for any other
 /// value.
-pub(super) fn columns(root: &Node) -> Result<Option<Node>, MeasuredTableErrorKind> {
+pub(super) fn columns(root: &Node) -> Result<Option<Node>> {
     let Node::Map(map) = root else { return Ok(None) };
     let columns = map.members.iter().map(|(key, node)| Some((key, values(node)?)));
     let columns: Option<Vec<Column>> = columns.collect();
@@ -37,7 +37,7 @@ fn values(node: &Node) -> Option<Vec<&Node>> {
 }
 
 /// The length of all columns; an error where they differ.
-fn same_length(columns: &[Column]) -> Result<usize, MeasuredTableErrorKind> {
+fn same_length(columns: &[Column]) -> Result<usize> {
     let Some((first, column)) = columns.first() else { return Ok(0) };
     match columns.iter().find(|(_, own)| own.len() != column.len()) {
         None => Ok(column.len()),

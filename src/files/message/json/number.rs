@@ -1,10 +1,10 @@
 use super::bytes;
-use crate::message::MessageFault;
 use crate::message::cell::Cell;
+use crate::message::{Decoded, MessageFault};
 
 /// Puts the nearest double, or the whole number where it fits, into a cell; returns the number's end.
 #[inline]
-pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
+pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Decoded<usize> {
     let (end, whole) = end(text, start)?;
     let written = &text[start..end];
     *cell = if whole && let Ok(integer) = lexical_core::parse(written) {
@@ -17,7 +17,7 @@ pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, 
 
 /// The end of the number at `start`, and whether it is written as a whole number.
 #[inline]
-pub(super) fn end(text: &[u8], start: usize) -> Result<(usize, bool), MessageFault> {
+pub(super) fn end(text: &[u8], start: usize) -> Decoded<(usize, bool)> {
     let sign = |at: usize| text.get(at).copied();
     let first = start + usize::from(sign(start) == Some(b'-'));
     let mut end = digits(text, first)?;
@@ -38,7 +38,7 @@ pub(super) fn end(text: &[u8], start: usize) -> Result<(usize, bool), MessageFau
 }
 
 #[inline]
-fn digits(text: &[u8], start: usize) -> Result<usize, MessageFault> {
+fn digits(text: &[u8], start: usize) -> Decoded<usize> {
     let rest = text.get(start..).unwrap_or_default();
     match bytes::digits(rest) {
         0 if rest.is_empty() => Err(MessageFault::Short),

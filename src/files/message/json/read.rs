@@ -3,22 +3,20 @@
 use super::scan::{MOST_LEVELS, Scan};
 use super::{JsonReader, Node, number, unescaped};
 use crate::message::cell::{Cell, Span};
-use crate::message::{MessageFault, Row, template};
+use crate::message::{Decoded, MessageFault, Row, template};
 
 /// Some writers put this byte order mark before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 impl JsonReader {
     /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
-    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Decoded<()> {
         if row.fill_as_worded_before(&self.identity, message) {
             return Ok(());
         }
         row.begin(message, self.wanted)?;
-        let mut scan = Scan {
-            bytes: message,
-            at: if message.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 },
-        };
+        let at = if message.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        let mut scan = Scan { bytes: message, at };
         self.value(&self.nodes[0], &mut scan, row, MOST_LEVELS)?;
         scan.finish()?;
         row.template.keep(&self.identity, message);
@@ -26,13 +24,7 @@ impl JsonReader {
     }
 
     /// Reads the next value, which is wanted or contains wanted values.
-    fn value(
-        &self,
-        node: &Node,
-        scan: &mut Scan<'_>,
-        row: &mut Row,
-        levels: usize,
-    ) -> Result<(), MessageFault> {
+    fn value(&self, node: &Node, scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Decoded<()> {
         let inner = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
         match scan.peek()? {
             b'{' => scan.members(|scan, name| match self.member(node, scan.bytes, name) {
@@ -71,13 +63,7 @@ impl JsonReader {
         found.map(|(_, child)| &self.nodes[*child])
     }
 
-    fn array(
-        &self,
-        node: &Node,
-        scan: &mut Scan<'_>,
-        row: &mut Row,
-        levels: usize,
-    ) -> Result<(), MessageFault> {
+    fn array(&self, node: &Node, scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Decoded<()> {
         // An array inside an element of another array is no single value.
         let whole = || node.slots.iter().filter(|(_, each)| !each);
         let lists = node.each.iter().flat_map(|(_, lists)| lists);
@@ -116,7 +102,7 @@ impl JsonReader {
 }
 
 #[inline]
-fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
+fn single(scan: &mut Scan<'_>, row: &mut Row) -> Decoded<Cell> {
     let (start, is_number) = (scan.at, scan.is_number());
     let cell = scan.scalar()?;
     if is_number {
@@ -127,7 +113,7 @@ fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
 }
 
 #[inline]
-fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), MessageFault> {
+fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Decoded<()> {
     let start = scan.at;
     scan.skip(levels)?;
     let slot = template::NumberSlot::Json(NumberSlot::Unwanted { levels });
@@ -161,7 +147,7 @@ impl NumberSlot {
         bytes: &[u8],
         at: usize,
         cell: &mut Cell,
-    ) -> Result<usize, MessageFault> {
+    ) -> Decoded<usize> {
         match self {
             Self::Number => number::take(bytes, at, cell),
             Self::Unwanted { levels } => {

@@ -1,8 +1,8 @@
 //! JSON's characters, strings and numbers, and the skipping of values.
 
 use super::{bytes, number};
-use crate::message::MessageFault;
 use crate::message::cell::{Cell, Span};
+use crate::message::{Decoded, MessageFault};
 
 pub(super) const MOST_LEVELS: usize = 64;
 
@@ -14,7 +14,7 @@ pub(super) struct Scan<'m> {
 impl Scan<'_> {
     /// The next character that is no space; it is not consumed.
     #[inline]
-    pub(super) fn peek(&mut self) -> Result<u8, MessageFault> {
+    pub(super) fn peek(&mut self) -> Decoded<u8> {
         while let Some(&byte) = self.bytes.get(self.at) {
             if !matches!(byte, b' ' | b'\n' | b'\r' | b'\t') {
                 return Ok(byte);
@@ -25,19 +25,19 @@ impl Scan<'_> {
     }
 
     #[inline]
-    pub(super) fn take_if(&mut self, sign: u8) -> Result<bool, MessageFault> {
+    pub(super) fn take_if(&mut self, sign: u8) -> Decoded<bool> {
         let is = self.peek()? == sign;
         self.at += usize::from(is);
         Ok(is)
     }
 
     #[inline]
-    pub(super) fn expect(&mut self, sign: u8) -> Result<(), MessageFault> {
+    pub(super) fn expect(&mut self, sign: u8) -> Decoded<()> {
         if self.take_if(sign)? { Ok(()) } else { Err(MessageFault::Json) }
     }
 
     #[inline]
-    pub(super) fn text(&mut self) -> Result<Span, MessageFault> {
+    pub(super) fn text(&mut self) -> Decoded<Span> {
         self.expect(b'"')?;
         let start = self.at;
         let mut escaped = false;
@@ -55,7 +55,7 @@ impl Scan<'_> {
     }
 
     #[inline]
-    pub(super) fn scalar(&mut self) -> Result<Cell, MessageFault> {
+    pub(super) fn scalar(&mut self) -> Decoded<Cell> {
         match self.peek()? {
             b'"' => self.text().map(Cell::Text),
             _ if self.is_number() => self.number(),
@@ -69,7 +69,7 @@ impl Scan<'_> {
         }
     }
 
-    fn word(&mut self, word: &str, meaning: Cell) -> Result<Cell, MessageFault> {
+    fn word(&mut self, word: &str, meaning: Cell) -> Decoded<Cell> {
         let rest = &self.bytes[self.at..];
         if rest.starts_with(word.as_bytes()) {
             self.at += word.len();
@@ -81,7 +81,7 @@ impl Scan<'_> {
         }
     }
 
-    fn number(&mut self) -> Result<Cell, MessageFault> {
+    fn number(&mut self) -> Decoded<Cell> {
         let mut cell = Cell::Absent;
         self.at = number::take(self.bytes, self.at, &mut cell)?;
         Ok(cell)
@@ -96,7 +96,7 @@ impl Scan<'_> {
         }
     }
 
-    pub(super) fn skip(&mut self, levels: usize) -> Result<(), MessageFault> {
+    pub(super) fn skip(&mut self, levels: usize) -> Decoded<()> {
         let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
         match self.peek()? {
             b'{' => self.members(|scan, _| scan.skip(levels)),
@@ -113,8 +113,8 @@ impl Scan<'_> {
     #[inline]
     pub(super) fn members(
         &mut self,
-        mut member: impl FnMut(&mut Self, Span) -> Result<(), MessageFault>,
-    ) -> Result<(), MessageFault> {
+        mut member: impl FnMut(&mut Self, Span) -> Decoded<()>,
+    ) -> Decoded<()> {
         self.expect(b'{')?;
         if self.take_if(b'}')? {
             return Ok(());
@@ -133,8 +133,8 @@ impl Scan<'_> {
     #[inline]
     pub(super) fn elements(
         &mut self,
-        mut element: impl FnMut(&mut Self, usize) -> Result<(), MessageFault>,
-    ) -> Result<(), MessageFault> {
+        mut element: impl FnMut(&mut Self, usize) -> Decoded<()>,
+    ) -> Decoded<()> {
         self.expect(b'[')?;
         if self.take_if(b']')? {
             return Ok(());
@@ -150,7 +150,7 @@ impl Scan<'_> {
     }
 
     /// Checks that only spaces, or the zeros that some writers end a text with, follow the value.
-    pub(super) fn finish(&self) -> Result<(), MessageFault> {
+    pub(super) fn finish(&self) -> Decoded<()> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let blank = |byte: &u8| matches!(byte, b' ' | b'\n' | b'\r' | b'\t' | 0);
         if rest.iter().all(blank) { Ok(()) } else { Err(MessageFault::LeftOver) }

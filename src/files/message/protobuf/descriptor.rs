@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::wire::{Wire, wire_type};
 use crate::message::cell::{Cell, Span};
-use crate::message::{MessageFault, SchemaError};
+use crate::message::{Decoded, MessageFault, Parsed, SchemaError};
 
 /// Most levels of message types defined inside one another.
 const MOST_LEVELS: usize = 64;
@@ -72,7 +72,7 @@ enum Presence {
 }
 
 impl Descriptors {
-    pub fn read(name: &str, bytes: &[u8]) -> Result<Self, SchemaError> {
+    pub fn read(name: &str, bytes: &[u8]) -> Parsed<Self> {
         let mut raw = Vec::new();
         each(bytes, |number, value| match (number, value) {
             (1, Raw::Bytes(file)) => read_file(file, &mut raw),
@@ -85,13 +85,10 @@ impl Descriptors {
         let root = *indices.get(name.trim_start_matches('.')).ok_or_else(|| unknown(name))?;
         let types = raw.iter().map(|of| {
             let fields = of.fields.iter().map(|field| read_field(field, of.presence, &indices));
-            Ok(Type {
-                name: of.name.clone(),
-                fields: fields.collect::<Result<_, _>>()?,
-                is_map_entry: of.is_map_entry,
-            })
+            let fields = fields.collect::<Result<_, _>>()?;
+            Ok(Type { name: of.name.clone(), fields, is_map_entry: of.is_map_entry })
         });
-        Ok(Self { root, types: types.collect::<Result<_, SchemaError>>()? })
+        Ok(Self { root, types: types.collect::<Parsed<_>>()? })
     }
 
     /// Paths of the fields that can be wanted; not all of a very large type.
@@ -123,10 +120,7 @@ impl Descriptors {
 }
 
 /// Gives each field of a message in the descriptors' own encoding to `take`.
-fn each<'d>(
-    bytes: &'d [u8],
-    mut take: impl FnMut(u32, Raw<'d>) -> Result<(), MessageFault>,
-) -> Result<(), MessageFault> {
+fn each<'d>(bytes: &'d [u8], mut take: impl FnMut(u32, Raw<'d>) -> Decoded<()>) -> Decoded<()> {
     let mut wire = Wire::new(bytes);
     while let Some((number, wire_type)) = wire.tag()? {
         let value = match wire_type {
@@ -150,7 +144,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-fn read_file<'d>(bytes: &'d [u8], types: &mut Vec<RawType<'d>>) -> Result<(), MessageFault> {
+fn read_file<'d>(bytes: &'d [u8], types: &mut Vec<RawType<'d>>) -> Decoded<()> {
     let (mut package, mut messages) = (String::new(), Vec::new());
     let mut presence = Presence::Explicit;
     each(bytes, |number, value| {
@@ -170,7 +164,7 @@ fn read_file<'d>(bytes: &'d [u8], types: &mut Vec<RawType<'d>>) -> Result<(), Me
 }
 
 /// The presence that options state: `features`, whose number is given, `field_presence`.
-fn presence_in(options: &[u8], features: u32) -> Result<Option<Presence>, MessageFault> {
+fn presence_in(options: &[u8], features: u32) -> Decoded<Option<Presence>> {
     let mut found = None;
     each(options, |number, value| match value {
         Raw::Bytes(bytes) if number == features => each(bytes, |number, value| {
@@ -192,7 +186,7 @@ fn read_type<'d>(
     presence: Presence,
     types: &mut Vec<RawType<'d>>,
     levels: usize,
-) -> Result<(), MessageFault> {
+) -> Decoded<()> {
     let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
     let (mut name, mut fields, mut nested, mut is_map_entry) =
         (String::new(), vec![], vec![], false);
@@ -223,7 +217,7 @@ fn read_field(
     bytes: &[u8],
     presence: Presence,
     indices: &BTreeMap<String, usize>,
-) -> Result<Field, SchemaError> {
+) -> Parsed<Field> {
     let (mut name, mut number, mut label, mut kind) = (String::new(), 0, 0, 0);
     let (mut type_name, mut default, mut oneof, mut presence) =
         (String::new(), None, None, presence);

@@ -2,11 +2,11 @@ use super::descriptor::Kind;
 use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
 use super::wire::{Wire, wire_type};
 use crate::message::cell::{Cell, Span};
-use crate::message::{MessageFault, Row, template};
+use crate::message::{Decoded, MessageFault, Row, template};
 
 impl ProtobufReader {
     /// The wanted values of one message go into the row, in their order; after a fault they must not be used.
-    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Decoded<()> {
         if !row.fill_as_worded_before(&self.identity, message) {
             row.begin(message, self.slots)?;
             self.message(0, &mut Wire::new(message), row)?;
@@ -19,7 +19,7 @@ impl ProtobufReader {
         Ok(())
     }
 
-    fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Result<(), MessageFault> {
+    fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<()> {
         let node = &self.nodes[node];
         node.begin(row);
         while let Some((number, wire_type)) = wire.tag()? {
@@ -31,13 +31,7 @@ impl ProtobufReader {
         Ok(())
     }
 
-    fn group(
-        &self,
-        node: usize,
-        group: u32,
-        wire: &mut Wire<'_>,
-        row: &mut Row,
-    ) -> Result<(), MessageFault> {
+    fn group(&self, node: usize, group: u32, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<()> {
         let node = &self.nodes[node];
         node.begin(row);
         loop {
@@ -56,7 +50,7 @@ impl ProtobufReader {
         wire_type: u8,
         wire: &mut Wire<'_>,
         row: &mut Row,
-    ) -> Result<(), MessageFault> {
+    ) -> Decoded<()> {
         match &entry.action {
             Action::Value(target, kind) if kind.wire_type() == wire_type => {
                 oust(&entry.ousts, row);
@@ -97,7 +91,7 @@ impl ProtobufReader {
         wire_type: u8,
         wire: &mut Wire<'_>,
         row: &mut Row,
-    ) -> Result<(), MessageFault> {
+    ) -> Decoded<()> {
         if wire_type == wire_type::GROUP {
             return self.group(node, number, wire, row);
         }
@@ -109,10 +103,7 @@ const fn is_message(wire_type: u8) -> bool {
     matches!(wire_type, wire_type::LENGTH | wire_type::GROUP)
 }
 
-fn inside<'m>(
-    wire: &mut Wire<'m>,
-    read: impl FnOnce(&mut Wire<'m>) -> Result<(), MessageFault>,
-) -> Result<(), MessageFault> {
+fn inside<'m>(wire: &mut Wire<'m>, read: impl FnOnce(&mut Wire<'m>) -> Decoded<()>) -> Decoded<()> {
     let end = wire.length()?;
     let whole = wire.bytes;
     wire.bytes = &whole[..end];
@@ -122,12 +113,7 @@ fn inside<'m>(
 }
 
 #[inline]
-fn skip(
-    number: u32,
-    wire_type: u8,
-    wire: &mut Wire<'_>,
-    row: &mut Row,
-) -> Result<(), MessageFault> {
+fn skip(number: u32, wire_type: u8, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<()> {
     let start = wire.at;
     wire.skip(number, wire_type)?;
     note(Stored::Unwanted { number, wire_type }, start, wire, row);
@@ -162,7 +148,7 @@ impl NumberSlot {
         message: &[u8],
         at: usize,
         cell: &mut Cell,
-    ) -> Result<usize, MessageFault> {
+    ) -> Decoded<usize> {
         let mut wire = Wire { bytes: message, at };
         match self.stored {
             Stored::Number(kind) => kind.put(&mut wire, cell)?,
@@ -228,7 +214,7 @@ impl Node {
 
 impl Messages {
     /// Adds an element to the lists; returns its node.
-    fn begin_element(&self, row: &mut Row) -> Result<usize, MessageFault> {
+    fn begin_element(&self, row: &mut Row) -> Decoded<usize> {
         let index = match row.cell(self.counter) {
             Cell::Integer(index) => index,
             _ => 0,
@@ -254,7 +240,7 @@ impl Kind {
     }
 
     #[inline]
-    fn push(self, wire: &mut Wire<'_>, slot: usize, row: &mut Row) -> Result<(), MessageFault> {
+    fn push(self, wire: &mut Wire<'_>, slot: usize, row: &mut Row) -> Decoded<()> {
         let value = self.take(wire, row)?;
         row.list(slot).push(value)?;
         row.taken(slot, wire.at);
@@ -262,7 +248,7 @@ impl Kind {
     }
 
     #[inline]
-    fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
+    fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<Cell> {
         let (start, mut cell) = (wire.at, Cell::Absent);
         self.put(wire, &mut cell)?;
         if self.wire_type() != wire_type::LENGTH {
@@ -272,7 +258,7 @@ impl Kind {
     }
 
     #[inline]
-    fn put(self, wire: &mut Wire<'_>, cell: &mut Cell) -> Result<(), MessageFault> {
+    fn put(self, wire: &mut Wire<'_>, cell: &mut Cell) -> Decoded<()> {
         *cell = match self {
             Self::Double => Cell::Number(f64::from_le_bytes(wire.fixed()?)),
             Self::Float => Cell::Number(f32::from_le_bytes(wire.fixed()?).into()),

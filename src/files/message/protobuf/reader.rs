@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::descriptor::{Descriptors, Field, Kind, Type};
 use crate::message::cell::Cell;
 use crate::message::path::{Segment, Want, by_element};
-use crate::message::{FieldPath, SchemaError};
+use crate::message::{FieldPath, Parsed, SchemaError};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProtobufReader {
@@ -69,17 +69,10 @@ struct Resolving<'d> {
 }
 
 impl ProtobufReader {
-    pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
-        let mut resolving = Resolving {
-            descriptors,
-            wanted,
-            reader: Self {
-                nodes: Vec::new(),
-                picks: Vec::new(),
-                slots: wanted.len(),
-                identity: Arc::new(()),
-            },
-        };
+    pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Parsed<Self> {
+        let (slots, identity) = (wanted.len(), Arc::new(()));
+        let reader = Self { nodes: Vec::new(), picks: Vec::new(), slots, identity };
+        let mut resolving = Resolving { descriptors, wanted, reader };
         let wants = wanted.iter().enumerate().map(|(slot, path)| path.want(slot));
         resolving.node(descriptors.root, &wants.collect::<Vec<_>>())?;
         Ok(resolving.reader)
@@ -88,7 +81,7 @@ impl ProtobufReader {
 
 impl Resolving<'_> {
     /// Adds the node of a message type and those below it; returns its index.
-    fn node(&mut self, index: usize, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
+    fn node(&mut self, index: usize, wants: &[Want<'_>]) -> Parsed<usize> {
         let of: &Type = &self.descriptors.types[index];
         let has = |name: &str| of.fields.iter().any(|field| field.name == name);
         let choices: Vec<_> = wants.iter().map(|want| want.choice(has)).collect();
@@ -128,12 +121,7 @@ impl Resolving<'_> {
         Ok(place)
     }
 
-    fn action(
-        &mut self,
-        field: &Field,
-        wants: &[Want<'_>],
-        node: &mut Node,
-    ) -> Result<Action, SchemaError> {
+    fn action(&mut self, field: &Field, wants: &[Want<'_>], node: &mut Node) -> Parsed<Action> {
         match (field.kind, field.repeated) {
             (Kind::Message(inner), false) => {
                 if let Some(want) = wants.iter().find(|want| want.rest.is_empty()) {
@@ -161,7 +149,7 @@ impl Resolving<'_> {
     }
 
     /// The slot of the list that gathers a repeated number or string.
-    fn repeated(&mut self, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
+    fn repeated(&mut self, wants: &[Want<'_>]) -> Parsed<usize> {
         if let [want] = wants
             && matches!(want.rest, [] | [Segment::Each])
             && !want.each
@@ -181,12 +169,7 @@ impl Resolving<'_> {
     }
 
     /// A repeated message: some elements may be wanted, or a field of each of them.
-    fn messages(
-        &mut self,
-        inner: usize,
-        wants: &[Want<'_>],
-        node: &mut Node,
-    ) -> Result<Messages, SchemaError> {
+    fn messages(&mut self, inner: usize, wants: &[Want<'_>], node: &mut Node) -> Parsed<Messages> {
         let is_map = self.descriptors.types[inner].is_map_entry;
         let (mut each, mut indices) = (Vec::new(), Vec::new());
         for want in wants {
@@ -199,12 +182,8 @@ impl Resolving<'_> {
         }
         let lists: Vec<_> = each.iter().map(|want| want.slot).collect();
         node.lists.extend(&lists);
-        let mut messages = Messages {
-            counter: self.new_slot(),
-            each: self.node(inner, &each)?,
-            picked: Vec::new(),
-            lists,
-        };
+        let (counter, own) = (self.new_slot(), self.node(inner, &each)?);
+        let mut messages = Messages { counter, each: own, picked: Vec::new(), lists };
         for (index, here) in by_element(indices, &each, wants) {
             messages.picked.push((index, self.node(inner, &here)?));
         }

@@ -1,6 +1,6 @@
 //! Protobuf's wire format: varints, tags, lengths, and the skipping of values.
 
-use crate::message::MessageFault;
+use crate::message::{Decoded, MessageFault};
 
 const MOST_LEVELS: usize = 64;
 
@@ -26,7 +26,7 @@ impl<'m> Wire<'m> {
 
     /// The next field's number and wire type; `None` at the end.
     #[inline]
-    pub(super) fn tag(&mut self) -> Result<Option<(u32, u8)>, MessageFault> {
+    pub(super) fn tag(&mut self) -> Decoded<Option<(u32, u8)>> {
         if self.at >= self.bytes.len() {
             return Ok(None);
         }
@@ -40,7 +40,7 @@ impl<'m> Wire<'m> {
 
     /// A number of up to ten bytes of seven bits each.
     #[inline]
-    pub(super) fn varint(&mut self) -> Result<u64, MessageFault> {
+    pub(super) fn varint(&mut self) -> Decoded<u64> {
         let first = *self.bytes.get(self.at).ok_or(MessageFault::Short)?;
         self.at += 1;
         if first < 0x80 {
@@ -51,7 +51,7 @@ impl<'m> Wire<'m> {
 
     /// Most numbers have one byte: the others are kept out of their way, in a function of its own.
     #[cold]
-    fn long_varint(&mut self, first: u8) -> Result<u64, MessageFault> {
+    fn long_varint(&mut self, first: u8) -> Decoded<u64> {
         let mut number = u64::from(first & 0x7F);
         for shift in (7..70).step_by(7) {
             let byte = *self.bytes.get(self.at).ok_or(MessageFault::Short)?;
@@ -66,7 +66,7 @@ impl<'m> Wire<'m> {
     }
 
     #[inline]
-    pub(super) fn fixed<const N: usize>(&mut self) -> Result<[u8; N], MessageFault> {
+    pub(super) fn fixed<const N: usize>(&mut self) -> Decoded<[u8; N]> {
         let rest = self.bytes.get(self.at..);
         let bytes = rest.and_then(|rest| rest.first_chunk::<N>());
         self.at += N;
@@ -75,14 +75,14 @@ impl<'m> Wire<'m> {
 
     /// The end of the bytes of a string, a packed array or a nested message, which begin here.
     #[inline]
-    pub(super) fn length(&mut self) -> Result<usize, MessageFault> {
+    pub(super) fn length(&mut self) -> Decoded<usize> {
         let length = usize::try_from(self.varint()?).map_err(|_| MessageFault::Short)?;
         let end = self.at.checked_add(length);
         end.filter(|&end| end <= self.bytes.len()).ok_or(MessageFault::Short)
     }
 
     #[inline]
-    pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Result<(), MessageFault> {
+    pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Decoded<()> {
         match wire_type {
             wire_type::VARINT => self.varint().map(drop),
             wire_type::FIXED_64 => self.fixed::<8>().map(drop),
@@ -90,7 +90,7 @@ impl<'m> Wire<'m> {
         }
     }
 
-    fn skip_within(&mut self, number: u32, kind: u8, levels: usize) -> Result<(), MessageFault> {
+    fn skip_within(&mut self, number: u32, kind: u8, levels: usize) -> Decoded<()> {
         match kind {
             wire_type::VARINT => self.varint().map(drop),
             wire_type::FIXED_64 => self.fixed::<8>().map(drop),

@@ -238,12 +238,8 @@ impl<'t> Parser<'t> {
             }
         }
         self.expect(";")?;
-        self.parsed.structs.push(Struct {
-            scope: self.scope.clone(),
-            name,
-            members,
-            extensibility,
-        });
+        let scope = self.scope.clone();
+        self.parsed.structs.push(Struct { scope, name, members, extensibility });
         Ok(())
     }
 

@@ -49,12 +49,8 @@ pub(super) fn failure(
 }
 
 pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
-    StoreError::Bucket {
-        doing,
-        place,
-        reason: "there is no such object".to_owned(),
-        trouble: BucketTrouble::NoObject,
-    }
+    let (reason, trouble) = ("there is no such object".to_owned(), BucketTrouble::NoObject);
+    StoreError::Bucket { doing, place, reason, trouble }
 }
 
 pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {

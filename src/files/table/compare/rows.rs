@@ -39,12 +39,8 @@ pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Row
         && words.iter().all(alike)
         && (0..published.rows()).all(|row| left.order(row, &right, row).is_eq());
     if in_step {
-        return Rows {
-            both: (0..published.rows()).map(|row| (row, row)).collect(),
-            only_published: Vec::new(),
-            only_computed: Vec::new(),
-            in_step,
-        };
+        let both = (0..published.rows()).map(|row| (row, row)).collect();
+        return Rows { both, only_published: Vec::new(), only_computed: Vec::new(), in_step };
     }
     let mut rows =
         Rows { both: Vec::new(), only_published: Vec::new(), only_computed: Vec::new(), in_step };

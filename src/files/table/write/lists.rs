@@ -68,11 +68,8 @@ impl<'a> Lists<'a> {
         if !differ(values) {
             return None;
         }
-        Some(Self {
-            length,
-            rows: lists.len(),
-            bytes: &numbers.values().inner()[first * NUMBER..end * NUMBER],
-        })
+        let bytes = &numbers.values().inner()[first * NUMBER..end * NUMBER];
+        Some(Self { length, rows: lists.len(), bytes })
     }
 
     fn pages(&self) -> impl Iterator<Item = Range<usize>> {
@@ -95,11 +92,8 @@ impl<'a> Lists<'a> {
             written += page.compressed_size;
         }
         writer.close()?;
-        let stats = PageEncodingStats {
-            page_type: PageType::DATA_PAGE,
-            encoding: Encoding::PLAIN,
-            count: whole(pages)?,
-        };
+        let (page_type, encoding) = (PageType::DATA_PAGE, Encoding::PLAIN);
+        let stats = PageEncodingStats { page_type, encoding, count: whole(pages)? };
         let encodings = [Encoding::PLAIN, Encoding::RLE];
         let metadata = ColumnChunkMetaData::builder(column.clone())
             .set_compression(Compression::UNCOMPRESSED)

@@ -6,7 +6,7 @@
 use std::iter;
 use std::sync::{Arc, LazyLock};
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3};
 
 use super::choices::{Choice, Part};
 use super::columns::number;
@@ -147,11 +147,7 @@ impl Bench<'_> {
                 choice.joints.columns.iter().map(|&column| number(self.table, row, column));
             Some(Dwelt {
                 reported: joints.collect::<Option<_>>()?,
-                measured: Vector3::from(position(
-                    &choice.targets.first()?.position,
-                    self.table,
-                    row,
-                )?),
+                measured: position(&choice.targets.first()?.position, self.table, row)?.into(),
                 orientation: None,
                 command: None,
             })
@@ -182,13 +178,8 @@ impl Bench<'_> {
         let moving = LENGTHS.into_iter().filter(|unit| unit.to_mm() * spread > gate_mm());
         let moving: Vec<LengthUnit> = moving.collect();
         let mut all = Vec::new();
-        for (arm, known) in self
-            .arms
-            .known
-            .iter()
-            .enumerate()
-            .filter(|(_, known)| known.arm.joints().len() == joints)
-        {
+        let known = self.arms.known.iter().enumerate();
+        for (arm, known) in known.filter(|(_, known)| known.arm.joints().len() == joints) {
             let slides = if known.arm.has_slides() { &LENGTHS[..] } else { &LENGTHS[..1] };
             for (&angle, &slide) in
                 angles.iter().flat_map(|angle| slides.iter().map(move |slide| (angle, slide)))

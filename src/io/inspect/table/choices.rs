@@ -53,11 +53,8 @@ pub fn choices(
     long: Option<&Long>,
     counts: &[usize],
 ) -> Vec<Choice> {
-    let taken: Vec<usize> = roles
-        .used()
-        .into_iter()
-        .chain(long.iter().flat_map(|long| [long.target, long.station]))
-        .collect();
+    let of_long = long.iter().flat_map(|long| [long.target, long.station]);
+    let taken: Vec<usize> = roles.used().into_iter().chain(of_long).collect();
     let free: Vec<usize> = (0..columns.len())
         .filter(|column| !taken.contains(column) && may_be_value(&columns[*column]))
         .collect();
@@ -67,11 +64,8 @@ pub fn choices(
     }
     let mut all = Vec::new();
     for own in &targets {
-        let used: Vec<usize> = own
-            .targets
-            .iter()
-            .flat_map(|target| target.position.iter().flat_map(Sum::columns))
-            .collect();
+        let positions = own.targets.iter().flat_map(|target| &target.position);
+        let used: Vec<usize> = positions.flat_map(Sum::columns).collect();
         let left: Vec<usize> =
             free.iter().copied().filter(|column| !used.contains(column)).collect();
         for joints in joint_sets(columns, roles, &left, counts) {
@@ -161,13 +155,8 @@ fn of_window(run: &[usize]) -> Choice {
 }
 
 fn of_targets(targets: Vec<Target>, whose: Whose) -> Choice {
-    Choice {
-        joints: JointSet { columns: Vec::new(), doubt: None },
-        targets,
-        whose,
-        part: Part::Whole,
-        doubt: None,
-    }
+    let joints = JointSet { columns: Vec::new(), doubt: None };
+    Choice { joints, targets, whose, part: Part::Whole, doubt: None }
 }
 
 const DOUBTS: [(Whose, &str); 2] = [

@@ -6,7 +6,7 @@ use crate::measured_table::{Cell, MeasuredTable};
 
 const MOST_TEXTS: usize = 12;
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ColumnSummary {
     pub name: String,
     pub named: Named,
@@ -28,19 +28,8 @@ impl ColumnSummary {
     fn of(table: &MeasuredTable, column: usize) -> Self {
         let name = table.columns()[column].clone();
         let unit_line = table.units().and_then(|units| units.get(column));
-        let mut summary = Self {
-            named: Named::of(&name, unit_line.map(String::as_str)),
-            name,
-            numbers: 0,
-            not_finite: 0,
-            blanks: 0,
-            texts: 0,
-            zeros: 0,
-            missing: 0,
-            range: None,
-            different: BTreeSet::new(),
-            has_more: false,
-        };
+        let named = Named::of(&name, unit_line.map(String::as_str));
+        let mut summary = Self { name, named, ..Self::default() };
         for row in 0..table.row_count() {
             summary.add(table.cell(row, column));
         }

@@ -48,11 +48,8 @@ pub fn commands(
 ) -> Option<Commands> {
     let of_unit = |unit: LengthUnit| {
         let pair = |(row, flange): &(usize, Isometry3<f64>)| {
-            Some((
-                *row,
-                *flange,
-                Vector3::from(position(&placed.position(), table, *row)?) * unit.to_mm(),
-            ))
+            let at = Vector3::from(position(&placed.position(), table, *row)?);
+            Some((*row, *flange, at * unit.to_mm()))
         };
         let pairs: Vec<Pair> = flanges.iter().filter_map(pair).collect();
         let (base, tool, median_mm, is_of_base) = frames(&pairs)?;
@@ -124,11 +121,8 @@ fn tool(pairs: &[Pair], base_from_command: &Isometry3<f64>) -> Option<(Vector3<f
 fn nearest_right_angles(rotation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     let quarter = |turns: u8| f64::from(turns) * FRAC_PI_2;
     let all = (0..64_u8).map(|number| {
-        UnitQuaternion::from_euler_angles(
-            quarter(number % 4),
-            quarter(number / 4 % 4),
-            quarter(number / 16),
-        )
+        let [x, y, z] = [number % 4, number / 4 % 4, number / 16].map(quarter);
+        UnitQuaternion::from_euler_angles(x, y, z)
     });
     let nearest = all.min_by(|a, b| a.angle_to(rotation).total_cmp(&b.angle_to(rotation)));
     nearest.unwrap_or_else(UnitQuaternion::identity)

@@ -204,16 +204,8 @@ impl<'t> Work<'t> {
             || (angle_by_size(columns, &choice), LengthUnit::Mm, length_by_size(columns, &choice)),
             |own| (own.best.angle, own.best.slide, own.best.length),
         );
-        let mut work = Self {
-            table,
-            columns,
-            names: table.columns(),
-            choice,
-            verdict,
-            units,
-            flanges: Vec::new(),
-            placement: None,
-        };
+        let (names, flanges, placement) = (table.columns(), Vec::new(), None);
+        let mut work = Self { table, columns, names, choice, verdict, units, flanges, placement };
         work.flanges = work.flanges(arms, rows);
         let reading = |(row, flange): &(usize, Isometry3<f64>)| {
             let at = position(&work.choice.targets.first()?.position, table, *row)?;
@@ -327,12 +319,8 @@ impl<'t> Work<'t> {
         let positions = self.choice.targets.iter().flat_map(|target| {
             target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
         });
-        roles
-            .used()
-            .into_iter()
-            .chain(positions)
-            .chain(self.choice.joints.columns.clone())
-            .collect()
+        let joints = self.choice.joints.columns.clone();
+        roles.used().into_iter().chain(positions).chain(joints).collect()
     }
 
     /// Positions that stand still while the arm moves.

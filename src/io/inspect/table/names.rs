@@ -117,10 +117,8 @@ fn without_brackets(name: &str) -> (String, Option<String>) {
         };
         let inside = name[start + open.len_utf8()..end].trim();
         if unit(inside).is_some() {
-            return (
-                format!("{} {}", &name[..start], &name[end + close.len_utf8()..]),
-                Some(inside.to_owned()),
-            );
+            let rest = format!("{} {}", &name[..start], &name[end + close.len_utf8()..]);
+            return (rest, Some(inside.to_owned()));
         }
     }
     match name.rsplit_once('/') {

@@ -310,11 +310,8 @@ fn numbered_quaternion(table: &MeasuredTable, group: &NumberedGroup) -> Option<A
         squares.is_none_or(|squares| (squares - 1.0).abs() < 1e-2)
     };
     let is_turn = any_has(&group.words, Sense::Turn);
-    (is_turn && (0..table.row_count()).all(is_unit)).then(|| AxisGroup {
-        words: group.words.clone(),
-        columns: [x, y, z],
-        more: vec![w],
-    })
+    let own = || AxisGroup { words: group.words.clone(), columns: [x, y, z], more: vec![w] };
+    (is_turn && (0..table.row_count()).all(is_unit)).then(own)
 }
 
 /// Sets of joints by names: those of a known arm, numbered ones, and columns that all say "joint".

@@ -23,12 +23,8 @@ impl Frames<'_> {
             && let Some(log) = self.log_within(cut + FRAME_HEADER, start)?
         {
             self.at = log;
-            return Ok(Piece::Lost(Lost {
-                start: cut,
-                end: log,
-                why: Loss::Framing(cut),
-                times: None,
-            }));
+            let why = Loss::Framing(cut);
+            return Ok(Piece::Lost(Lost { start: cut, end: log, why, times: None }));
         }
         let chunk = self.chunk(start)?.filter(ChunkRecord::has_known_compression);
         let times = chunk.as_ref().map(|chunk| (chunk.start_time, chunk.end_time));

@@ -5,16 +5,10 @@ use std::io;
 use super::{Frames, Loss};
 use crate::log::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op};
 
+/// Of a broken frame the place or the length cannot be right.
 pub(super) enum Judged {
-    Sound {
-        end: u64,
-        opcode: u8,
-    },
-    Unsound {
-        end: u64,
-        why: Loss,
-    },
-    /// Its place or length cannot be right.
+    Sound { end: u64, opcode: u8 },
+    Unsound { end: u64, why: Loss },
     Broken(Loss),
 }
 

@@ -29,44 +29,40 @@ pub(super) struct Common {
     pub(super) fields: &'static [&'static str],
 }
 
+const HEADER: &str = "header.stamp";
+
+const fn of(
+    names: &'static [&'static str],
+    layout: Layout,
+    stamp: &'static str,
+    fields: &'static [&'static str],
+) -> Common {
+    Common { names, layout, stamp, fields }
+}
+
 /// The common types, each by its ROS 2 name and its protobuf or JSON name.
 const COMMON: [Common; 13] = [
-    Common {
-        names: &["sensor_msgs/JointState"],
-        layout: Layout::Joints,
-        stamp: "header.stamp",
-        fields: &["name", "position"],
-    },
-    Common {
-        names: &["control_msgs/JointTrajectoryControllerState"],
-        layout: Layout::Joints,
-        stamp: "header.stamp",
-        // ROS 2 Jazzy calls it feedback, Humble actual.
-        fields: &["joint_names", "feedback|actual.positions"],
-    },
-    Common {
-        names: &["foxglove.JointStates", "foxglove_msgs/JointStates"],
-        layout: Layout::Joints,
-        stamp: "timestamp",
-        fields: &["joints[].name", "joints[].position"],
-    },
-    Common {
-        names: &["geometry_msgs/PoseStamped"],
-        layout: Layout::Pose,
-        stamp: "header.stamp",
-        fields: &POSE,
-    },
-    Common {
-        names: &["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"],
-        layout: Layout::Pose,
-        stamp: "timestamp",
-        fields: &POSE,
-    },
-    Common {
-        names: &["geometry_msgs/TransformStamped"],
-        layout: Layout::Pose,
-        stamp: "header.stamp",
-        fields: &[
+    of(&["sensor_msgs/JointState"], Layout::Joints, HEADER, &["name", "position"]),
+    // ROS 2 Jazzy calls it feedback, Humble actual.
+    of(
+        &["control_msgs/JointTrajectoryControllerState"],
+        Layout::Joints,
+        HEADER,
+        &["joint_names", "feedback|actual.positions"],
+    ),
+    of(
+        &["foxglove.JointStates", "foxglove_msgs/JointStates"],
+        Layout::Joints,
+        "timestamp",
+        &["joints[].name", "joints[].position"],
+    ),
+    of(&["geometry_msgs/PoseStamped"], Layout::Pose, HEADER, &POSE),
+    of(&["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"], Layout::Pose, "timestamp", &POSE),
+    of(
+        &["geometry_msgs/TransformStamped"],
+        Layout::Pose,
+        HEADER,
+        &[
             "transform.translation.x",
             "transform.translation.y",
             "transform.translation.z",
@@ -75,24 +71,19 @@ const COMMON: [Common; 13] = [
             "transform.rotation.z",
             "transform.rotation.w",
         ],
-    },
-    Common {
-        names: &["geometry_msgs/PointStamped"],
-        layout: Layout::Point,
-        stamp: "header.stamp",
-        fields: &["point.x", "point.y", "point.z"],
-    },
-    Common {
-        names: &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
-        layout: Layout::Point,
-        stamp: "timestamp",
-        fields: &["point.x", "point.y", "point.z"],
-    },
-    Common {
-        names: &["geometry_msgs/PoseWithCovarianceStamped"],
-        layout: Layout::PoseWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
+    ),
+    of(&["geometry_msgs/PointStamped"], Layout::Point, HEADER, &["point.x", "point.y", "point.z"]),
+    of(
+        &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
+        Layout::Point,
+        "timestamp",
+        &["point.x", "point.y", "point.z"],
+    ),
+    of(
+        &["geometry_msgs/PoseWithCovarianceStamped"],
+        Layout::PoseWithCovariance,
+        HEADER,
+        &[
             "pose.pose.position.x",
             "pose.pose.position.y",
             "pose.pose.position.z",
@@ -102,12 +93,12 @@ const COMMON: [Common; 13] = [
             "pose.pose.orientation.w",
             "pose.covariance",
         ],
-    },
-    Common {
-        names: &["tf2_msgs/TFMessage", "tf/tfMessage"],
-        layout: Layout::Markers,
-        stamp: "transforms[0].header.stamp",
-        fields: &[
+    ),
+    of(
+        &["tf2_msgs/TFMessage", "tf/tfMessage"],
+        Layout::Markers,
+        "transforms[0].header.stamp",
+        &[
             "transforms[].child_frame_id",
             "transforms[].transform.translation.x",
             "transforms[].transform.translation.y",
@@ -117,12 +108,12 @@ const COMMON: [Common; 13] = [
             "transforms[].transform.rotation.z",
             "transforms[].transform.rotation.w",
         ],
-    },
-    Common {
-        names: &["aruco_msgs/MarkerArray"],
-        layout: Layout::MarkersWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
+    ),
+    of(
+        &["aruco_msgs/MarkerArray"],
+        Layout::MarkersWithCovariance,
+        HEADER,
+        &[
             "markers[].id",
             "markers[].pose.pose.position.x",
             "markers[].pose.pose.position.y",
@@ -133,12 +124,12 @@ const COMMON: [Common; 13] = [
             "markers[].pose.pose.orientation.w",
             "markers[].pose.covariance",
         ],
-    },
-    Common {
-        names: &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
-        layout: Layout::MarkersWithCovariance,
-        stamp: "header.stamp",
-        fields: &[
+    ),
+    of(
+        &["isaac_ros_apriltag_interfaces/AprilTagDetectionArray"],
+        Layout::MarkersWithCovariance,
+        HEADER,
+        &[
             "detections[].id",
             "detections[].pose.pose.pose.position.x",
             "detections[].pose.pose.pose.position.y",
@@ -149,12 +140,12 @@ const COMMON: [Common; 13] = [
             "detections[].pose.pose.pose.orientation.w",
             "detections[].pose.pose.covariance",
         ],
-    },
-    Common {
-        names: &["ros2_aruco_interfaces/ArucoMarkers"],
-        layout: Layout::Markers,
-        stamp: "header.stamp",
-        fields: &[
+    ),
+    of(
+        &["ros2_aruco_interfaces/ArucoMarkers"],
+        Layout::Markers,
+        HEADER,
+        &[
             "marker_ids",
             "poses[].position.x",
             "poses[].position.y",
@@ -164,7 +155,7 @@ const COMMON: [Common; 13] = [
             "poses[].orientation.z",
             "poses[].orientation.w",
         ],
-    },
+    ),
 ];
 
 const POSE: [&str; 7] = [
@@ -177,27 +168,13 @@ const POSE: [&str; 7] = [
     "pose.orientation.w",
 ];
 
-const TEMPERATURE: Common = Common {
-    names: &["sensor_msgs/Temperature"],
-    layout: Layout::Temperature,
-    stamp: "header.stamp",
-    fields: &["temperature"],
-};
+const TEMPERATURE: Common =
+    of(&["sensor_msgs/Temperature"], Layout::Temperature, HEADER, &["temperature"]);
 
 const LENGTHS: [Common; 2] = [
-    Common {
-        names: &["sensor_msgs/Range"],
-        layout: Layout::Length,
-        stamp: "header.stamp",
-        fields: &["range"],
-    },
+    of(&["sensor_msgs/Range"], Layout::Length, HEADER, &["range"]),
     // They have no stamp: their time is that of publication or recording.
-    Common {
-        names: &["std_msgs/Float64", "std_msgs/Float32"],
-        layout: Layout::Length,
-        stamp: "header.stamp",
-        fields: &["data"],
-    },
+    of(&["std_msgs/Float64", "std_msgs/Float32"], Layout::Length, HEADER, &["data"]),
 ];
 
 impl Layout {

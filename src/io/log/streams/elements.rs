@@ -26,11 +26,8 @@ impl ElementColumns<'_> {
         let orientation = self.orientation.then(|| self.numbers(3, index));
         let behind = if self.orientation { 7 } else { 3 };
         let covariance = self.covariance.then(|| self.numbers(behind, index));
-        Ok((
-            position,
-            orientation.transpose()?,
-            covariance.transpose()?.map(LoggedCovariance::Pose),
-        ))
+        let (orientation, covariance) = (orientation.transpose()?, covariance.transpose()?);
+        Ok((position, orientation, covariance.map(LoggedCovariance::Pose)))
     }
 
     /// Zeros in every column that an element would have.

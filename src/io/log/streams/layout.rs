@@ -107,11 +107,9 @@ impl Glance {
             let paths = fields.iter().map(|field| FieldPath::parse(field));
             schema.reader(&paths.collect::<Result<Vec<_>, _>>().ok()?).ok()
         };
-        Self {
-            values: schema.as_ref().and_then(values),
-            stamp: schema.as_ref().and_then(stamp),
-            joint_names: schema.as_ref().and_then(names),
-        }
+        let schema = schema.as_ref();
+        let (values, stamp) = (schema.and_then(values), schema.and_then(stamp));
+        Self { values, stamp, joint_names: schema.and_then(names) }
     }
 }
 
@@ -285,14 +283,8 @@ impl<'m> Statements<'m> {
             }
             _ => None,
         };
-        Self {
-            stamp: fields.stamp.as_ref(),
-            frame: None,
-            frame_field: None,
-            named,
-            target: None,
-            ignore_orientation: false,
-        }
+        let (stamp, ignore_orientation) = (fields.stamp.as_ref(), false);
+        Self { stamp, frame: None, frame_field: None, named, target: None, ignore_orientation }
     }
 
     fn of_poses(fields: &'m PoseFields, frame: Option<&'m str>, ignore_orientation: bool) -> Self {

@@ -123,11 +123,8 @@ impl Leaves<'_> {
             named.insert(0, ("stamp", path.clone()));
         }
         let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
-        Some(Suggestion {
-            layout,
-            fields: Some(format!("fields = {{ {} }}", named.collect::<Vec<_>>().join(", "))),
-            stamped: stamp.is_some(),
-        })
+        let fields = format!("fields = {{ {} }}", named.collect::<Vec<_>>().join(", "));
+        Some(Suggestion { layout, fields: Some(fields), stamped: stamp.is_some() })
     }
 
     /// The paths that a pipeline file can name: a message type may have field names that it cannot.

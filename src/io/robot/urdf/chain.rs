@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::Isometry3;
 
-use super::error::UrdfError;
+use super::error::{Result, UrdfError};
 use super::joint::{Following, mm};
 use super::tree::{Ends, Joint, Step, Tree, refuse_xacro};
 use crate::geometry::Placement;
@@ -21,14 +21,10 @@ pub(super) fn robot_file(
     steps: &[Step<'_, '_, '_>],
     ends: &Ends<'_>,
     source: &str,
-) -> Result<(RobotFile, Vec<String>), UrdfError> {
+) -> Result<(RobotFile, Vec<String>)> {
     if steps.len() > MOST_JOINTS {
-        return Err(UrdfError::TooLong {
-            base: ends.base.to_owned(),
-            tip: ends.tip.to_owned(),
-            found: steps.len(),
-            most: MOST_JOINTS,
-        });
+        let [base, tip] = [ends.base, ends.tip].map(str::to_owned);
+        return Err(UrdfError::TooLong { base, tip, found: steps.len(), most: MOST_JOINTS });
     }
     let mut remarks = cut_off(steps)?;
     let mut joints = Vec::with_capacity(steps.len());
@@ -73,7 +69,7 @@ pub(super) fn robot_file(
 const SEEN_MM: f64 = 0.01;
 
 /// Remarks on angles that are nearly right ones, each with its largest effect at the tip.
-fn cut_off(steps: &[Step<'_, '_, '_>]) -> Result<Vec<String>, UrdfError> {
+fn cut_off(steps: &[Step<'_, '_, '_>]) -> Result<Vec<String>> {
     let (mut reach_mm, mut remarks) = (0.0, Vec::new());
     for step in steps.iter().rev() {
         let origin = step.joint.origin()?;
@@ -99,7 +95,7 @@ fn place(
     joint: &mut JointFile,
     step: &Step<'_, '_, '_>,
     before: Option<Isometry3<f64>>,
-) -> Result<Option<Isometry3<f64>>, UrdfError> {
+) -> Result<Option<Isometry3<f64>>> {
     let origin = step.joint.origin()?;
     let moves = joint.kind != JointKind::Fixed;
     let axis = if moves { Some(step.joint.axis()?) } else { None };
@@ -129,7 +125,7 @@ fn move_by(
     step: &Step<'_, '_, '_>,
     tree: &Tree<'_, '_>,
     steps: &[Step<'_, '_, '_>],
-) -> Result<(), UrdfError> {
+) -> Result<()> {
     if let Some(following) = step.joint.following()? {
         joint.mimic = Some(mimic(step.joint, following, tree, steps)?);
         return Ok(());
@@ -162,7 +158,7 @@ fn mimic(
     stated: Following<'_>,
     tree: &Tree<'_, '_>,
     steps: &[Step<'_, '_, '_>],
-) -> Result<Mimic, UrdfError> {
+) -> Result<Mimic> {
     let refused = |follows: &str, problem| UrdfError::Mimic {
         line: own.line(),
         joint: own.name.to_owned(),

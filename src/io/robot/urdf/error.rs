@@ -1,5 +1,7 @@
 use thiserror::Error;
 
+pub(super) type Result<T, E = UrdfError> = std::result::Result<T, E>;
+
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum UrdfError {
     #[error(
@@ -89,11 +91,8 @@ impl UrdfError {
         }
         let problem = error.to_string();
         let place = format!(" at {}:{}", at.row, at.col);
-        Self::Xml {
-            line: at.row,
-            column: at.col,
-            problem: printable(problem.strip_suffix(&place).unwrap_or(&problem)),
-        }
+        let problem = printable(problem.strip_suffix(&place).unwrap_or(&problem));
+        Self::Xml { line: at.row, column: at.col, problem }
     }
 }
 

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use roxmltree::Node;
 
-use super::error::UrdfError;
+use super::error::{Result, UrdfError};
 use super::tree::{Joint, expanded};
 use super::{attribute, children, line};
 use crate::geometry::{EulerOrder, Placement};
@@ -107,7 +107,7 @@ impl Origin {
 
 impl<'a, 'i> Joint<'a, 'i> {
     /// Its kind; an error where an arm has none such.
-    pub(crate) fn kind(&self) -> Result<JointKind, UrdfError> {
+    pub(crate) fn kind(&self) -> Result<JointKind> {
         let found = attribute(self.node, "type").unwrap_or_default();
         match expanded(self.node, found)? {
             "revolute" => Ok(JointKind::Revolute),
@@ -123,7 +123,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// Its origin; that of its parent link where it states none.
-    pub(crate) fn origin(&self) -> Result<Origin, UrdfError> {
+    pub(crate) fn origin(&self) -> Result<Origin> {
         let Some(origin) = self.part("origin", &["xyz", "rpy", "quat_xyzw"])? else {
             return Ok(Origin::NOWHERE);
         };
@@ -135,7 +135,7 @@ impl<'a, 'i> Joint<'a, 'i> {
         Ok(Origin { xyz_m: xyz_m.unwrap_or_default(), turn: self.turn(origin)? })
     }
 
-    fn turn(&self, origin: Node<'_, '_>) -> Result<Turn, UrdfError> {
+    fn turn(&self, origin: Node<'_, '_>) -> Result<Turn> {
         let angles = self.numbers::<3>(origin, "rpy", "three numbers in rad")?;
         let too_large = |angles: &[f64; 3]| angles.iter().any(|rad| rad.abs() > TWO_TURNS_RAD);
         if let Some(found) = angles.filter(too_large) {
@@ -178,7 +178,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// Direction of its axis in its own frame; x where it states none.
-    pub(crate) fn axis(&self) -> Result<Vector3<f64>, UrdfError> {
+    pub(crate) fn axis(&self) -> Result<Vector3<f64>> {
         let Some(axis) = self.part("axis", &["xyz"])? else { return Ok(Vector3::x()) };
         let wanted = "three numbers that are not all zero";
         let xyz = self.numbers(axis, "xyz", wanted)?.ok_or_else(|| self.without(axis, "xyz"))?;
@@ -192,7 +192,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// Its limits, m or rad; `None` where it states none: an absent one is 0, and none is between 0 and 0.
-    pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>, UrdfError> {
+    pub(crate) fn limits(&self) -> Result<Option<[f64; 2]>> {
         let Some(limit) = self.part("limit", &["lower", "upper"])? else { return Ok(None) };
         let wanted = "a finite number, in rad or m";
         let [lower] = self.numbers(limit, "lower", wanted)?.unwrap_or_default();
@@ -220,7 +220,7 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// An error where an element has nearly the name of one that places the joint: it would be passed over. Those of simulators and
     /// drives have other names.
-    pub(super) fn refuse_misspelled(&self) -> Result<(), UrdfError> {
+    pub(super) fn refuse_misspelled(&self) -> Result<()> {
         let own = self.node.tag_name().namespace();
         let elements = self.node.children().filter(Node::is_element);
         let elements = elements.filter(|node| node.tag_name().namespace() == own);
@@ -230,13 +230,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// An error where a name in an element is none of the known ones, and near to one of them.
-    fn refuse_near(
-        &self,
-        node: Node<'_, '_>,
-        of: &str,
-        name: &str,
-        known: &[&str],
-    ) -> Result<(), UrdfError> {
+    fn refuse_near(&self, node: Node<'_, '_>, of: &str, name: &str, known: &[&str]) -> Result<()> {
         let meant = did_you_mean(name, known.iter().copied());
         if known.contains(&name) || meant.is_empty() {
             return Ok(());
@@ -250,7 +244,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// Its element of that name with these attributes; an error where there are two, or where it may say something that is not read.
-    fn part(&self, name: &str, keys: &[&str]) -> Result<Option<Node<'a, 'i>>, UrdfError> {
+    fn part(&self, name: &str, keys: &[&str]) -> Result<Option<Node<'a, 'i>>> {
         let mut alike = children(self.node, name);
         let (Some(node), second) = (alike.next(), alike.next()) else { return Ok(None) };
         for own in node.attributes().filter(|own| own.namespace().is_none()) {
@@ -275,7 +269,7 @@ impl<'a, 'i> Joint<'a, 'i> {
     }
 
     /// The joint that it follows; `None` for one that is driven.
-    pub(crate) fn following(&self) -> Result<Option<Following<'a>>, UrdfError> {
+    pub(crate) fn following(&self) -> Result<Option<Following<'a>>> {
         let Some(mimic) = self.part("mimic", &["joint", "multiplier", "offset"])? else {
             return Ok(None);
         };
@@ -291,7 +285,7 @@ impl<'a, 'i> Joint<'a, 'i> {
         node: Node<'_, '_>,
         key: &str,
         wanted: &'static str,
-    ) -> Result<Option<[f64; N]>, UrdfError> {
+    ) -> Result<Option<[f64; N]>> {
         let Some(text) = attribute(node, key) else { return Ok(None) };
         expanded(node, text)?;
         let parsed: Option<Vec<f64>> = text
@@ -312,12 +306,8 @@ impl<'a, 'i> Joint<'a, 'i> {
         found: String,
         wanted: &'static str,
     ) -> UrdfError {
-        UrdfError::Number {
-            line: line(node),
-            joint: self.name.to_owned(),
-            key: format!("<{} {key}>", node.tag_name().name()),
-            found,
-            wanted,
-        }
+        let (line, joint) = (line(node), self.name.to_owned());
+        let key = format!("<{} {key}>", node.tag_name().name());
+        UrdfError::Number { line, joint, key, found, wanted }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use roxmltree::{Document, Node};
 
 use super::super::Selection;
-use super::error::UrdfError;
+use super::error::{Result, UrdfError};
 use super::{attribute, child, children, line};
 
 /// A joint with its two links; its numbers stay unread.
@@ -47,13 +47,11 @@ impl Joint<'_, '_> {
 
 impl<'a, 'i> Tree<'a, 'i> {
     /// The tree of a document; an error where it is none.
-    pub(crate) fn of(document: &'a Document<'i>) -> Result<Self, UrdfError> {
+    pub(crate) fn of(document: &'a Document<'i>) -> Result<Self> {
         let root = document.root_element();
         if root.tag_name().name() != "robot" {
-            return Err(UrdfError::NotRobot {
-                line: line(root),
-                found: root.tag_name().name().escape_debug().to_string(),
-            });
+            let found = root.tag_name().name().escape_debug().to_string();
+            return Err(UrdfError::NotRobot { line: line(root), found });
         }
         let nodes = links(root)?;
         let joints = joints(root)?;
@@ -71,7 +69,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     /// Notes for each link the joint that carries it.
-    fn carry(&mut self) -> Result<(), UrdfError> {
+    fn carry(&mut self) -> Result<()> {
         for (place, joint) in self.joints.iter().enumerate() {
             self.check_links(joint)?;
             let before = self.carried.insert(joint.child, Some(place)).flatten();
@@ -88,17 +86,13 @@ impl<'a, 'i> Tree<'a, 'i> {
         Ok(())
     }
 
-    fn check_links(&self, joint: &Joint<'a, 'i>) -> Result<(), UrdfError> {
+    fn check_links(&self, joint: &Joint<'a, 'i>) -> Result<()> {
         let ends = [("parent", joint.parent), ("child", joint.child)];
         let unknown = ends.into_iter().find(|(_, link)| !self.carried.contains_key(link));
         unknown.map_or(Ok(()), |(role, link)| {
-            Err(UrdfError::UnknownLink {
-                line: joint.line(),
-                joint: joint.name.to_owned(),
-                role,
-                link: link.to_owned(),
-                links: self.names(),
-            })
+            let (line, joint) = (joint.line(), joint.name.to_owned());
+            let (link, links) = (link.to_owned(), self.names());
+            Err(UrdfError::UnknownLink { line, joint, role, link, links })
         })
     }
 
@@ -112,7 +106,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     /// Walks up from every link once; a walk that comes upon itself is a circle.
-    fn refuse_circles(&self) -> Result<(), UrdfError> {
+    fn refuse_circles(&self) -> Result<()> {
         // The link from which each link was first walked over.
         let mut walked: BTreeMap<&str, &str> = BTreeMap::new();
         for &start in &self.links {
@@ -144,7 +138,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         }
     }
 
-    fn only_root(&self, nodes: &[(&'a str, Node<'a, 'i>)]) -> Result<&'a str, UrdfError> {
+    fn only_root(&self, nodes: &[(&'a str, Node<'a, 'i>)]) -> Result<&'a str> {
         let is_root = |(name, _): &&(&'a str, Node<'a, 'i>)| self.carrier(name).is_none();
         let roots: Vec<_> = nodes.iter().filter(is_root).collect();
         match roots.as_slice() {
@@ -158,7 +152,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         }
     }
 
-    pub(crate) fn ends(&self, selection: &Selection) -> Result<Ends<'a>, UrdfError> {
+    pub(crate) fn ends(&self, selection: &Selection) -> Result<Ends<'a>> {
         let base = self.end("base", selection.base.as_deref())?;
         let base = base.unwrap_or(self.root);
         let tip = match self.end("tip", selection.tip.as_deref())? {
@@ -171,7 +165,7 @@ impl<'a, 'i> Tree<'a, 'i> {
         Ok(Ends { base, tip })
     }
 
-    fn end(&self, role: &'static str, chosen: Option<&str>) -> Result<Option<&'a str>, UrdfError> {
+    fn end(&self, role: &'static str, chosen: Option<&str>) -> Result<Option<&'a str>> {
         let Some(link) = chosen else { return Ok(None) };
         match self.carried.get_key_value(link) {
             Some((own, _)) => Ok(Some(own)),
@@ -180,7 +174,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     /// The only link behind `base` that carries none.
-    fn only_leaf(&self, base: &'a str) -> Result<&'a str, UrdfError> {
+    fn only_leaf(&self, base: &'a str) -> Result<&'a str> {
         let mut behind: BTreeMap<&str, Vec<&'a str>> = BTreeMap::new();
         for joint in &self.joints {
             behind.entry(joint.parent).or_default().push(joint.child);
@@ -230,7 +224,7 @@ pub(super) fn is_xacro(node: &Node<'_, '_>) -> bool {
 }
 
 /// An error where an element of xacro stands in the node, or is it.
-pub(super) fn refuse_xacro(own: Node<'_, '_>) -> Result<(), UrdfError> {
+pub(super) fn refuse_xacro(own: Node<'_, '_>) -> Result<()> {
     own.descendants().find(is_xacro).map_or(Ok(()), |node| {
         let found = format!("xacro:{}", node.tag_name().name());
         Err(UrdfError::Xacro { line: line(node), found })
@@ -238,7 +232,7 @@ pub(super) fn refuse_xacro(own: Node<'_, '_>) -> Result<(), UrdfError> {
 }
 
 /// A text of the file; an error where it is still to be expanded.
-pub(crate) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str, UrdfError> {
+pub(crate) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str> {
     if text.contains("${") || text.contains("$(") {
         return Err(UrdfError::Xacro { line: line(node), found: text.to_owned() });
     }
@@ -246,10 +240,7 @@ pub(crate) fn expanded<'a>(node: Node<'a, '_>, text: &'a str) -> Result<&'a str,
 }
 
 /// Elements of the robot with their names, in order; an error where two have one.
-fn named<'a, 'i>(
-    robot: Node<'a, 'i>,
-    kind: &'static str,
-) -> Result<Vec<(&'a str, Node<'a, 'i>)>, UrdfError> {
+fn named<'a, 'i>(robot: Node<'a, 'i>, kind: &'static str) -> Result<Vec<(&'a str, Node<'a, 'i>)>> {
     let mut all = Vec::new();
     let mut seen = BTreeMap::new();
     for node in children(robot, kind) {
@@ -257,35 +248,27 @@ fn named<'a, 'i>(
         let nameless = || UrdfError::Incomplete { line: line(node), element, wanted: "name" };
         let name = expanded(node, attribute(node, "name").ok_or_else(nameless)?)?;
         if let Some(first) = seen.insert(name, node) {
-            return Err(UrdfError::Twice {
-                line: line(node),
-                kind,
-                name: name.to_owned(),
-                first: line(first),
-            });
+            let (line, first) = (line(node), line(first));
+            return Err(UrdfError::Twice { line, kind, name: name.to_owned(), first });
         }
         all.push((name, node));
     }
     Ok(all)
 }
 
-fn links<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<(&'a str, Node<'a, 'i>)>, UrdfError> {
+fn links<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<(&'a str, Node<'a, 'i>)>> {
     named(robot, "link")
 }
 
-fn joints<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<Joint<'a, 'i>>, UrdfError> {
+fn joints<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<Joint<'a, 'i>>> {
     let with_links = |(name, node): (&'a str, Node<'a, 'i>)| {
-        Ok(Joint {
-            node,
-            name,
-            parent: end(node, name, "parent")?,
-            child: end(node, name, "child")?,
-        })
+        let (parent, child) = (end(node, name, "parent")?, end(node, name, "child")?);
+        Ok(Joint { node, name, parent, child })
     };
     named(robot, "joint")?.into_iter().map(with_links).collect()
 }
 
-fn end<'a>(joint: Node<'a, '_>, name: &str, role: &'static str) -> Result<&'a str, UrdfError> {
+fn end<'a>(joint: Node<'a, '_>, name: &str, role: &'static str) -> Result<&'a str> {
     let link = child(joint, role).and_then(|end| attribute(end, "link"));
     let link = link.ok_or_else(|| UrdfError::Incomplete {
         line: line(joint),

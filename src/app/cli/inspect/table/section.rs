@@ -101,10 +101,8 @@ impl Lines<'_> {
         self.key("sessions", &format!("[{}]", stems.join(", ")), None);
         let mut endings: Vec<String> = Vec::new();
         for path in paths {
-            let pattern = toml_text(&format!(
-                "{{session}}.{}",
-                path.extension().unwrap_or_default().to_string_lossy()
-            ));
+            let ending = path.extension().unwrap_or_default().to_string_lossy();
+            let pattern = toml_text(&format!("{{session}}.{ending}"));
             if !endings.contains(&pattern) {
                 endings.push(pattern);
             }
@@ -115,11 +113,8 @@ impl Lines<'_> {
     fn stations(&mut self, settings: &StationsSettings) {
         self.head("stations");
         self.key("joints", &list(&settings.joints), Some(Key::Joints));
-        self.key(
-            "joint_unit",
-            &format!("\"{}\"", angle(settings.joint_unit)),
-            Some(Key::JointUnit),
-        );
+        let unit = format!("\"{}\"", angle(settings.joint_unit));
+        self.key("joint_unit", &unit, Some(Key::JointUnit));
         if let Some(unit) = settings.length_unit {
             self.key("length_unit", &format!("\"{unit}\""), Some(Key::LengthUnit));
         }
@@ -137,11 +132,8 @@ impl Lines<'_> {
             self.key("targets", &list(&settings.targets), None);
         }
         if let Some(time) = &settings.time {
-            let value = format!(
-                "{{ column = {}, unit = \"{}\" }}",
-                toml_text(&time.column),
-                word(time.unit)
-            );
+            let (column, unit) = (toml_text(&time.column), word(time.unit));
+            let value = format!("{{ column = {column}, unit = \"{unit}\" }}");
             self.key("time", &value, Some(Key::Time));
         }
         if let Some(temperature) = &settings.temperature {
@@ -210,11 +202,8 @@ impl Lines<'_> {
 
     fn commanded(&mut self, commands: &Commands) {
         self.head("commanded");
-        self.key(
-            "base_from_command",
-            &placement(&commands.base_from_command),
-            Some(Key::Commanded),
-        );
+        let base = placement(&commands.base_from_command);
+        self.key("base_from_command", &base, Some(Key::Commanded));
         self.key("flange_from_tool", &placement(&commands.flange_from_tool), Some(Key::Commanded));
         self.text +=
             "target_is_tool = false  # true where the commanded point is the measured target\n";

@@ -34,12 +34,8 @@ impl<'a> Set<'a> {
     fn of(joined: &'a Joined, on: StandsOn) -> Option<Self> {
         let all = joined.read_references.iter().filter(|own| own.on == on);
         let all: Vec<&ReadReference> = all.collect();
-        (!all.is_empty()).then(|| Self {
-            on,
-            all,
-            course: joined.references.iter().find(|own| own.on == on),
-            stations: joined.stations.len(),
-        })
+        let course = joined.references.iter().find(|own| own.on == on);
+        (!all.is_empty()).then_some(Self { on, all, course, stations: joined.stations.len() })
     }
 
     fn warned(&self) -> Vec<String> {
@@ -157,10 +153,8 @@ impl<'a> Set<'a> {
             )
         };
         let (on, ends) = (self.on.word(), end.words(self.stations));
-        Some(format!(
-            "reference {:?} on the {on} was read at {} looks, {ends}: {follows}",
-            own.name, own.looks
-        ))
+        let ReadReference { name, looks, .. } = own;
+        Some(format!("reference {name:?} on the {on} was read at {looks} looks, {ends}: {follows}"))
     }
 }
 

@@ -45,10 +45,8 @@ impl Work<'_> {
             columns.iter().map(|&column| self.columns[column].largest()).fold(0.0, f64::max)
         };
         if self.stated_angle().is_none() {
-            add(
-                Key::JointUnit,
-                format!("by numbers up to {:.4} alone", size(&self.choice.joints.columns)),
-            );
+            let largest = size(&self.choice.joints.columns);
+            add(Key::JointUnit, format!("by numbers up to {largest:.4} alone"));
         }
         let position: Vec<usize> = self
             .choice
@@ -145,10 +143,8 @@ impl Work<'_> {
 }
 
 fn rival(best: &Tried, other: &Tried, alternative: &str) -> String {
-    format!(
-        "{alternative} agrees with the arm nearly as well: {:.2} mm instead of {:.2}",
-        other.median_mm, best.median_mm
-    )
+    let (mm, best_mm) = (other.median_mm, best.median_mm);
+    format!("{alternative} agrees with the arm nearly as well: {mm:.2} mm instead of {best_mm:.2}")
 }
 
 fn add_arm(verdict: &Verdict, arms: &Arms, add: &mut impl FnMut(Key, String)) {

@@ -41,11 +41,8 @@ impl Work<'_> {
         if !found.as_good.is_empty() {
             let words: Vec<String> =
                 found.as_good.iter().take(MOST_NAMED).map(Form::in_words).collect();
-            doubt(format!(
-                "these agree with the arm as well ({:.2}°): {}",
-                found.median_rad.to_degrees(),
-                words.join(", ")
-            ));
+            let (deg, words) = (found.median_rad.to_degrees(), words.join(", "));
+            doubt(format!("these agree with the arm as well ({deg:.2}°): {words}"));
         }
         Some(self.columns_of(&found.form, target.turn_sd))
     }
@@ -58,11 +55,8 @@ impl Work<'_> {
             Form::Vector(own, unit) => OrientationForm::Vector(own.map(name), unit),
             Form::Matrix(own) => OrientationForm::Matrix(own.map(name)),
         };
-        OrientationColumns {
-            form,
-            sd: sd.map(|sd| sd.map(name).into()).unwrap_or_default(),
-            covariance: Vec::new(),
-        }
+        let sd = sd.map(|sd| sd.map(name).into()).unwrap_or_default();
+        OrientationColumns { form, sd, covariance: Vec::new() }
     }
 }
 
