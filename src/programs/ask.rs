@@ -48,7 +48,7 @@ pub enum Branch {
     Quadrants([i32; 4]),
     /// That of another position, by its index: quarter turns hold at their own alone.
     Of(usize),
-    /// Letters of FANUC, with the turns of joints 4, 5 and 6 where the motion reads the position's own.
+    /// Letters of FANUC, with the turns of joints 1, 4 and 6 where the motion reads the position's own.
     Config { letters: Letters, turns: Option<[i32; 3]> },
     /// That of joint angles, degrees.
     Joints(Vec<f64>),
@@ -187,8 +187,8 @@ impl Programs {
                 Ok(Branch::Quadrants([small(one)?, small(four)?, small(six)?, small(x)?]))
             }
             Shape::Pose { stated: Some(Stated::Config { letters, turns }), .. } => {
-                let [four, five, six] = turns;
-                let all = || Ok([small(four)?, small(five)?, small(six)?]);
+                let [one, four, six] = turns;
+                let all = || Ok([small(one)?, small(four)?, small(six)?]);
                 let turns = (by == index).then(all).transpose()?;
                 Ok(Branch::Config { letters: *letters, turns })
             }

@@ -10,7 +10,7 @@
 //! cell says as `base_frame`.
 //!
 //! `CONFIG` is read by J and by `Wjnt`; L, C and A go on in the arm configuration in which they begin. Its letters are the sides of the
-//! three singularities, and its turns those of joints 4, 5 and 6 ([`Stated::Config`](crate::program::Stated)).
+//! three singularities, and its turns those of joints 1, 4 and 6 ([`Stated::Config`](crate::program::Stated)).
 
 pub(crate) mod further;
 mod listing;

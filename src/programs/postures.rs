@@ -83,6 +83,9 @@ pub(crate) fn counts_from_horizontal(arm: &Arm) -> bool {
 }
 
 #[cfg(test)]
+mod stated;
+
+#[cfg(test)]
 mod tests {
     use nalgebra::{Point3, Rotation3, Vector3};
 

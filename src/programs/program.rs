@@ -62,7 +62,7 @@ pub enum Stated {
     Status { status: Number, turn: Option<Number> },
     /// cf1, cf4, cf6 and cfx of ABB.
     Quadrants([Number; 4]),
-    /// `CONFIG` of FANUC, with the turns of joints 4, 5 and 6.
+    /// `CONFIG` of FANUC, with the turns of joints 1, 4 and 6.
     Config { letters: Letters, turns: [Number; 3] },
     /// Joint angles near which a controller of Universal Robots reaches the pose, degrees.
     Near(Vec<f64>),

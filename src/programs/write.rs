@@ -20,6 +20,8 @@ use crate::urscript::vector_near;
 use crate::value::Number;
 
 pub(crate) const QUATERNION_DECIMALS: usize = 8;
+/// Joints 1, 4 and 6: those whose turns are counted, in quarters by ABB, whole by FANUC (`$TURN_AXIS`).
+pub const COUNTED: [usize; 3] = [0, 3, 5];
 /// An orientation that is turned by less is not turned, rad.
 const UNTURNED: f64 = 1e-8;
 
@@ -136,10 +138,10 @@ impl Edits {
             Stated::Status { turn: None, .. } | Stated::Near(_) => {}
             Stated::Quadrants(numbers) => {
                 let quarter = |degrees: f64| (degrees / 90.0).floor();
-                self.counted(numbers.iter().zip([0, 3, 5]), [from, to], quarter);
+                self.counted(numbers.iter().zip(COUNTED), [from, to], quarter);
             }
             Stated::Config { turns, .. } => {
-                self.counted(turns.iter().zip([3, 4, 5]), [from, to], whole_turns);
+                self.counted(turns.iter().zip(COUNTED), [from, to], whole_turns);
             }
         }
     }
@@ -176,7 +178,7 @@ pub(crate) fn listed(position: &Position, bytes: &[u8], point: &Further) -> Opti
     }
     edits.turn(turn, &point.frame_from_tool.rotation, degrees);
     if let Some(Stated::Config { turns, .. }) = stated {
-        for (number, joint) in turns.iter().zip([3, 4, 5]) {
+        for (number, joint) in turns.iter().zip(COUNTED) {
             edits.text(number, decimal(whole_turns(*point.joints.get(joint)?), 0));
         }
     }

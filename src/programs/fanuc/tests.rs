@@ -237,7 +237,7 @@ fn numbers_turns_and_marks_alone_are_written() {
     edits.all.extend(marks(file, "run r; date", "t-1", &[]));
     let written = applied(&file.bytes, &edits.all);
     let text = String::from_utf8_lossy(&written);
-    assert!(text.contains("CONFIG : 'N U T, 1, 0, -1'"), "{text}");
+    assert!(text.contains("CONFIG : 'N U T, 0, 1, -1'"), "{text}");
     assert!(
         text.contains("\tX =    10.123  mm,\tY =    20.000  mm,\tZ =     -.500  mm,"),
         "{text}"
@@ -368,7 +368,7 @@ fn further_points_are_statements_with_positions_behind_all_others_and_later_ones
         text.contains("LINE_COUNT\t= 14;")
             && text.contains("  13:  !corrected by posegrid ;\r\n  14:  !run r ;")
     );
-    let entry = "P[18:\"posegrid\"]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'F D B, -1, 0, 2',\r\n\
+    let entry = "P[18:\"posegrid\"]{\r\n   GP1:\r\n\tUF : 1, UT : 2,\t\tCONFIG : 'F D B, 0, -1, 2',\r\n\
                  \tX = 5.000 mm, Y = 2.500 mm, Z = 3.000 mm,\r\n\tW = 0.000 deg, P = 0.000 deg, R = 0.000 deg\r\n};\r\nP[19:";
     assert!(
         text.contains(&(more.to_owned() + entry)) && text.ends_with("};\r\n/END\r\n"),

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::compensation::{Corrected, Covariances, Exception, IdentifiedArm, Target, TargetJoints};
 use crate::geometry::{self, Tool, Transform};
 use crate::kinematics::{Anywhere, Configuration, Inverse, InverseSettings};
-use crate::programs::write::Command;
+use crate::programs::write::{COUNTED, Command};
 use crate::programs::{Asked, Branch, Position, Postures, Programs, Wanted};
 
 /// Tool points nearer to each other are one, mm.
@@ -414,24 +414,20 @@ impl<'a> Solver<'a> {
     /// Joint angles on the turns that a position states; `None` where they do not agree with it.
     fn agrees(&self, branch: &Branch, joints: &[f64]) -> Option<Vec<f64>> {
         let shown = self.shown(joints);
-        let fits = |joint: usize, degrees: f64| match branch {
-            Branch::Status { turn: Some(turn), .. } if joint < 6 => {
-                (turn >> joint & 1 == 1) == (degrees < 0.0) || degrees.abs() < 1e-3
+        let fits = |joint: usize, degrees: f64| {
+            let is_near = |stated: &[i32], turn: f64, middle: f64| {
+                let place = COUNTED.iter().position(|own| *own == joint);
+                let from = |place| degrees / turn - f64::from(stated[place]) - middle;
+                place.is_none_or(|place| from(place).abs() <= 0.5 + 1e-5)
+            };
+            match branch {
+                Branch::Status { turn: Some(turn), .. } if joint < 6 => {
+                    (turn >> joint & 1 == 1) == (degrees < 0.0) || degrees.abs() < 1e-3
+                }
+                Branch::Quadrants(quadrants) => is_near(quadrants, 90.0, 0.5),
+                Branch::Config { turns: Some(turns), .. } => is_near(turns, 360.0, 0.0),
+                _ => true,
             }
-            Branch::Quadrants(quadrants) => {
-                let stated = match joint {
-                    0 => quadrants[0],
-                    3 => quadrants[1],
-                    5 => quadrants[2],
-                    _ => return true,
-                };
-                let quarter = degrees / 90.0;
-                (quarter - f64::from(stated) - 0.5).abs() <= 0.5 + 1e-5
-            }
-            Branch::Config { turns: Some(turns), .. } if (3..6).contains(&joint) => {
-                (degrees / 360.0 - f64::from(turns[joint - 3])).abs() <= 0.5 + 1e-5
-            }
-            _ => true,
         };
         let limits = self.arm.arm.joints();
         let turned = |joint: usize| {
