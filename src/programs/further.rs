@@ -5,13 +5,11 @@
 //! says whose it is; in a listing its positions do. Only plain straight motions and circles get points: a process instruction would begin its
 //! process at each. The motion itself leads over the last part of its way, so the helper of a circle moves onto that.
 
-use nalgebra::Isometry3;
-
 use crate::edit::{Edit, line_end};
 use crate::fanuc::{self, FANUC};
 use crate::geometry::typed::number as decimal;
 use crate::lex::Dialect;
-use crate::program::{Path, Position, Programs, Shape, Split, Stated, Turn};
+use crate::program::{Added, Further, Path, Position, Programs, Shape, Split, Stated, Turn};
 use crate::urscript::{self, URSCRIPT, vector_near};
 use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
 use crate::write::{QUATERNION_DECIMALS, abc_near, listed, quaternion_near};
@@ -20,24 +18,6 @@ use crate::write::{QUATERNION_DECIMALS, abc_near, listed, quaternion_near};
 const METRE_DECIMALS: usize = MM_DECIMALS + 3;
 /// The comment behind each added line.
 pub const ADDED: &str = "added by posegrid";
-
-/// A further point before the end of a motion; of a circle each second one is a helper.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Further {
-    /// Its numbers: the tool in the frame of the motion's position, mm.
-    pub frame_from_tool: Isometry3<f64>,
-    /// Joint angles there, degrees.
-    pub joints: Vec<f64>,
-}
-
-/// The texts of further points before a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Added {
-    file: usize,
-    pub(crate) split: Split,
-    /// The positions of each line.
-    pub(crate) points: Vec<Vec<String>>,
-}
 
 impl Programs {
     /// Why a motion gets no further points; `Ok` where it may.
@@ -154,20 +134,6 @@ impl Added {
         let lines =
             points.iter().map(|own| format!("{indent}{}{end}", self.split.with(bytes, own)));
         Edit { span: *line_start..*line_start, text: lines.collect() }
-    }
-}
-
-impl Split {
-    /// Its statement with other positions.
-    pub(crate) fn with(&self, bytes: &[u8], targets: &[String]) -> String {
-        let mut text = String::new();
-        let mut from = self.statement.start;
-        for (target, other) in self.targets.iter().zip(targets) {
-            text += &String::from_utf8_lossy(&bytes[from..target.start]);
-            text += other;
-            from = target.end;
-        }
-        text + &String::from_utf8_lossy(&bytes[from..self.statement.end])
     }
 }
 

@@ -5,6 +5,8 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
+use nalgebra::Isometry3;
+
 use crate::flow::{Known, Setting, Slot, State, known, unknown};
 use crate::frame::Chain;
 use crate::refusal::{Place, Refusal};
@@ -162,6 +164,38 @@ pub struct Split {
     pub statement: Range<usize>,
     /// Its positions, of a circle the helper first.
     pub targets: Vec<Range<usize>>,
+}
+
+impl Split {
+    /// Its statement with other positions.
+    pub(crate) fn with(&self, bytes: &[u8], targets: &[String]) -> String {
+        let mut text = String::new();
+        let mut from = self.statement.start;
+        for (target, other) in self.targets.iter().zip(targets) {
+            text += &String::from_utf8_lossy(&bytes[from..target.start]);
+            text += other;
+            from = target.end;
+        }
+        text + &String::from_utf8_lossy(&bytes[from..self.statement.end])
+    }
+}
+
+/// A further point before the end of a motion; of a circle each second one is a helper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Further {
+    /// Its numbers: the tool in the frame of the motion's position, mm.
+    pub frame_from_tool: Isometry3<f64>,
+    /// Joint angles there, degrees.
+    pub joints: Vec<f64>,
+}
+
+/// The texts of further points before a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Added {
+    pub(crate) file: usize,
+    pub(crate) split: Split,
+    /// The positions of each line.
+    pub(crate) points: Vec<Vec<String>>,
 }
 
 /// Files with everything that was read of them.

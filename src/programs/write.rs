@@ -11,10 +11,9 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use crate::ask::{Asked, Wanted, pose};
 use crate::edit::{CORRECTED, Edit, insert, line_end};
-use crate::further::Further;
 use crate::krl::{KRL, abc};
 use crate::lex::{Kind, Token, after_mark, capitals, tokens};
-use crate::program::{File, Position, Shape, Stated, Turn};
+use crate::program::{File, Further, Position, Shape, Stated, Turn};
 use crate::rapid::RAPID;
 use crate::urscript::vector_near;
 use crate::value::Number;

@@ -6,8 +6,8 @@ use super::FANUC;
 use super::listing::{lines as lines_of, section};
 use super::position::number;
 use crate::edit::{Edit, insert, line_end};
-use crate::further::Added;
 use crate::lex::{Kind, Token, tokens};
+use crate::program::Added;
 use crate::value::Cursor;
 
 /// The comment of each added position.
