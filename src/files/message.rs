@@ -33,9 +33,7 @@ pub use value::{Gathered, Numbers, Text, TextForm, Texts, Value};
 
 use thiserror::Error;
 
-/// What is read of a schema.
 type Parsed<T> = Result<T, SchemaError>;
-/// What is read of a message.
 type Decoded<T> = Result<T, MessageFault>;
 
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

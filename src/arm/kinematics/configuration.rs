@@ -74,7 +74,7 @@ impl fmt::Display for Configuration {
 }
 
 impl SingularityFactors {
-    /// Factors at reported joint angles (rad); `None` for an arm without, or whose upper arm or forearm has no length.
+    /// Factors at reported joint angles (rad); `None` for an arm without any, or whose upper arm or forearm has no length.
     pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
         Self::of_view(&HeldChain::fixed(arm.chain(), offsets).view(&arm.axes(joints)))
     }

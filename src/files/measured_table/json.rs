@@ -6,8 +6,14 @@ use super::{Counted, Form, MeasuredTable, MeasuredTableErrorKind, Result, decode
 
 pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let decoded = decoded::decode(bytes)?;
-    let (keys, numbers) = (Keys::default(), Numbers::default());
-    let mut parser = Parser { text: &decoded.text, at: 0, line: 1, keys, numbers, nodes: 0 };
+    let mut parser = Parser {
+        text: &decoded.text,
+        at: 0,
+        line: 1,
+        keys: Keys::default(),
+        numbers: Numbers::default(),
+        nodes: 0,
+    };
     let mut roots = Vec::new();
     while parser.peek().is_some() {
         roots.push((parser.line, parser.value(MOST_LEVELS)?));

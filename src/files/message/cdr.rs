@@ -79,9 +79,16 @@ impl CdrReader {
         wide: u8,
         layout: Layout,
     ) -> Decoded<(&[Step], Cursor<'m>)> {
-        let (at, big_endian, texts) = (0, false, TextForm::Packed);
-        let (bytes, widest, version_2) = (message, 1, false);
-        let mut packed = Cursor { bytes, at, big_endian, texts, widest, version_2, wide, layout };
+        let mut packed = Cursor {
+            bytes: message,
+            at: 0,
+            big_endian: false,
+            texts: TextForm::Packed,
+            widest: 1,
+            version_2: false,
+            wide,
+            layout,
+        };
         if self.serialization == Serialization::Ros1 {
             return Ok((&self.plain, packed));
         }

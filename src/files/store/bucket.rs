@@ -66,9 +66,14 @@ impl Bucket {
         let (_, prefix) = place.bucket().expect("an address, as a client was made");
         let system =
             StoreError::folder("start a runtime for", std::path::Path::new("AWS requests"));
-        let (place, prefix) = (place.clone(), prefix.to_owned());
-        let (runtime, scratch) = (runtime().map_err(system)?, OnceLock::new());
-        Ok(Self { place, prefix, clients, secrets, runtime, scratch })
+        Ok(Self {
+            place: place.clone(),
+            prefix: prefix.to_owned(),
+            clients,
+            secrets,
+            runtime: runtime().map_err(system)?,
+            scratch: OnceLock::new(),
+        })
     }
 
     fn object(&self, key: &str) -> Result<Key, StoreError> {

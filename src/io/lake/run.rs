@@ -32,8 +32,14 @@ pub enum Commit {
 
 impl<'a> OpenRun<'a> {
     pub(super) fn new(lake: &'a Lake, key: &RunKey, rows: &'static str) -> Self {
-        let (key, written) = (key.clone(), Vec::new());
-        Self { lake, key, rows, written, tags: Vec::new(), kept: Vec::new() }
+        Self {
+            lake,
+            key: key.clone(),
+            rows,
+            written: Vec::new(),
+            tags: Vec::new(),
+            kept: Vec::new(),
+        }
     }
 
     pub const fn lake(&self) -> &Lake {

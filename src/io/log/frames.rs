@@ -63,8 +63,15 @@ struct LogSoFar {
 
 impl<'s> Frames<'s> {
     pub fn new(source: &'s mut Source, at: u64, limits: Limits) -> Self {
-        let (probes_left, log) = (MOST_PROBES, LogSoFar::default());
-        Self { source, limits, at, probes_left, before: None, ended: false, log }
+        Self {
+            source,
+            limits,
+            at,
+            probes_left: MOST_PROBES,
+            before: None,
+            ended: false,
+            log: LogSoFar::default(),
+        }
     }
 
     /// Continues with the log that begins at `start`; its header ends at byte `at`.

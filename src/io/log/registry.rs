@@ -46,8 +46,13 @@ pub enum Refused {
 
 impl<D> Default for Registry<D> {
     fn default() -> Self {
-        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
-        Self { schemas, channels, known: BTreeSet::new(), before: 0, size: 0 }
+        Self {
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            known: BTreeSet::new(),
+            before: 0,
+            size: 0,
+        }
     }
 }
 

@@ -55,8 +55,14 @@ pub fn read_session(
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, LogError> {
-    let (buffered, amendments) = (BUFFERED, Amendments::default());
-    let mut source = LogSource { logs, mapping, limits, progress, buffered, amendments };
+    let mut source = LogSource {
+        logs,
+        mapping,
+        limits,
+        progress,
+        buffered: BUFFERED,
+        amendments: Amendments::default(),
+    };
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
     let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {

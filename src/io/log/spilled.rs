@@ -51,8 +51,14 @@ impl<C> Default for SpilledPoses<C> {
 impl<C> SpilledPoses<C> {
     /// No poses yet; `most` bytes of rows are kept in memory.
     fn keeping(most: usize) -> Self {
-        let (clock, form) = (PhantomData, Form::default());
-        Self { clock, form, file: None, in_file: 0, latest: Vec::new(), most }
+        Self {
+            clock: PhantomData,
+            form: Form::default(),
+            file: None,
+            in_file: 0,
+            latest: Vec::new(),
+            most,
+        }
     }
 
     /// Adds further poses; all have the same columns.

@@ -69,8 +69,16 @@ pub(super) fn rows(
     slides: &[bool],
     file: String,
 ) -> StationTable {
-    let (apart, covariances, rejects) = (Vec::new(), CovarianceCounts::NONE, Vec::new());
-    let mut reader = Reader { table, columns, settings, slides, file, apart, covariances, rejects };
+    let mut reader = Reader {
+        table,
+        columns,
+        settings,
+        slides,
+        file,
+        apart: Vec::new(),
+        covariances: CovarianceCounts::NONE,
+        rejects: Vec::new(),
+    };
     let broken = broken(table, settings);
     for row in &broken {
         reader.reject(RowItem::Row, row.line, Fault::of(row.reason.to_string()));

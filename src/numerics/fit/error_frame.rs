@@ -29,7 +29,7 @@ pub struct SurveyedBase {
 }
 
 impl SurveyedBase {
-    /// The uncertainty that the survey leaves, with that of a lever (`lever_sd_mm`, of each coordinate); what is not stated is zero.
+    /// The uncertainty that the survey leaves, with that of a lever (`lever_sd_mm`, mm in each coordinate); what is not stated is zero.
     pub fn uncertainty(&self, lever_sd_mm: Option<f64>) -> FrameUncertainty {
         FrameUncertainty {
             origin_mm: self.sd_mm.unwrap_or_default(),

@@ -16,7 +16,8 @@ pub struct Pairs {
     pub predicted: Option<Compared>,
     /// What the table leaves beside the identified arm; `None` where nothing shows both.
     pub table_and_arm: Option<TableAndArm>,
-    /// Of several sessions trained together, those of the identified arm in each: of held-out blocks and of an estimate without it.
+    /// In each of several sessions trained together, mm at its stations: the arm identified from all, judged by held-out blocks, and the arm
+    /// identified without that session.
     pub of_sessions: Vec<(Subject, Compared)>,
 }
 

@@ -70,8 +70,12 @@ struct Resolving<'d> {
 
 impl ProtobufReader {
     pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Parsed<Self> {
-        let (slots, identity) = (wanted.len(), Arc::new(()));
-        let reader = Self { nodes: Vec::new(), picks: Vec::new(), slots, identity };
+        let reader = Self {
+            nodes: Vec::new(),
+            picks: Vec::new(),
+            slots: wanted.len(),
+            identity: Arc::new(()),
+        };
         let mut resolving = Resolving { descriptors, wanted, reader };
         let wants = wanted.iter().enumerate().map(|(slot, path)| path.want(slot));
         resolving.node(descriptors.root, &wants.collect::<Vec<_>>())?;

@@ -49,8 +49,8 @@ pub(super) fn failure(
 }
 
 pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
-    let (reason, trouble) = ("there is no such object".to_owned(), BucketTrouble::NoObject);
-    StoreError::Bucket { doing, place, reason, trouble }
+    let reason = "there is no such object".to_owned();
+    StoreError::Bucket { doing, place, reason, trouble: BucketTrouble::NoObject }
 }
 
 pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {

@@ -92,8 +92,11 @@ impl<'a> Lists<'a> {
             written += page.compressed_size;
         }
         writer.close()?;
-        let (page_type, encoding) = (PageType::DATA_PAGE, Encoding::PLAIN);
-        let stats = PageEncodingStats { page_type, encoding, count: whole(pages)? };
+        let stats = PageEncodingStats {
+            page_type: PageType::DATA_PAGE,
+            encoding: Encoding::PLAIN,
+            count: whole(pages)?,
+        };
         let encodings = [Encoding::PLAIN, Encoding::RLE];
         let metadata = ColumnChunkMetaData::builder(column.clone())
             .set_compression(Compression::UNCOMPRESSED)

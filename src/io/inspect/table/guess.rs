@@ -204,8 +204,16 @@ impl<'t> Work<'t> {
             || (angle_by_size(columns, &choice), LengthUnit::Mm, length_by_size(columns, &choice)),
             |own| (own.best.angle, own.best.slide, own.best.length),
         );
-        let (names, flanges, placement) = (table.columns(), Vec::new(), None);
-        let mut work = Self { table, columns, names, choice, verdict, units, flanges, placement };
+        let mut work = Self {
+            table,
+            columns,
+            names: table.columns(),
+            choice,
+            verdict,
+            units,
+            flanges: Vec::new(),
+            placement: None,
+        };
         work.flanges = work.flanges(arms, rows);
         let reading = |(row, flange): &(usize, Isometry3<f64>)| {
             let at = position(&work.choice.targets.first()?.position, table, *row)?;

@@ -283,8 +283,14 @@ impl<'m> Statements<'m> {
             }
             _ => None,
         };
-        let (stamp, ignore_orientation) = (fields.stamp.as_ref(), false);
-        Self { stamp, frame: None, frame_field: None, named, target: None, ignore_orientation }
+        Self {
+            stamp: fields.stamp.as_ref(),
+            frame: None,
+            frame_field: None,
+            named,
+            target: None,
+            ignore_orientation: false,
+        }
     }
 
     fn of_poses(fields: &'m PoseFields, frame: Option<&'m str>, ignore_orientation: bool) -> Self {

@@ -101,7 +101,7 @@ impl Measured {
         }
     }
 
-    /// The part of the target's motion shown at `target`, its place in the source's frame; `gauge` is the source's, of a length.
+    /// The part of the target's motion shown at `target`, its place in the source's frame; `gauge`: the source's, where it reads a length.
     pub fn shown(&self, gauge: Option<&Gauge>, target: &Point3<f64>) -> Shown {
         match self {
             Self::Point(_) => Shown::Point,
