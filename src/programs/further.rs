@@ -10,7 +10,7 @@ use crate::fanuc::{self, FANUC};
 use crate::geometry::typed::number as decimal;
 use crate::lex::Dialect;
 use crate::program::{Added, Further, Path, Position, Programs, Shape, Split, Stated, Turn};
-use crate::urscript::{self, URSCRIPT, vector_near};
+use crate::urscript::vector_near;
 use crate::value::{DEGREE_DECIMALS, MM_DECIMALS};
 use crate::write::{QUATERNION_DECIMALS, abc_near, listed, quaternion_near};
 
@@ -24,9 +24,6 @@ impl Programs {
     pub fn may_split(&self, path: &Path) -> Result<(), &'static str> {
         path.split.as_ref().map_err(|why| *why)?;
         let ends = self.ends(path).ok_or("where it begins is not known")?;
-        if self.files[path.file].is_of(&URSCRIPT) && self.is_blended_at(path.from) {
-            return Err(urscript::BLENDED);
-        }
         let through = path.through.iter().flatten().map(|place| &self.positions[*place]);
         let through: Vec<&Position> = through.collect();
         if through.iter().chain(&ends[..1]).any(|own| own.external.is_some()) {
@@ -50,12 +47,6 @@ impl Programs {
     fn ends(&self, path: &Path) -> Option<[&Position; 2]> {
         let end = path.through.as_deref()?.last()?;
         Some([&self.positions[path.from?], &self.positions[*end]])
-    }
-
-    /// Whether a motion that ends at a position leaves for the next one before it is there.
-    fn is_blended_at(&self, place: Option<usize>) -> bool {
-        let ends = |path: &Path| path.through.as_ref().and_then(|all| all.last().copied());
-        self.paths.iter().any(|path| path.is_blended && ends(path) == place)
     }
 
     /// Further points before a motion, as its dialect writes them; `None` where its text is not understood.

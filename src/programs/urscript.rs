@@ -29,7 +29,7 @@ use crate::refusal::{Place, Refusal};
 use crate::value::Value;
 use statement::Statements;
 
-pub(crate) use motion::{BLENDED, vector_near};
+pub(crate) use motion::vector_near;
 
 pub const URSCRIPT: Dialect = Dialect {
     name: "urscript",
@@ -95,6 +95,7 @@ impl Reading<'_> {
         changed[Slot::Displacement as usize] = self.any_displacement;
         let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
         self.common.walk(others, &self.threads, &self.called, entry);
+        motion::keep_behind_blends(&mut self.common);
     }
 }
 

@@ -57,9 +57,7 @@ pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
             Command { base_from_tool: Some(base_from_tool), joints },
         ) => {
             let to = base_from_frame.inverse() * base_from_tool;
-            for (number, to) in xyz.iter().zip(to.translation.vector.iter()) {
-                edits.number(number, *to, mm);
-            }
+            edits.place(xyz, &to, mm);
             let before = pose(xyz, turn).map(|pose| pose.rotation);
             if before.is_ok_and(|before| before.angle_to(&to.rotation) > UNTURNED) {
                 edits.turn(turn, &to.rotation, degrees);
@@ -74,6 +72,12 @@ pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
 }
 
 impl Edits {
+    fn place(&mut self, xyz: &[Number; 3], to: &Isometry3<f64>, least: usize) {
+        for (number, to) in xyz.iter().zip(to.translation.vector.iter()) {
+            self.number(number, *to, least);
+        }
+    }
+
     fn number(&mut self, number: &Number, to: f64, least: usize) {
         // m and rad have as many more.
         let more = if number.unit > 1.0 { number.unit.log10().round() } else { 0.0 };
@@ -137,22 +141,17 @@ impl Edits {
             Stated::Status { turn: None, .. } | Stated::Near(_) => {}
             Stated::Quadrants(numbers) => {
                 let quarter = |degrees: f64| (degrees / 90.0).floor();
-                self.counted(numbers.iter().zip(COUNTED), [from, to], quarter);
+                self.counted(numbers, [from, to], quarter);
             }
             Stated::Config { turns, .. } => {
-                self.counted(turns.iter().zip(COUNTED), [from, to], whole_turns);
+                self.counted(turns, [from, to], whole_turns);
             }
         }
     }
 
     /// Counts of whole or quarter turns of joints, where those before agree with the position's.
-    fn counted<'n>(
-        &mut self,
-        numbers: impl Iterator<Item = (&'n Number, usize)>,
-        [from, to]: [&[f64]; 2],
-        count: impl Fn(f64) -> f64,
-    ) {
-        for (number, joint) in numbers {
+    fn counted(&mut self, numbers: &[Number], [from, to]: [&[f64]; 2], count: impl Fn(f64) -> f64) {
+        for (number, joint) in numbers.iter().zip(COUNTED) {
             let counted = |joints: &[f64]| joints.get(joint).map(|degrees| count(*degrees));
             let (from, to) = (counted(from), counted(to));
             if from == Some(number.value)
@@ -172,9 +171,7 @@ pub(crate) fn listed(position: &Position, bytes: &[u8], point: &Further) -> Opti
     };
     let [mm, degrees] = position.decimals;
     let mut edits = Edits::default();
-    for (number, to) in xyz.iter().zip(point.frame_from_tool.translation.vector.iter()) {
-        edits.number(number, *to, mm);
-    }
+    edits.place(xyz, &point.frame_from_tool, mm);
     edits.turn(turn, &point.frame_from_tool.rotation, degrees);
     if let Some(Stated::Config { turns, .. }) = stated {
         for (number, joint) in turns.iter().zip(COUNTED) {

@@ -437,7 +437,7 @@ def write_ur_poses(poses, base, start):
 
 
 def read_ur_poses(files):
-    text = re.sub(r"#.*", "", files["part.script"].replace(f"# {ADDED}", f"{OWN}"))
+    text = re.sub(r"#.*", "", files["part.script"].replace(f"# {ADDED}", OWN))
 
     def of(values):
         angle = np.linalg.norm(values[3:])

@@ -1,14 +1,15 @@
 //! Further points of a listing: statements before their motion, positions behind all others, and other numbers of the statements that follow.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use super::FANUC;
-use super::listing::{lines as lines_of, section};
+use super::listing::{lines as lines_of, section as section_of};
 use super::position::number;
 use crate::edit::{Edit, insert, line_end};
 use crate::lex::{Kind, Token, tokens};
 use crate::program::Added;
-use crate::value::Cursor;
+use crate::value::{Cursor, Number};
 
 /// The comment of each added position.
 const NAME: &str = "posegrid";
@@ -16,60 +17,87 @@ const NAME: &str = "posegrid";
 /// The edits of a listing for further points, in its order.
 pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
     let all = tokens(bytes, &FANUC);
-    let mut edits = Vec::new();
-    let mut next = greatest(bytes, &all);
-    let mut count = 0;
-    let mut entries = String::new();
-    let mut inside = String::new();
     let mut waiting = added.iter().peekable();
-    let line_end = line_end(bytes);
-    let mut end = bytes.len();
+    let (mut section, mut end) = (String::new(), bytes.len());
+    let mut own = Further {
+        bytes,
+        line_end: line_end(bytes),
+        last: greatest(bytes, &all),
+        count: 0,
+        entries: String::new(),
+        edits: Vec::new(),
+    };
     for line in lines_of(&all) {
         let begin = line[0].span().start;
-        if let Some(word) = section(bytes, line) {
-            if inside == "POS" {
+        if let Some(word) = section_of(bytes, line) {
+            if section == "POS" {
                 end = begin;
                 break;
             }
-            inside = word;
+            section = word;
         }
         let mut rest = Cursor::new(bytes, line);
-        let Some(own) = rest.take_number().filter(|_| inside == "MN" && rest.take_sign(b':'))
-        else {
-            continue;
-        };
-        let mut text = String::new();
+        let number = rest.take_number().filter(|_| section == "MN" && rest.take_sign(b':'));
+        let Some(number) = number else { continue };
         while let Some(before) = waiting.next_if(|own| own.split.line_start <= begin) {
-            for points in &before.points {
-                let targets = points.iter().map(|entry| {
-                    next += 1;
-                    let _ = write!(entries, "P[{next}:\"{NAME}\"{entry}{line_end}");
-                    format!("P[{next}:{NAME}]")
-                });
-                let statement = before.split.with(bytes, &targets.collect::<Vec<_>>());
-                let _ =
-                    write!(text, "{:>4}:{statement}    ;{line_end}", own.value + f64::from(count));
-                count += 1;
-            }
-            edits.push(Edit {
-                span: before.split.line_start..before.split.line_start,
-                text: std::mem::take(&mut text),
-            });
+            own.add(before, number.value);
         }
-        if count > 0 {
-            let text = (own.value + f64::from(count)).to_string();
-            // The column behind it stays where blanks are before it.
-            let longer = text.len().saturating_sub(own.span.len());
-            let is_blank =
-                bytes[..own.span.start].iter().rev().take(longer).all(|byte| *byte == b' ');
-            let start = own.span.start - if is_blank { longer } else { 0 };
-            edits.push(Edit { span: start..own.span.end, text });
-        }
+        own.renumber(&number);
     }
-    if !entries.is_empty() {
-        edits.push(insert(bytes, end, entries, line_end));
-    }
+    let Further { entries, mut edits, line_end, .. } = own;
+    edits.extend((!entries.is_empty()).then(|| insert(bytes, end, entries, line_end)));
     edits
+}
+
+/// What becomes of a listing, statement by statement.
+struct Further<'b> {
+    bytes: &'b [u8],
+    line_end: &'static str,
+    /// The greatest number of a position so far.
+    last: u32,
+    /// Statements that were added so far.
+    count: u32,
+    /// The added positions, as `/POS` has them.
+    entries: String,
+    edits: Vec<Edit>,
+}
+
+impl Further<'_> {
+    /// Adds statements before the one of a number.
+    fn add(&mut self, added: &Added, number: f64) {
+        let Self { bytes, line_end, .. } = *self;
+        let mut text = String::new();
+        for points in &added.points {
+            let targets: Vec<String> = points.iter().map(|entry| self.position(entry)).collect();
+            let statement = added.split.with(bytes, &targets);
+            let number = number + f64::from(self.count);
+            write!(text, "{number:>4}:{statement}    ;{line_end}").expect("a string");
+            self.count += 1;
+        }
+        let place = added.split.line_start;
+        self.edits.push(Edit { span: place..place, text });
+    }
+
+    /// Adds a position; as a statement names it.
+    fn position(&mut self, entry: &str) -> String {
+        self.last += 1;
+        let Self { last, line_end, .. } = *self;
+        write!(self.entries, "P[{last}:\"{NAME}\"{entry}{line_end}").expect("a string");
+        format!("P[{last}:{NAME}]")
+    }
+
+    /// The number of a statement behind those that were added; the column behind it stays where blanks are before it.
+    fn renumber(&mut self, number: &Number) {
+        if self.count == 0 {
+            return;
+        }
+        let Range { start, end } = number.span;
+        let text = (number.value + f64::from(self.count)).to_string();
+        let longer = text.len().saturating_sub(end - start);
+        let is_blank = self.bytes[..start].iter().rev().take(longer).all(|byte| *byte == b' ');
+        let start = if is_blank { start - longer } else { start };
+        self.edits.push(Edit { span: start..end, text });
+    }
 }
 
 /// The greatest number of a position in a listing.

@@ -151,18 +151,10 @@ impl Reading<'_> {
             frames.extend(own);
         }
         let end = names(rest).find(|(_, name)| is_end(name));
-        let behind = end.as_ref().map(|(place, _)| &rest.tokens[place + 1..]);
-        let is_time = |(place, name): &(usize, String)| {
-            matches!(name.as_str(), "SEC" | "MSEC")
-                && (*place == 0 || !rest.tokens[place - 1].is(b'/'))
-        };
-        let of_parts = |tokens| {
-            names(Cursor { tokens, ..rest }).all(|(_, own)| has(OF_PARTS, without_number(&own)))
-        };
-        let is_plain = between.is_empty()
-            && behind.is_some_and(of_parts)
-            && !names(rest).any(|own| is_time(&own));
-        between.extend(behind.into_iter().flat_map(|tokens| options_of(Cursor { tokens, ..rest })));
+        let behind =
+            end.as_ref().map(|(place, _)| Cursor { tokens: &rest.tokens[place + 1..], ..rest });
+        let is_plain = between.is_empty() && behind.is_some_and(is_of_parts) && !has_time(rest);
+        between.extend(behind.into_iter().flat_map(options_of));
         let end = end.map(|(_, name)| name);
         if between.iter().any(|own| has(OFFSETS, own)) {
             targets = targets.into_iter().map(|own| beside(&own).unwrap_or(own)).collect();
@@ -244,6 +236,17 @@ impl Reading<'_> {
         self.common.found.positions.push(position);
         (one(next), frames)
     }
+}
+
+/// Whether options are for each part of a way as for the whole of it.
+fn is_of_parts(options: Cursor<'_>) -> bool {
+    names(options).all(|(_, name)| has(OF_PARTS, without_number(&name)))
+}
+
+/// Whether a motion has a time in place of a speed: `2sec`, not `100mm/sec`.
+fn has_time(rest: Cursor<'_>) -> bool {
+    let is_speed = |place: usize| place > 0 && rest.tokens[place - 1].is(b'/');
+    names(rest).any(|(place, name)| matches!(name.as_str(), "SEC" | "MSEC") && !is_speed(place))
 }
 
 /// The words of a motion's options, without those of what happens beside it. A text that does not end is none that is known.

@@ -1,22 +1,23 @@
 //! Motions: `movel(p[…], a=1.2, v=0.25, r=0.01)`, `movej(get_inverse_kin(P_p, qnear=P_q))`, `movel(pose_trans(feature, P_p))`.
 
+use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::Reading;
+use super::{Reading, URSCRIPT};
 use crate::ask::pose;
 use crate::flow::{Known, Setting, Slot, Step, known};
 use crate::frame::Chain;
 use crate::names::Written;
-use crate::program::{Motion, Reads, Shape, Split, Stated, Target, Turn, Way};
-use crate::reading::{Here, NOT_SPLIT, one, split};
+use crate::program::{Motion, Path, Reads, Shape, Split, Stated, Target, Turn, Way};
+use crate::reading::{Common, Here, NOT_SPLIT, one, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
 /// Why motions with a blend radius get no further points, nor those behind one: the controller passes over a position whose blend meets another.
-pub(crate) const BLENDED: &str = "blends with a radius would meet between further points";
+pub(super) const BLENDED: &str = "blends with a radius would meet between further points";
 const MM: f64 = 1000.0;
 const DEGREES: f64 = 180.0 / PI;
 
@@ -106,6 +107,20 @@ fn is_given(all: &[(String, Cursor<'_>)], name: &str, place: usize) -> bool {
     })
 }
 
+/// Motions that begin where one before is blended get no further points.
+pub(super) fn keep_behind_blends(common: &mut Common<'_>) {
+    let (files, paths) = (common.files, &mut common.found.paths);
+    let of_scripts = |path: &&mut Path| files[path.file].is_of(&URSCRIPT);
+    let blended = paths.iter().filter(|path| path.is_blended);
+    let ends: BTreeSet<usize> =
+        blended.filter_map(|path| path.through.as_ref()?.last().copied()).collect();
+    for path in paths.iter_mut().filter(of_scripts) {
+        if path.split.is_ok() && path.from.is_some_and(|from| ends.contains(&from)) {
+            path.split = Err(BLENDED);
+        }
+    }
+}
+
 fn is_blended(word: &str, all: &[(String, Cursor<'_>)]) -> bool {
     is_given(all, "R", if word == "MOVEP" { 3 } else { 4 })
 }
@@ -115,7 +130,7 @@ fn place(
     word: &str,
     whole: Cursor<'_>,
     all: &[(String, Cursor<'_>)],
-    count: usize,
+    reads: &[Option<Read<'_>>],
 ) -> Result<Split, &'static str> {
     if !matches!(word, "MOVEL" | "MOVEC") {
         return Err(NOT_SPLIT);
@@ -126,8 +141,8 @@ fn place(
     if word == "MOVEL" && is_given(all, "T", 3) {
         return Err("its time is for the whole of it");
     }
-    let own = all.iter().take(count).map(|(_, part)| Read::of(*part));
-    let own = own.map(|read| read.filter(|read| read.near.is_none()).map(|read| read.target));
+    let own = reads.iter().map(|read| read.as_ref().filter(|read| read.near.is_none()));
+    let own = own.map(|read| read.map(|read| read.target));
     let targets: Vec<Cursor<'_>> =
         own.collect::<Option<_>>().ok_or("it states joint angles near it")?;
     let rest = whole.tokens.get(1..).unwrap_or_default();
@@ -169,8 +184,9 @@ impl Reading<'_> {
         let all = named(inside);
         let count = if way == Way::Circle { 2 } else { 1 };
         let (mut targets, mut features, mut states) = (Vec::new(), Vec::new(), false);
-        for (_, part) in all.iter().take(count) {
-            let (target, feature, is_near) = self.target(here, word, *part);
+        let reads: Vec<_> = all.iter().take(count).map(|(_, part)| Read::of(*part)).collect();
+        for ((_, part), read) in all.iter().zip(&reads) {
+            let (target, feature, is_near) = self.target(here, word, *part, read.as_ref());
             states = is_near || self.is_joints(&target);
             features.push(feature);
             targets.push(target);
@@ -194,7 +210,7 @@ impl Reading<'_> {
             reads: if states { Reads::Always } else { Reads::Never },
             way,
             is_blended: is_blended(word, &all),
-            split: place(word, whole, &all, count),
+            split: place(word, whole, &all, &reads),
             obstacle: obstacle.map(Arc::new),
         }));
     }
@@ -213,14 +229,14 @@ impl Reading<'_> {
         here: &Here<'_>,
         word: &str,
         part: Cursor<'_>,
+        read: Option<&Read<'_>>,
     ) -> (Target, Option<Known>, bool) {
-        let read = Read::of(part);
-        let is_near = read.as_ref().is_some_and(|read| read.near.is_some());
-        let feature = read.as_ref().and_then(|read| read.feature);
+        let is_near = read.is_some_and(|read| read.near.is_some());
+        let feature = read.and_then(|read| read.feature);
         let frame = feature.map(|feature| self.frame(here, feature, "pose_trans"));
         let found = match (read, &frame) {
             (None, _) | (_, Some(None)) => None,
-            (Some(read), _) => self.literal(here, word, &read),
+            (Some(read), _) => self.literal(here, word, read),
         };
         if let Some(feature) = feature {
             // A position that another stands in moves that one too.

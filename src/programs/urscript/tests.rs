@@ -245,7 +245,7 @@ fn further_points_stand_in_the_feature_of_their_motion() {
     );
     let programs = programs(&body);
     let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
-    let [time, blend] = ["its time is for the whole of it", super::BLENDED];
+    let [time, blend] = ["its time is for the whole of it", super::motion::BLENDED];
     assert_eq!(told[1..5], [Ok(()), Ok(()), Err(time), Err(blend)]);
     let near = "it states joint angles near it";
     assert_eq!(told[5..], [Err(blend), Err(near), Err(crate::reading::NOT_SPLIT)]);

@@ -416,9 +416,9 @@ impl<'a> Solver<'a> {
         let shown = self.shown(joints);
         let fits = |joint: usize, degrees: f64| {
             let is_near = |stated: &[i32], turn: f64, middle: f64| {
-                let place = COUNTED.iter().position(|own| *own == joint);
-                let from = |place| degrees / turn - f64::from(stated[place]) - middle;
-                place.is_none_or(|place| from(place).abs() <= 0.5 + 1e-5)
+                let mut of_joint = COUNTED.iter().zip(stated).filter(|(own, _)| **own == joint);
+                of_joint
+                    .all(|(_, own)| (degrees / turn - f64::from(*own) - middle).abs() <= 0.5 + 1e-5)
             };
             match branch {
                 Branch::Status { turn: Some(turn), .. } if joint < 6 => {
