@@ -8,18 +8,23 @@ use crate::units::NS_PER_S;
 
 /// Number and share of the samples that show a second publisher.
 const LEAST: u64 = 20;
-const SHARE: f64 = 0.03;
+const SHARE: f64 = 0.01;
 /// Share of the changes of content before which a copy of the old one came.
 const COPIED: f64 = 0.5;
 /// A copy comes after less than this part of the time to the next message.
 const SOON: f64 = 0.4;
 /// Share of the samples with equal stamps that the next one goes back from, and of the way that it goes back at least.
 const HALF: f64 = 0.5;
-/// A content that left and came back differs after this part of the way at most.
+/// A content that left and came back differs after this part of the way at most: of joints, which are reported in steps, and of readings,
+/// which are noisy.
 const BACK: f64 = 0.02;
+const BACK_OF_READINGS: f64 = 0.5;
+/// Readings by turns come within this time of each other: two points that an arm goes to by turns may be read once each.
+const TOGETHER_NS: i64 = 250_000_000;
 /// Part of a jump that a content leaves by at least: a joint at rest may be reported by turns on both sides of a step of its encoder.
 const BEYOND_STEPS: f64 = 0.01;
-/// Share of the contents that left and came back which did so by turns or soon: where an encoder flickers it is half of them at most.
+/// Share of the contents that left and came back which did so by turns or soon: where an encoder flickers it is three quarters of them at
+/// most, of noise a seventh.
 const BY_TURNS: f64 = 0.9;
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -42,35 +47,38 @@ pub(super) struct Publishers {
 }
 
 impl Publishers {
-    /// Takes samples in order of time with their content; one further than `jump` from those around it is another publisher's.
+    /// Takes samples in order of time with their content: angles or temperatures, of which one further than `jump` from those around it is another
+    /// publisher's, or readings, which jump without bound from reflector to reflector.
     pub fn push<'b>(&mut self, stamps: &[i64], content: impl Fn(usize) -> &'b [f64], jump: f64) {
+        let bounded = jump.is_finite();
+        let (least, back) =
+            if bounded { (BEYOND_STEPS * jump, BACK) } else { (0.0, BACK_OF_READINGS) };
         self.samples += stamps.len() as u64;
         for row in 1..stamps.len().saturating_sub(1) {
             let [before, own, next] = [row - 1, row, row + 1].map(&content);
             let [soon, later] =
                 [row, row + 1].map(|own| stamps[own].saturating_sub(stamps[own - 1]));
             let away = apart(before, own);
-            let is_read = |of: &[f64]| jump.is_finite() || of.iter().any(|&x| x != 0.0);
-            if soon == 0 && before != own && is_read(before) && is_read(own) {
+            let is_lost = |of: &[f64]| !bounded && of.iter().all(|&x| x == 0.0);
+            let is_read = !is_lost(before) && !is_lost(own);
+            if soon == 0 && before != own && is_read {
                 self.equal += 1;
                 self.conflicts += u64::from(apart(before, next) < HALF * away);
                 let both = || vec![before.to_vec(), own.to_vec()];
                 let constant = self.constant.get_or_insert_with(both);
                 constant.retain(|known| *known == before || *known == own);
             }
-            // Poses may be stated once more when they are attained, and readings jump to another reflector.
-            if !jump.is_finite() {
-                continue;
-            }
+            // Poses may be stated once more when they are attained.
+            let is_soon = bounded && soon > 0 && (soon as f64) < SOON * later as f64;
             self.changes += u64::from(own != next);
-            if before == own && own != next && soon > 0 && (soon as f64) < SOON * later as f64 {
+            if before == own && own != next && is_soon {
                 self.copies += 1;
                 self.copied_after_ns = soon;
             }
-            if away > BEYOND_STEPS * jump && apart(before, next) < BACK * away {
+            let is_return = away > least && apart(before, next) < back * away;
+            if is_return && is_read && soon < TOGETHER_NS {
                 self.returns += 1;
-                let is_soon = soon > 0 && (soon as f64) < SOON * later as f64;
-                let is_turn = is_soon || row > 1 && apart(content(row - 2), own) < BACK * away;
+                let is_turn = is_soon || row > 1 && apart(content(row - 2), own) < back * away;
                 self.turns += u64::from(is_turn);
                 self.jumps += u64::from(away > jump);
                 if is_turn || away > jump {
@@ -121,4 +129,40 @@ impl Publishers {
 
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |largest, (a, b)| largest.max((a - b).abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// What 400 pairs of readings say, the second of each so much later and off in z; an arm that rests for 20 pairs.
+    fn of_readings(later_ms: i64, every_ms: i64, off: f64) -> Option<String> {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut noise = || rng.random_range(-0.01..0.01);
+        let at = |k: i64, off: f64, noise: &mut dyn FnMut() -> f64| {
+            [100.0 * (k / 20) as f64 + noise(), 300.0 + noise(), off + noise()]
+        };
+        let rows: Vec<[f64; 3]> =
+            (0..400).flat_map(|k| [at(k, 0.0, &mut noise), at(k, off, &mut noise)]).collect();
+        let stamps: Vec<i64> = (0..400)
+            .flat_map(|k| [every_ms * k, every_ms * k + later_ms].map(|ms| 1_000_000 * ms))
+            .collect();
+        let mut publishers = Publishers::default();
+        publishers.push(&stamps, |row| &rows[row][..], f64::INFINITY);
+        publishers.words()
+    }
+
+    #[test]
+    fn readings_by_turns_are_of_two_publishers_and_noise_is_not() {
+        for (later_ms, every_ms) in [(3, 100), (50, 100), (97, 100)] {
+            let found = of_readings(later_ms, every_ms, 0.1);
+            assert!(found.is_some_and(|what| what.contains("before and after them")));
+            assert_eq!(of_readings(later_ms, every_ms, 0.0), None);
+        }
+        // An arm that goes to and fro between two points, each read once.
+        assert_eq!(of_readings(2000, 4000, 250.0), None);
+    }
 }
