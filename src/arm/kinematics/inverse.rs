@@ -88,6 +88,11 @@ pub enum InverseError {
 }
 
 impl InverseError {
+    /// Whether a solution in the arm configuration asked for was refused: there is no other in it.
+    const fn is_of_configuration(&self) -> bool {
+        matches!(self, Self::LimitReached { .. } | Self::NearSingularity { .. })
+    }
+
     pub fn beyond(joint: &Joint, value: f64) -> Self {
         Self::LimitReached {
             joint: joint.name.clone(),
@@ -199,7 +204,12 @@ fn by_approaches(
             .and_then(|joints| search.checked(seed, joints, steps == SMALLEST))
     };
     let [first, others @ ..] = APPROACHES;
-    let tried = |outcome: Result<_, _>, steps| outcome.or_else(|_| approached(steps));
+    let tried = |outcome: Result<_, InverseError>, steps| match outcome {
+        Err(refused) if !(refused.is_of_configuration() && search.factors(seed).is_some()) => {
+            approached(steps)
+        }
+        found => found,
+    };
     others.into_iter().fold(approached(first), tried)
 }
 
