@@ -9,11 +9,13 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
-use super::leave_one_out::{firsts, left_open};
+use super::leave_one_out::{Explaining, firsts, left_open};
 use super::regression::Evidence;
+use super::regression::sessions::SessionSums;
 use super::rows::{Around, Coefficients, Row, covariances, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
+use super::whitening::add;
 use crate::fit::holdout::{Blocks, FOLDS};
 use crate::fit::model::PartEvidence;
 use crate::fit::problem::Problem;
@@ -96,23 +98,32 @@ impl Settled {
     }
 
     /// What leaving out any block needs of all rows; `None` where they are few and their covariance cannot be found.
-    fn known(&self, around: &Around<'_>) -> Option<Known> {
+    fn known<'a>(&self, around: &'a Around<'_>) -> Option<Known<'a>> {
+        if matches!(self.evidence, Evidence::Sessions(_)) {
+            return Some(Known::Sums);
+        }
         let all: Vec<usize> = (0..around.count()).collect();
         let rows = around.rows(&all).into_owned();
         let noise = covariances(around.state, &rows, &all);
-        let open = match self.evidence {
-            Evidence::Rows(_) => Some(left_open(&self.posterior, &noise)?),
-            Evidence::Sums(_) | Evidence::Sessions(_) => None,
-        };
-        Some(Known { rows, noise, open })
+        if matches!(self.evidence, Evidence::Rows(_)) {
+            let open = left_open(&self.posterior, &noise)?;
+            return Some(Known::Few { rows, noise, open });
+        }
+        let (seen, inverse) = (around.seen(0), self.posterior.inverse());
+        let covariance = self.posterior.by_session(inverse);
+        let explaining = Explaining::of(seen, &covariance.of(0, &seen.columns));
+        Some(Known::Many { rows, noise, explaining })
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
     ///
     /// With `N` the block's noise, `H` the covariance that the model explains there and `r` its residuals, those left out are
     /// `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
-    fn left_out(&self, around: &Around<'_>, known: &Known, block: &[usize]) -> Option<f64> {
-        let Known { rows, noise: covariances, open } = known;
+    fn left_out(&self, around: &Around<'_>, known: &Known<'_>, block: &[usize]) -> Option<f64> {
+        let (rows, covariances) = match known {
+            Known::Few { rows, noise, .. } | Known::Many { rows, noise, .. } => (rows, noise),
+            Known::Sums => return self.left_out_of_pool(around, block),
+        };
         let mean = self.posterior.mean() + &self.prior_mean;
         let count = block.iter().map(|&place| rows[place].value.len()).sum();
         let mut left = DVector::zeros(count);
@@ -128,9 +139,13 @@ impl Settled {
                 first += size;
             }
         }
-        let open = match open {
-            Some(open) => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
-            None => &noise - gram(&self.half_of(around, rows, block).as_view()),
+        let open = match known {
+            Known::Few { open, .. } => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
+            Known::Many { explaining, .. } => {
+                let rows: Vec<&Row> = block.iter().map(|&place| &rows[place]).collect();
+                &noise - explaining.together(&rows)
+            }
+            Known::Sums => return None,
         };
         let residual = noise * Cholesky::new(open)?.solve(&left);
         first = 0;
@@ -143,25 +158,34 @@ impl Settled {
         Some(away.sum())
     }
 
-    /// A square root `HᵀH` of the covariance that the model explains of a block's rows, a column for each.
-    fn half_of(&self, around: &Around<'_>, rows: &[Row], block: &[usize]) -> DMatrix<f64> {
-        let size = self.state.layout.size();
-        let count = block.iter().map(|&place| rows[place].value.len()).sum();
-        let (mut all, mut first) = (DMatrix::zeros(count, size), 0);
-        for &place in block {
-            let whole = rows[place].whole(around.seen(around.session(place)), size);
-            all.rows_mut(first, whole.nrows()).copy_from(&whole);
-            first += whole.nrows();
+    /// [`Self::left_out`] of a pool, of which a block has more rows than sessions share columns: by the sums of all others.
+    fn left_out_of_pool(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
+        let Evidence::Sessions(all) = &self.evidence else { return None };
+        let mut sums = SessionSums::zero(&around.partition);
+        let mut batches = Vec::new();
+        for (session, stations) in around.batches_of(block) {
+            let rows = around.rows(&stations).into_owned();
+            add(around, session, &stations, &rows, &self.prior_mean, sums.adding(session));
+            batches.push((session, rows));
         }
-        self.posterior.half(&all)
+        let others = Evidence::Sessions(all.without(&sums));
+        let mean = others.posterior_at(self.posterior.scale.clone())?.mean() + &self.prior_mean;
+        let away = batches.iter().map(|(session, rows)| {
+            let own = Coefficients::of(around.seen(*session), &mean);
+            rows.iter().map(|row| distance(row, &(&row.value - row.times(&own)))).sum::<f64>()
+        });
+        Some(away.sum())
     }
 }
 
-struct Known {
-    rows: Vec<Row>,
-    noise: Vec<DMatrix<f64>>,
-    /// A square root of the covariance of all rows that the model leaves open; `None` where the rows were summed.
-    open: Option<DMatrix<f64>>,
+/// What leaving out any block needs of all rows.
+enum Known<'a> {
+    /// With a square root of the covariance of all rows that the model leaves open.
+    Few { rows: Vec<Row>, noise: Vec<DMatrix<f64>>, open: DMatrix<f64> },
+    /// Of one session.
+    Many { rows: Vec<Row>, noise: Vec<DMatrix<f64>>, explaining: Explaining<'a> },
+    /// Of several sessions: nothing but their sums.
+    Sums,
 }
 
 /// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.

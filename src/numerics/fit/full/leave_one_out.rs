@@ -2,6 +2,7 @@
 //!
 //! A station is left out with all its readings: what the arm did there is common to them, so the others would predict its errors.
 
+use std::iter::repeat_n;
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
@@ -21,7 +22,7 @@ use super::summing::pairs;
 use super::whitening::noise_factor;
 use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
-use crate::linalg::{invert_small, stacked};
+use crate::linalg::{invert_small, stacked, transposed, turned};
 
 const LINES_PER_ROUND: usize = 3;
 /// Stations whose rows one product takes: of fewer it would pack its other factor more often than that repays.
@@ -97,7 +98,7 @@ pub(super) fn leave_one_out(
     left_out
 }
 
-struct Explaining<'s> {
+pub(super) struct Explaining<'s> {
     seen: &'s Seen,
     plain: DMatrix<f64>,
     with_plain: Vec<DMatrix<f64>>,
@@ -106,7 +107,7 @@ struct Explaining<'s> {
 }
 
 impl<'s> Explaining<'s> {
-    fn of(seen: &'s Seen, covariance: &DMatrix<f64>) -> Self {
+    pub(super) fn of(seen: &'s Seen, covariance: &DMatrix<f64>) -> Self {
         let (plain, of_joints) = (&seen.plain, &seen.of_joints);
         let of_pair =
             |(j, l): (usize, usize)| ((j, l), of_joints[j].covariance(covariance, &of_joints[l]));
@@ -155,6 +156,35 @@ impl<'s> Explaining<'s> {
             explained.collect::<Vec<_>>()
         };
         rows.par_chunks(TOGETHER).enumerate().flat_map_iter(chunk).collect()
+    }
+
+    /// Covariance of the rows of all these stations together that the model explains, one station's below the other's, mm² and rad².
+    pub(super) fn together(&self, rows: &[&Row]) -> DMatrix<f64> {
+        let shapes = Row::shapes_of(rows, self.seen);
+        let plain = stacked(rows.iter().map(|row| &row.plain), self.seen.plain.len());
+        let motions = stacked(rows.iter().map(|row| &row.noise.joints), shapes.len());
+        let stations = rows.iter().enumerate();
+        let stations = stations.flat_map(|(own, row)| repeat_n(own, row.value.len()));
+        let stations: Vec<usize> = stations.collect();
+        // What columns share with themselves counts half here and half in the transpose.
+        let mut explained = &plain * &self.plain * turned(&plain) * 0.5;
+        for (l, of_joint) in shapes.iter().enumerate() {
+            // Covariance of each row, by the plain columns and joints from this one on, with the joint's error at each station.
+            let mut with_joint = &plain * (&self.with_plain[l] * of_joint);
+            for ((j, _), block) in self.of_joints.iter().filter(|((_, other), _)| *other == l) {
+                let between = transposed(&shapes[*j].as_view()) * (block * of_joint);
+                let motion = motions.column(*j) * if *j == l { 0.5 } else { 1.0 };
+                for (mut with, between) in with_joint.column_iter_mut().zip(between.column_iter()) {
+                    let moved = with.iter_mut().zip(&motion).zip(&stations);
+                    moved.for_each(|((with, by), &station)| *with += by * between[station]);
+                }
+            }
+            for (row, &station) in stations.iter().enumerate() {
+                let (by, with) = (motions[(row, l)], with_joint.column(station));
+                explained.column_mut(row).axpy(by, &with, 1.0);
+            }
+        }
+        &explained + transposed(&explained.as_view())
     }
 
     /// Covariance of the plain columns with errors of joints of some stations: the columns of a station's joints beside each other.

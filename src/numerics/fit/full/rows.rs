@@ -4,7 +4,7 @@
 //! correlated ([`super::noise`]): their rows stand one below the other, and are whitened
 //! ([`super::whitening`]), weighted and left out together.
 
-use std::borrow::Cow;
+use std::borrow::{Borrow, Cow};
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -82,11 +82,11 @@ impl Row {
     }
 
     /// The numbers of each joint's shapes of some stations, a column for each station.
-    pub fn shapes_of(rows: &[Self], seen: &Seen) -> Vec<DMatrix<f64>> {
+    pub fn shapes_of(rows: &[impl Borrow<Self>], seen: &Seen) -> Vec<DMatrix<f64>> {
         let of_joint = |(joint, own): (usize, &JointShapes)| {
             let mut numbers = Vec::with_capacity(own.count() * rows.len());
             for row in rows {
-                numbers.extend_from_slice(row.shapes[joint].as_slice());
+                numbers.extend_from_slice(row.borrow().shapes[joint].as_slice());
             }
             DMatrix::from_vec(own.count(), rows.len(), numbers)
         };
@@ -94,6 +94,7 @@ impl Row {
     }
 
     /// Its rows of all `columns` columns of the model.
+    #[cfg(test)]
     pub fn whole(&self, seen: &Seen, columns: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(self.value.len(), columns);
         for (own, &place) in self.plain.column_iter().zip(&seen.plain) {

@@ -77,6 +77,22 @@ impl SessionSums {
         Adding { own: &mut self.own[session], common: &mut self.common }
     }
 
+    /// The sums without those of some of their rows: of symmetric matrices the lower triangles.
+    pub fn without(&self, some: &Self) -> Self {
+        let own = self.own.iter().zip(&some.own).map(|(own, some)| OwnSums {
+            information: &own.information - &some.information,
+            across: &own.across - &some.across,
+            moment: &own.moment - &some.moment,
+        });
+        let common = Sums {
+            information: &self.common.information - &some.common.information,
+            moment: &self.common.moment - &some.common.moment,
+            square: self.common.square - some.common.square,
+            ln_noise: self.common.ln_noise - some.common.ln_noise,
+        };
+        Self { own: own.collect(), common, partition: self.partition.clone() }
+    }
+
     pub fn mirror(&mut self) {
         for own in &mut self.own {
             mirror(&mut own.information);
