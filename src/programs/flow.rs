@@ -3,7 +3,8 @@
 //! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
 //! loop it is unknown where the loop sets it to anything else; at a label it is what holds before the first jump or label, outside all
 //! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
-//! always sets or does not change, and nothing at all where the routine is in no given file. So a setting that is known holds on every way through the program.
+//! always sets or does not change, and nothing at all where the routine is in no given file. A routine that an interrupt's leaves early, or
+//! whose error its caller handles, ends anywhere: behind it holds what nothing in it changes. So a setting that is known holds on every way through the program.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -136,14 +137,18 @@ impl State {
     /// After statements that may have happened or not.
     fn after(&mut self, effects: &Effects) {
         for slot in Slot::ALL {
-            let kept = match &effects[slot as usize] {
-                Effect::None => continue,
-                Effect::One(to) => to == self.get(slot),
-                Effect::Many(_) => false,
-            };
-            if !kept {
-                self.set(slot, effects[slot as usize].refusal(slot));
-            }
+            self.after_one(slot, &effects[slot as usize]);
+        }
+    }
+
+    fn after_one(&mut self, slot: Slot, effect: &Effect) {
+        let kept = match effect {
+            Effect::None => true,
+            Effect::One(to) => to == self.get(slot),
+            Effect::Many(_) => false,
+        };
+        if !kept {
+            self.set(slot, effect.refusal(slot));
         }
     }
 }
@@ -184,6 +189,8 @@ pub enum Step {
     Jump,
     /// The routine may end here.
     Return,
+    /// Of an interrupt's routine: those that were called since it was declared end where they are.
+    Resume,
     /// A place that the program may jump to.
     Label,
     /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
@@ -301,6 +308,8 @@ pub struct Summaries {
     of: HashMap<String, Effects>,
     /// What always holds behind a routine, whatever was before it.
     exits: HashMap<String, State>,
+    /// Whether interrupts end routines where they are.
+    resumes: bool,
     others: Others,
 }
 
@@ -315,6 +324,23 @@ fn callers(routines: &BTreeMap<String, Routine>) -> BTreeMap<&str, BTreeSet<&str
         }
     }
     callers
+}
+
+/// Whether an interrupt's routine, or one that it calls, ends others where they are.
+fn resume(routines: &BTreeMap<String, Routine>, interrupts: &[(String, Place)]) -> bool {
+    let mut open: Vec<&str> = interrupts.iter().map(|(name, _)| name.as_str()).collect();
+    let mut seen = BTreeSet::new();
+    while let Some(name) = open.pop() {
+        let Some(routine) = routines.get(name).filter(|_| seen.insert(name)) else { continue };
+        for step in &routine.steps {
+            match step {
+                Step::Resume => return true,
+                Step::Call { routine, .. } => open.push(routine),
+                _ => {}
+            }
+        }
+    }
+    false
 }
 
 /// Motions of a routine that is walked for its exit alone.
@@ -359,10 +385,12 @@ impl Summaries {
     pub fn new(
         routines: &BTreeMap<String, Routine>,
         motions: &impl Motions,
+        interrupts: &[(String, Place)],
         others: Others,
     ) -> Self {
         let none = routines.keys().map(|name| (name.clone(), Effects::default()));
-        let mut own = Self { of: none.collect(), exits: HashMap::new(), others };
+        let resumes = resume(routines, interrupts);
+        let mut own = Self { of: none.collect(), exits: HashMap::new(), resumes, others };
         let mut changed = true;
         while changed {
             changed = false;
@@ -375,7 +403,9 @@ impl Summaries {
                 }
             }
         }
-        own.find_exits(routines, motions);
+        if !resumes {
+            own.find_exits(routines, motions);
+        }
         own
     }
 
@@ -398,16 +428,25 @@ impl Summaries {
         }
     }
 
-    /// What routines may do at any time, as interrupts call them. They come back to where the arm was.
+    /// What routines may do at any time, as interrupts call them. They come back to where the arm was, unless they resume elsewhere.
     pub fn at_any_time(&self, routines: &[(String, Place)]) -> AtAnyTime {
-        let mut all = Effects::default();
+        let mut all = AtAnyTime::default();
         for (routine, at) in routines {
-            add(&mut all, &self.call(routine, at));
+            let mut effects = self.call(routine, at);
+            if !self.resumes {
+                effects[Slot::Branch as usize] = Effect::None;
+                effects[Slot::Place as usize] = Effect::None;
+            }
+            for (slot, effect) in Slot::ALL.into_iter().zip(&effects) {
+                if matches!(effect, Effect::One(_) | Effect::Many(None)) {
+                    let (what, routine, at) = (slot.name(), routine.clone(), at.clone());
+                    let why = || Arc::new(Refusal::Interrupt { what, routine, at });
+                    all.by[slot as usize].get_or_insert_with(why);
+                }
+            }
+            add(&mut all.effects, &effects);
         }
-        for slot in [Slot::Branch, Slot::Place] {
-            all[slot as usize] = Effect::None;
-        }
-        AtAnyTime(all)
+        all
     }
 
     fn effects(&self, steps: &[Step], motions: &impl Motions) -> Effects {
@@ -464,7 +503,11 @@ fn add(all: &mut Effects, more: &Effects) {
 
 /// What may happen between any two statements.
 #[derive(Debug, Clone, Default)]
-pub struct AtAnyTime(Effects);
+pub struct AtAnyTime {
+    effects: Effects,
+    /// The first interrupt that changes each slot.
+    by: [Option<Arc<Refusal>>; SLOTS],
+}
 
 enum Block {
     If { entry: State, then: Option<State>, has_else: bool },
@@ -476,8 +519,10 @@ enum Block {
 struct Walk<'w, M> {
     summaries: &'w Summaries,
     motions: &'w mut M,
-    /// Effects that may happen before any motion.
-    any_time: Effects,
+    /// What may happen before any motion.
+    any_time: AtAnyTime,
+    /// Whether the routine handles errors, also those of routines that it calls.
+    has_handler: bool,
     state: State,
     blocks: Vec<Block>,
 }
@@ -492,12 +537,13 @@ pub fn walk(
 ) -> State {
     let loops = loop_effects(&routine.steps, summaries, motions);
     let first_jump = routine.first_jump();
-    let mut any_time = interrupts.0.clone();
-    if let Some(handler) = routine.steps.iter().position(|step| *step == Step::Handler) {
-        add(&mut any_time, &summaries.effects(&routine.steps[handler..], motions));
+    let mut any_time = interrupts.clone();
+    let handler = routine.steps.iter().position(|step| *step == Step::Handler);
+    if let Some(handler) = handler {
+        add(&mut any_time.effects, &summaries.effects(&routine.steps[handler..], motions));
     }
-    let blocks = Vec::new();
-    let mut walk = Walk { summaries, motions, any_time, state: entry.clone(), blocks };
+    let (has_handler, state) = (handler.is_some(), entry.clone());
+    let mut walk = Walk { summaries, motions, any_time, has_handler, state, blocks: Vec::new() };
     let mut before_jumps = entry.clone();
     let behind = summaries.effects(&routine.steps[first_jump..], walk.motions);
     for (place, step) in routine.steps.iter().enumerate() {
@@ -562,23 +608,12 @@ impl<M: Motions> Walk<'_, M> {
             Step::Set(slot, to) => self.state.set(*slot, to.clone()),
             Step::Apply => self.apply(),
             Step::Move(motion) => self.motion(*motion),
-            Step::Call { routine, at } => {
-                self.state.after(&self.any_time);
-                self.motions.calls(routine, &self.state);
-                self.state.after(&self.summaries.call(routine, at));
-                let exit = self.summaries.exits.get(routine);
-                for (own, exit) in
-                    self.state.slots.iter_mut().zip(exit.iter().flat_map(|exit| &exit.slots))
-                {
-                    if exit.is_ok() {
-                        own.clone_from(exit);
-                    }
-                }
-            }
+            Step::Call { routine, at } => self.call(routine, at),
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Jump | Step::Return | Step::Label | Step::Handler => {}
+            Step::Loop | Step::Jump | Step::Return | Step::Resume | Step::Label | Step::Handler => {
+            }
             Step::Else { is_last } => self.branch_else(*is_last),
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),
@@ -600,8 +635,37 @@ impl<M: Motions> Walk<'_, M> {
         }
     }
 
+    fn call(&mut self, routine: &str, at: &Place) {
+        self.interrupted();
+        let effects = self.summaries.call(routine, at);
+        if self.has_handler {
+            // The handler may make the call again after an error within it, or go on behind it.
+            self.state.after(&effects);
+        }
+        self.motions.calls(routine, &self.state);
+        self.state.after(&effects);
+        let exit = self.summaries.exits.get(routine).filter(|_| !self.has_handler);
+        let exit = exit.iter().flat_map(|exit| &exit.slots);
+        for (own, exit) in self.state.slots.iter_mut().zip(exit).filter(|(_, exit)| exit.is_ok()) {
+            own.clone_from(exit);
+        }
+    }
+
+    /// After interrupts and error handlers, which may have run before this statement.
+    fn interrupted(&mut self) {
+        let AtAnyTime { effects, by } = &self.any_time;
+        for (slot, by) in Slot::ALL.into_iter().zip(by) {
+            if self.state.get(slot).is_ok() {
+                self.state.after_one(slot, &effects[slot as usize]);
+                if let (Some(by), Err(_)) = (by, self.state.get(slot)) {
+                    self.state.set(slot, Err(by.clone()));
+                }
+            }
+        }
+    }
+
     fn motion(&mut self, motion: usize) {
-        self.state.after(&self.any_time);
+        self.interrupted();
         self.motions.happens(motion, &self.state);
         if let Some(branch) = self.motions.branch(motion, Some(&self.state)) {
             self.state.set(Slot::Branch, branch);

@@ -256,7 +256,7 @@ impl<'f> Common<'f> {
         let Used { positions, paths, .. } = &mut self.found;
         let entries = HashMap::new();
         let mut recorder = Recorder { motions: &self.motions, positions, paths, entries };
-        let summaries = Summaries::new(&self.routines, &recorder, others);
+        let summaries = Summaries::new(&self.routines, &recorder, interrupts, others);
         let any_time = summaries.at_any_time(interrupts);
         for (full, is_open) in order {
             let Some(routine) = self.routines.get(&full) else {

@@ -28,6 +28,10 @@ pub enum Refusal {
          {what} behind the call"
     )]
     Call { what: &'static str, routine: String, at: Place },
+    #[error(
+        "{routine}, which an interrupt or a trigger runs at any time ({at}), changes {what}; let it change nothing that motions read"
+    )]
+    Interrupt { what: &'static str, routine: String, at: Place },
     #[error("{name} has no value in the files given; give {give}")]
     NotGiven { name: String, give: String },
     #[error(

@@ -51,6 +51,8 @@ pub(crate) struct Reading<'f> {
     /// Threads with the places that begin them: they run beside everything.
     threads: Vec<(String, Place)>,
     any_displacement: bool,
+    /// The variable of the script being read that [`Slot::Base`] follows: a feature that is assigned several values.
+    feature: Option<String>,
 }
 
 /// Positions and motions of the scripts among `files`, behind those that are found already, and the arm's base.
@@ -62,6 +64,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         called: BTreeSet::new(),
         threads: Vec::new(),
         any_displacement: false,
+        feature: None,
     };
     for pass in [Reading::data, Reading::steps] {
         for script in &scripts {
@@ -89,7 +92,7 @@ impl Reading<'_> {
 
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
-        for slot in [Slot::Tool, Slot::Branch, Slot::Place] {
+        for slot in [Slot::Base, Slot::Tool, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;
         }
         changed[Slot::Displacement as usize] = self.any_displacement;
@@ -102,7 +105,6 @@ impl Reading<'_> {
 /// What holds where a program begins.
 fn entry(routine: &str) -> State {
     State::new(|slot| match slot {
-        Slot::Base => known(Setting::Frames(Chain::default())),
         Slot::Tool => {
             let give = "it by set_tcp with plain numbers before the motion, or in the file of the cell: [frames.tcp] found = \"surveyed\" with place";
             known(Setting::Frames(Chain::one("tcp", not_given("tcp", give))))

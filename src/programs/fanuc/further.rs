@@ -27,6 +27,7 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
         entries: String::new(),
         edits: Vec::new(),
     };
+    let (mut is_begun, mut is_within) = (false, false);
     for line in lines_of(&all) {
         let begin = line[0].span().start;
         if let Some(word) = section_of(bytes, line) {
@@ -38,7 +39,16 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
         }
         let mut rest = Cursor::new(bytes, line);
         let number = rest.take_number().filter(|_| section == "MN" && rest.take_sign(b':'));
-        let Some(number) = number else { continue };
+        let Some(number) = number else {
+            is_within &= !(line.len() > 1 && line[..2].iter().all(|token| token.is(b'-')));
+            continue;
+        };
+        // What a PLC does along a motion is numbered from 1 again, up to a line of dashes.
+        is_within |= is_begun && number.value == 1.0;
+        is_begun = true;
+        if is_within {
+            continue;
+        }
         while let Some(before) = waiting.next_if(|own| own.split.line_start <= begin) {
             own.add(before, number.value);
         }

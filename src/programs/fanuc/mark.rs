@@ -23,10 +23,11 @@ pub(crate) fn marks(file: &File, words: &str, _: &str, edits: &[Edit]) -> Vec<Ed
     let (statements, behind) = behind.split_at(end.unwrap_or(behind.len()));
     let count = before.iter().find_map(|line| line_count(bytes, line));
     let number = |line: &&[Token]| Cursor::new(bytes, line).take_number();
-    let last = count.clone().or_else(|| statements.iter().rev().find_map(number));
+    // A count may be less than the numbers that the statements have.
+    let numbers = statements.iter().filter_map(number).chain(count.clone());
+    let last = numbers.fold(0.0, |last, number| number.value.max(last)) + added(edits) as f64;
     let comments = comments(words);
     let line_end = line_end(bytes);
-    let last = last.map_or(0.0, |number| number.value) + added(edits) as f64;
     let numbered = comments.iter().zip(1_u32..);
     let line =
         |(comment, number)| format!("{:>4}:  !{comment} ;{line_end}", last + f64::from(number));
@@ -56,9 +57,10 @@ fn comments(words: &str) -> Vec<String> {
     std::iter::once(CORRECTED.to_owned()).chain(parts).collect()
 }
 
-/// The number of `LINE_COUNT = 12;`.
+/// The number of `LINE_COUNT = 12;`, `ZEILEN = 12;` of a controller in German.
 fn line_count(bytes: &[u8], line: &[Token]) -> Option<Number> {
     let mut rest = Cursor::new(bytes, line);
-    let is_count = rest.take_word("LINE_COUNT") && rest.take_sign(b'=');
+    let is_count = rest.take_word("LINE_COUNT") || rest.take_word("ZEILEN");
+    let is_count = is_count && rest.take_sign(b'=');
     rest.take_number().filter(|_| is_count)
 }

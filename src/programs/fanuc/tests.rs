@@ -378,3 +378,24 @@ fn further_points_are_statements_with_positions_behind_all_others_and_later_ones
     let again = read(vec![File { bytes: written, ..file.clone() }], &cell());
     assert_eq!(again.paths.len(), programs.paths.len() + 3);
 }
+
+#[test]
+fn what_a_plc_does_along_a_motion_keeps_its_numbers_and_marks_stand_behind_the_greatest() {
+    let body = "J P[1] 5% FINE\nL P[2] 100mm/sec FINE\nL P[1] 100mm/sec FINE";
+    let text = String::from_utf8(listing(body, "").bytes).unwrap();
+    let within =
+        "      1:  TC_ONLINE (ON) ;\r\n      2:  DO[23]=OFF ;\r\n       ------ ;\r\n   2:L";
+    let text = text.replacen("   2:L", within, 1).replace("LINE_COUNT\t= 9", "LINE_COUNT\t= 2");
+    let programs = read(vec![File { name: "PART.LS".to_owned(), bytes: text.into() }], &cell());
+    let point = Further {
+        frame_from_tool: nalgebra::Isometry3::translation(5.0, 2.5, 3.0),
+        joints: vec![0.0; 6],
+    };
+    let added = programs.added(&programs.paths[1], &[point]).unwrap();
+    let mut edits = programs.lines([&added].into_iter()).remove(0);
+    edits.extend(marks(&programs.files[0], "run r", "t-1", &edits));
+    let text = String::from_utf8(applied(&programs.files[0].bytes, &edits)).unwrap();
+    let numbers = text.lines().filter_map(|line| line.split_once(':')?.0.trim().parse().ok());
+    assert_eq!(numbers.collect::<Vec<u32>>(), [1, 1, 2, 2, 3, 4, 5, 6], "{text}");
+    assert!(text.contains("LINE_COUNT\t= 6;"), "{text}");
+}

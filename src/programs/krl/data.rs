@@ -112,7 +112,12 @@ impl Reading<'_> {
             if let Some((name, parameters, is_global)) = routine(cursor) {
                 self.routine(file, &name, parameters, is_global || inside.is_none());
                 inside = Some(name);
-            } else if let Some(statement) = statement(cursor) {
+                continue;
+            }
+            let first = cursor.peek_name();
+            let has_own = matches!(first.as_deref(), Some("GLOBAL" | "INTERRUPT" | "TRIGGER"));
+            let cursor = super::steps::behind_do(cursor).filter(|_| has_own).unwrap_or(cursor);
+            if let Some(statement) = statement(cursor) {
                 let name = cursor.peek_name().unwrap_or_default();
                 if !super::steps::is_keyword(&name) {
                     self.valued(file, inside.as_deref(), is_list, line, &statement);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::data::{lines, routine, statement};
+use super::data::{Statement, lines, routine, statement};
 use super::{Reading, Tools};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
@@ -23,8 +23,8 @@ pub(super) fn is_keyword(word: &str) -> bool {
 /// Routines and functions of the system that set no frame and move nothing.
 const HARMLESS: &str = "ABS ACOS ARCGETDELAY ARCGETPATH ARCMAINNG ATAN2 B_AND B_EXOR B_NOT B_OR CASTFROM CASTTO CAST_FROM CAST_TO CCLOSE CCHANNEL CLEAR_KRLMSG COPEN COS CREAD CWRITE \
     DELETE_BACKWARD_BUFFER EK EKI_CHECKBUFFER EKI_CLEAR EKI_CLOSE EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING EKI_INIT \
-    EKI_OPEN EKI_SEND EKI_SETBOOL EKI_SETFRAME EKI_SETINT EKI_SETREAL EKI_SETSTRING ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD H50 INVERSE INV_POS IR_STOPM IR_STOPMESS MSGDIALOG MSGLOOP MSGNOTIFY \
-    MSGQUIT MSGSTATE P00 ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_TYPE SET_CD_PARAMS \
+    EKI_OPEN EKI_SEND EKI_SETBOOL EKI_SETFRAME EKI_SETINT EKI_SETREAL EKI_SETSTRING ERR_CLEAR ERR_RAISE EXISTS_KRLDLG EXISTS_KRLMSG FORWARD H50 INVERSE INV_POS IR_STOPM IR_STOPMESS MBX_REC MSGDIALOG MSGLOOP MSGNOTIFY \
+    MSGQUIT MSGSTATE P00 ROUND SACC_JOINT SACC_CP SACC_ORI SAPO SAPO_PTP SAPO_CP SBASE SCIRC_M SCIRC_TYP SCIRC_TYPE SET_CD_PARAMS \
     SET_KRLDLG SET_KRLDLGANSWER SET_KRLMSG SET_TQ_VALUES SEXIST_KRLDLG SGEAR_JERK SIN SIPO_MODE SJERK SLOAD SORI_TYP SQRT SREAD STOOL \
     STOOL2 STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN SYNC SVEL_CP SVEL_JOINT SVEL_ORI SWRITE TAN \
     USE_CM_PRO_VALUES VARSTATE";
@@ -46,8 +46,7 @@ const SENSOR_OFF: &str = "RSI_OFF ST_OFF ST_OFF1 ST_RESET";
 /// Routines of technology packages that the INI fold of every program declares for interrupts; they set no base and no tool.
 const TECHNOLOGY: &str = "A10 A20 H70";
 /// Functions of the system that write variables which are passed to them.
-const WRITING: &str =
-    "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING SREAD";
+const WRITING: &str = "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING MBX_REC SREAD";
 
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
@@ -134,6 +133,7 @@ impl Reading<'_> {
                 self.interrupt(here, rest, false);
             }
             "GOTO" => steps.push(Step::Jump),
+            "RESUME" => steps.push(Step::Resume),
             "RETURN" => {
                 self.conditions(here, rest, steps);
                 steps.push(Step::Return);
@@ -247,21 +247,22 @@ impl Reading<'_> {
         }
     }
 
-    /// `INTERRUPT DECL 3 WHEN … DO IR_STOPM()`.
+    /// `INTERRUPT DECL 3 WHEN … DO IR_STOPM()`, or an assignment in place of the call.
     fn interrupt(&mut self, here: &Here<'_>, rest: Cursor<'_>, with_others: bool) {
-        let mut rest = rest;
-        while let Some(token) = rest.take() {
-            if token.kind == Kind::Name
-                && rest.bytes[token.span()].eq_ignore_ascii_case(b"DO")
-                && rest.tokens.get(1).is_some_and(|token| token.is(b'('))
-                && let Some(name) = rest.peek_name()
-            {
-                let name = self.full_name(here.file, &name);
-                let is_other = with_others && !has(TECHNOLOGY, &name);
-                if is_other || self.local.contains(&name) {
-                    let at = self.common.at(here);
-                    self.interrupts.push((name, at));
-                }
+        let (Some(own), at) = (behind_do(rest), self.common.at(here)) else { return };
+        if let Some(Statement { names, part, value: Some(value), .. }) = statement(own) {
+            let mut steps = Vec::new();
+            self.assigned(here, &names[0], part, value, &mut steps);
+            if !steps.is_empty() {
+                let name = format!("{at}/DO {}", names[0]);
+                self.common.routines.insert(name.clone(), Routine { steps });
+                self.interrupts.push((name, at));
+            }
+        } else if let Some(name) = called(own).next() {
+            let name = self.full_name(here.file, &name);
+            let is_other = with_others && !has(TECHNOLOGY, &name);
+            if is_other || self.local.contains(&name) {
+                self.interrupts.push((name, at));
             }
         }
     }
@@ -287,6 +288,14 @@ impl Reading<'_> {
             }
         }
     }
+}
+
+/// The statement of an interrupt or a trigger.
+pub(super) fn behind_do(line: Cursor<'_>) -> Option<Cursor<'_>> {
+    let is_do =
+        |token: &Token| token.kind == Kind::Name && line.text(token).eq_ignore_ascii_case(b"DO");
+    let place = line.tokens.iter().position(is_do)?;
+    Some(Cursor { tokens: &line.tokens[place + 1..], ..line })
 }
 
 /// What follows a label in its line; `None` where no label begins it.

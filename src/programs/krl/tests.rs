@@ -169,7 +169,7 @@ fn what_is_not_known_is_refused_by_name() {
             format!(
                 "INTERRUPT DECL 3 WHEN $IN[1] DO IR()\r\n{set}{ptp}\r\nEND\r\nDEF IR()\r\nBAS(#BASE,2)"
             ),
-            "the base is another by the way",
+            "P/IR, which an interrupt or a trigger runs at any time (p.src, line 3), changes the base",
         ),
         (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
         (
@@ -502,4 +502,38 @@ fn further_points_of_a_circle_are_circles_before_it() {
     assert_eq!(edit.text.replace(".00000", "").replace(".0000", ""), expected);
     let source = &programs.files[2].bytes;
     assert_eq!(edit.span.start, source.windows(4).position(|own| own == b"CIRC").unwrap());
+}
+
+/// What becomes of a motion behind a call of a routine that moves under base 2 and ends under base 1, with these lines before the call.
+fn behind_a_search(before: &str, interrupt: &str) -> String {
+    let search = "BAS(#BASE,2)\r\nPTP XHOME\r\nBAS(#BASE,1)\r\nEND";
+    let source = format!(
+        "BAS(#TOOL,3)\r\n{before}\r\nSEARCH( )\r\nPTP XP1\r\nEND\r\nDEF SEARCH( )\r\n{search}\r\nDEF STOPPED( )\r\n{interrupt}"
+    );
+    let programs = programs(&source, POINT);
+    let place = programs.positions.iter().position(|own| own.name == "XP1").unwrap();
+    programs.ask(place, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+}
+
+#[test]
+fn a_routine_that_an_interrupt_leaves_ends_anywhere() {
+    let declared = "INTERRUPT DECL 10 WHEN $IN[1]==TRUE DO STOPPED( )\r\nINTERRUPT ON 10";
+    assert_eq!(behind_a_search(declared, "BRAKE"), "ok");
+    assert_eq!(behind_a_search("", "BRAKE\r\nRESUME"), "ok");
+    let resumed = behind_a_search(declared, "BRAKE\r\nRESUME");
+    assert!(resumed.contains("the base is another by the way"), "{resumed}");
+}
+
+#[test]
+fn what_an_interrupt_or_a_trigger_assigns_is_known_at_no_motion() {
+    let triggered = |own: &str| {
+        let trigger = format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO {own}");
+        behind_a_search(&trigger, "BRAKE")
+    };
+    assert_eq!(triggered("$OUT[1]=TRUE"), "ok");
+    let tool = triggered("$TOOL=TOOL_DATA[1]");
+    assert!(tool.contains("DO $TOOL, which an interrupt or a trigger runs"), "{tool}");
+    for own in ["XP1.Z=5", "XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}"] {
+        assert_ne!(triggered(own), "ok", "{own}");
+    }
 }

@@ -480,3 +480,18 @@ fn what_is_set_before_all_jumps_holds_at_labels() {
     let routine = "PROC again()\r\nConfJ\\On;\r\nl1:\r\nMoveJ p10,v100,fine,tool1;\r\nIF n<3 GOTO l1;\r\nENDPROC\r\n";
     assert_eq!(only("ConfJ\\Off;\r\nagain;", routine), "ok");
 }
+
+#[test]
+fn a_routine_whose_error_its_caller_handles_ends_anywhere() {
+    let sub = "ENDPROC PROC sub() PDispSet pose1; reg1:=1/reg2; PDispOff;";
+    let body = |handler: &str| {
+        only(&format!("sub; MoveL p10,v100,z10,tool1\\WObj:=wobj1; {handler} {sub}"), "")
+    };
+    assert_eq!(body(""), "ok");
+    let handled = body("ERROR TRYNEXT;");
+    assert!(handled.contains("a displacement"), "{handled}");
+    // RETRY begins the call again.
+    let again = "PDispOff; sub; ERROR RETRY; ENDPROC PROC sub() MoveL p10,v100,z10,tool1\\WObj:=wobj1; PDispSet pose1; reg1:=1/reg2; PDispOff;";
+    let again = again.replacen("PROC sub", "LOCAL PROC sub", 1);
+    assert!(only(&again, "").contains("a displacement"));
+}

@@ -149,6 +149,15 @@ fn place(
     split(word, Cursor { tokens: rest, ..whole }, &targets)
 }
 
+/// What the pose of a motion stands in.
+#[derive(PartialEq)]
+enum Frame {
+    /// The controller's base, or a feature that is always the same.
+    Of(Known),
+    /// The one feature that the walk follows.
+    Followed,
+}
+
 impl<'t> Read<'t> {
     fn of(part: Cursor<'t>) -> Option<Self> {
         let Some(own) = arguments(part, "GET_INVERSE_KIN") else {
@@ -199,7 +208,10 @@ impl Reading<'_> {
             let words = "the positions of its motion stand in two features; give them one";
             differs.then(|| Refusal::Other(words.to_owned()))
         };
-        let own = features.pop().flatten().map(|frame| (Slot::Base, frame));
+        let own = features.pop().and_then(|frame| match frame {
+            Frame::Of(frame) => Some((Slot::Base, frame)),
+            Frame::Followed => None,
+        });
         steps.push(self.common.moves(Motion {
             file: here.file,
             line: here.line,
@@ -230,19 +242,35 @@ impl Reading<'_> {
         word: &str,
         part: Cursor<'_>,
         read: Option<&Read<'_>>,
-    ) -> (Target, Option<Known>, bool) {
+    ) -> (Target, Frame, bool) {
         let is_near = read.is_some_and(|read| read.near.is_some());
         let feature = read.and_then(|read| read.feature);
-        let frame = feature.map(|feature| self.frame(here, feature, "pose_trans"));
+        let base = || Frame::Of(known(Setting::Frames(Chain::default())));
+        let frame = feature.map_or_else(|| Some(base()), |own| self.feature(here, own));
         let found = match (read, &frame) {
-            (None, _) | (_, Some(None)) => None,
+            (None, _) | (_, None) => None,
             (Some(read), _) => self.literal(here, word, read),
         };
         if let Some(feature) = feature {
             // A position that another stands in moves that one too.
             self.common.reads(here, feature);
         }
-        (self.common.target(here, part, found), frame.flatten(), is_near)
+        (self.common.target(here, part, found), frame.unwrap_or_else(base), is_near)
+    }
+
+    /// What `pose_trans` has a pose in; `None` where it is worked out.
+    fn feature(&self, here: &Here<'_>, part: Cursor<'_>) -> Option<Frame> {
+        let is_followed = match (value(part), &self.feature) {
+            (Value::Name(name), Some(own)) => {
+                let variable = self.common.names.find(here.scopes, &name);
+                *own == name && !variable.is_some_and(|own| own.is_parameter)
+            }
+            _ => false,
+        };
+        if is_followed {
+            return Some(Frame::Followed);
+        }
+        self.frame(here, part, "pose_trans").map(Frame::Of)
     }
 
     fn literal(&mut self, here: &Here<'_>, word: &str, read: &Read<'_>) -> Option<Target> {

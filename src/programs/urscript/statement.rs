@@ -66,7 +66,7 @@ impl<'f> Statements<'f> {
 /// The name and the value of an assignment, and whether an element is assigned.
 pub(super) fn assignment(statement: Cursor<'_>) -> Option<(String, Cursor<'_>, bool)> {
     let mut rest = statement;
-    let _is_declared = rest.take_word("GLOBAL") || rest.take_word("LOCAL");
+    let _is_declared = is_global(statement).is_some() && rest.take().is_some();
     let name = rest.take_name()?;
     let is_element = rest.take_sign(b'[');
     if is_element {
@@ -74,4 +74,13 @@ pub(super) fn assignment(statement: Cursor<'_>) -> Option<(String, Cursor<'_>, b
     }
     let is_assigned = rest.take_sign(b'=') && !rest.first().is_some_and(|own| own.is(b'='));
     is_assigned.then_some((name, rest, is_element))
+}
+
+/// Whether an assignment declares its variable for the whole file; `None` where it does not say.
+pub(super) fn is_global(statement: Cursor<'_>) -> Option<bool> {
+    match statement.peek_name()?.as_str() {
+        "GLOBAL" => Some(true),
+        "LOCAL" => Some(false),
+        _ => None,
+    }
 }

@@ -1,8 +1,10 @@
 //! Statements → values of names, and steps.
 
+use std::collections::BTreeSet;
+
 use super::Reading;
 use super::motion::{named, value, way};
-use super::statement::{Statements, assignment};
+use super::statement::{Statements, assignment, is_global};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token, capitals};
 use crate::names::Written;
@@ -34,7 +36,7 @@ const HARMLESS: &str = "ABS ACOS ASIN ATAN ATAN2 CEIL COS D2R FLOOR INV LENGTH L
     MODBUS_SET_OUTPUT_REGISTER MODBUS_SET_OUTPUT_SIGNAL MODBUS_SET_RUNSTATE_DEPENDENT_CHOICE MODBUS_SET_SIGNAL_UPDATE_FREQUENCY RPC_FACTORY SET_TOOL_DIGITAL_OUTPUT_MODE STRUCT \
     RTDE_SET_WATCHDOG SOCKET_CLOSE SOCKET_GET_VAR SOCKET_OPEN SOCKET_READ_ASCII_FLOAT SOCKET_READ_BINARY_INTEGER SOCKET_READ_BYTE_LIST \
     SOCKET_READ_LINE SOCKET_READ_STRING SOCKET_SEND_BYTE SOCKET_SEND_INT SOCKET_SEND_LINE SOCKET_SEND_STRING SOCKET_SET_VAR \
-    ENTER_CRITICAL EXIT_CRITICAL";
+    ENTER_CRITICAL EXIT_CRITICAL FORCE GET_LIST_LENGTH GET_TARGET_PAYLOAD_INERTIA POSITION_DEVIATION_WARNING POWERDOWN PROTECTIVE_STOP TIME ZERO_FTSENSOR";
 /// What moves positions at run time, and what ends it.
 const DISPLACES: &str =
     "TRACK_CONVEYOR_LINEAR TRACK_CONVEYOR_CIRCULAR PATH_OFFSET_ENABLE FORCE_MODE SCREW_DRIVING";
@@ -126,6 +128,7 @@ impl Reading<'_> {
     }
 
     pub(super) fn steps(&mut self, script: &Statements<'_>) {
+        self.feature = self.varying(script);
         let bodies = vec![(String::new(), Vec::new())];
         let mut walked = Walked { script, bodies, blocks: Vec::new() };
         for (statement, line) in script.all() {
@@ -138,6 +141,29 @@ impl Reading<'_> {
         }
         // What stands outside all functions is a program too, as it is sent line by line.
         self.close_function(&mut walked, None);
+    }
+
+    /// The one feature of a script that is assigned several values, as off-line tools do it: a global variable.
+    fn varying(&self, script: &Statements<'_>) -> Option<String> {
+        let scopes = self.scopes(script.file, None);
+        let mut found = BTreeSet::new();
+        for (statement, _) in script.all() {
+            for own in statement.tokens.windows(4) {
+                let is_feature = own[1].is(b'(') && own[3].is(b',');
+                if is_feature && capitals(statement.text(&own[0])) == "POSE_TRANS" {
+                    let name = capitals(statement.text(&own[2]));
+                    let value = self.common.constant(&scopes, &name);
+                    found.extend(matches!(value, Err(Refusal::TwoValues { .. })).then_some(name));
+                }
+            }
+        }
+        let [name] = found.into_iter().collect::<Vec<_>>().try_into().ok()?;
+        let of_name = |(own, _): &(Cursor<'_>, u32)| {
+            assignment(*own).is_some_and(|(assigned, ..)| assigned == name)
+        };
+        let said: Vec<bool> =
+            script.all().filter(of_name).filter_map(|(own, _)| is_global(own)).collect();
+        (said.contains(&true) && !said.contains(&false)).then_some(name)
     }
 
     /// The head of a block, its end or any other statement.
@@ -245,9 +271,22 @@ impl Reading<'_> {
                 own => {
                     let routine = self.full_name(file, own);
                     self.called.insert(routine.clone());
-                    steps.push(Step::Call { routine, at: self.common.at(&here) });
+                    let is_of_another =
+                        routine.contains('/') && !routine.starts_with(&scopes[scopes.len() - 2]);
+                    let at = self.common.at(&here);
+                    let call = Step::Call { routine, at };
+                    // Another file has a feature of its own.
+                    let why = || unknown(Refusal::Ways { what: Slot::Base.name() });
+                    let around = is_of_another.then(|| Step::Set(Slot::Base, why()));
+                    steps.extend(around.clone().into_iter().chain([call]).chain(around));
                 }
             }
+        }
+        if let Some((name, part, _)) = assignment(statement)
+            && self.feature.as_ref() == Some(&name)
+        {
+            let value = self.written(&here, &name, part);
+            steps.push(Step::Set(Slot::Base, value));
         }
         let is_motion = calls.first().is_some_and(|name| begins(name) && way(name).is_some());
         if !is_motion {
@@ -257,6 +296,13 @@ impl Reading<'_> {
         if let Some((_, own)) = walked.bodies.last_mut() {
             own.extend(steps);
         }
+    }
+
+    /// The feature that an assignment writes out.
+    fn written(&self, here: &Here<'_>, name: &str, part: Cursor<'_>) -> Known {
+        self.frame(here, part, name).unwrap_or_else(|| {
+            unknown(Refusal::AtRunTime { what: name.to_owned(), at: self.common.at(here) })
+        })
     }
 
     fn tool(&self, here: &Here<'_>, inside: Cursor<'_>) -> Known {

@@ -8,7 +8,8 @@ use crate::{Branch, Cell, File, Further, Programs, Wanted, Way, read};
 fn cell() -> Cell {
     let zeros = "place = { xyz_mm = [0.0, 0.0, 0.0], quaternion_xyzw = [0.0, 0.0, 0.0, 1.0] }";
     let text = format!(
-        "[frames]\nbase = {{ found = \"surveyed\", {zeros} }}\ntcp = {{ found = \"surveyed\", {zeros} }}\nPlane_1 = {{ found = \"surveyed\" }}\n"
+        "[frames]\nbase = {{ found = \"surveyed\", {zeros} }}\ntcp = {{ found = \"surveyed\", {zeros} }}\nPlane_1 = {{ found = \"surveyed\" }}\n\
+         ref_frame = {{ found = \"surveyed\" }}\n"
     );
     toml::from_str(&text).unwrap()
 }
@@ -257,4 +258,30 @@ fn further_points_stand_in_the_feature_of_their_motion() {
     let expected = "    movel(pose_trans(Plane_1, p[0.0105000, -0.0200000, 0.0300000, 1.0000000, 0.0000000, 0.0000000]), \
                     a=1.2, v=0.25, r=0.0) # added by posegrid\r\n";
     assert_eq!(edit.text, expected);
+}
+
+#[test]
+fn a_feature_that_is_assigned_anew_is_followed_where_it_is_global() {
+    let places = |script: &str| {
+        let file = File { name: "p.script".to_owned(), bytes: script.as_bytes().to_vec() };
+        let programs = read(vec![file], &cell());
+        let place = |index| {
+            let asked = programs.ask(index, &cell()).ok()?;
+            let Wanted::Pose { base_from_tool, .. } = asked.wanted else { return None };
+            Some(base_from_tool.translation.vector.x.round())
+        };
+        (0..programs.positions.len()).map(place).collect::<Vec<_>>()
+    };
+    let text = "def Part():\n  global ref_frame = p[0,0,0,0,0,0]\n  def Sub():\n    movel(pose_trans(ref_frame,p[.1,.2,.3,0,3.1,0]),1,1)\n  end\n\
+                \x20 ref_frame = p[.5,0,0,0,0,0]\n  movej([0,-1.5,1.5,0,.2,0])\n  movel(pose_trans(ref_frame,p[.1,.2,.3,0,3.1,0]),1,1)\n  Sub()\n\
+                \x20 ref_frame = p[.7,0,0,0,0,0]\n  movel(pose_trans(ref_frame,p[.1,.2,.3,0,3.1,0]),1,1)\n  movel(p[.1,.2,.3,0,3.1,0],1,1)\nend\nPart()\n";
+    // That of the function, of the first place, joint angles, of the second, of the base.
+    assert_eq!(places(text), [Some(600.0), None, Some(600.0), Some(800.0), Some(100.0)]);
+    // Which of two holds is not known behind a condition, and local ones are not followed.
+    let may = text.replace(
+        "  ref_frame = p[.7,0,0,0,0,0]\n",
+        "  if a:\n    ref_frame = p[.7,0,0,0,0,0]\n  end\n",
+    );
+    assert_eq!(places(&may), [Some(600.0), None, Some(600.0), None, Some(100.0)]);
+    assert_eq!(places(&text.replace("global ", "")).iter().flatten().count(), 1);
 }
