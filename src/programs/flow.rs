@@ -439,7 +439,8 @@ impl Summaries {
             }
             for (slot, effect) in Slot::ALL.into_iter().zip(&effects) {
                 if matches!(effect, Effect::One(_) | Effect::Many(None)) {
-                    let (what, routine, at) = (slot.name(), routine.clone(), at.clone());
+                    let (what, at) = (slot.name(), at.clone());
+                    let routine = routine.rsplit('/').next().unwrap_or_default().to_owned();
                     let why = || Arc::new(Refusal::Interrupt { what, routine, at });
                     all.by[slot as usize].get_or_insert_with(why);
                 }

@@ -17,7 +17,7 @@ mod steps;
 
 use std::collections::BTreeSet;
 
-use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
+use crate::flow::{Known, Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
@@ -55,6 +55,9 @@ pub(crate) struct Reading<'f> {
     triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
     interrupts: Vec<(String, Place)>,
+    /// An element of `BASE_DATA` or `TOOL_DATA` that a statement wrote, and its frames: this one, and the one before it.
+    written: Option<(String, Known)>,
+    before: Option<(String, Known)>,
 }
 
 /// Where tools stand, as far as anything says.
@@ -83,6 +86,8 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         any_sensor: false,
         triggers: false,
         interrupts: Vec::new(),
+        written: None,
+        before: None,
     };
     // What holds a frame everywhere is known as such without the list that declares it.
     for name in ["BASE_DATA", "TOOL_DATA", "$ROBROOT"] {

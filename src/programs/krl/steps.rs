@@ -79,6 +79,7 @@ impl Reading<'_> {
     }
 
     fn step(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
+        self.before = self.written.take();
         let mut line = line;
         while let Some(behind) = behind_label(line) {
             steps.push(Step::Label);
@@ -172,8 +173,12 @@ impl Reading<'_> {
             _ => None,
         };
         if let Some(slot) = slot {
-            let to = if is_part { at_run_time(name) } else { self.frames(here, name, value) };
+            let to =
+                if is_part { at_run_time(name) } else { self.written_before(here, name, value) };
             steps.push(Step::Set(slot, to));
+        }
+        if !is_part && (name.starts_with("BASE_DATA[") || name.starts_with("TOOL_DATA[")) {
+            self.written = Some((name.to_owned(), self.frames(here, name, value)));
         }
         match name {
             "$IPO_MODE" => {
@@ -193,6 +198,19 @@ impl Reading<'_> {
             }
             "$H_POS" => {}
             _ => self.common.reads(here, value),
+        }
+    }
+
+    /// The frames of an expression; of data that the statement before wrote, as off-line tools do it, those.
+    fn written_before(&self, here: &Here<'_>, name: &str, value: Cursor<'_>) -> Known {
+        let frames = self.frames(here, name, value);
+        let is_moving =
+            matches!(frames.as_deref(), Err(why) if matches!(**why, Refusal::Moving { .. }));
+        match (&self.before, value.value()) {
+            (Some((own, written)), Value::Name(name)) if *own == name && !is_moving => {
+                written.clone()
+            }
+            _ => frames,
         }
     }
 

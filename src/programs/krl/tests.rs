@@ -169,7 +169,7 @@ fn what_is_not_known_is_refused_by_name() {
             format!(
                 "INTERRUPT DECL 3 WHEN $IN[1] DO IR()\r\n{set}{ptp}\r\nEND\r\nDEF IR()\r\nBAS(#BASE,2)"
             ),
-            "P/IR, which an interrupt or a trigger runs at any time (p.src, line 3), changes the base",
+            "IR, which an interrupt or a trigger runs at any time (p.src, line 3), changes the base",
         ),
         (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
         (
@@ -536,4 +536,14 @@ fn what_an_interrupt_or_a_trigger_assigns_is_known_at_no_motion() {
     for own in ["XP1.Z=5", "XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}"] {
         assert_ne!(triggered(own), "ok", "{own}");
     }
+}
+
+#[test]
+fn a_frame_that_the_statement_before_wrote_is_known() {
+    let write = "BASE_DATA[1]={FRAME: X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let of = |between: &str| {
+        only(&format!("BAS(#TOOL,3)\r\n{write}\r\n{between}$BASE=BASE_DATA[1]\r\nPTP XP1"), POINT)
+    };
+    assert_eq!(of("; set\r\n"), "ok");
+    assert!(of("FOO=1\r\n").contains("BASE_DATA[1] has two values"));
 }
