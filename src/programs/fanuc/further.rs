@@ -44,7 +44,7 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
             continue;
         };
         // What a PLC does along a motion is numbered from 1 again, up to a line of dashes.
-        is_within |= is_begun && number.value == 1.0;
+        is_within |= is_begun && number.value < 2.0;
         is_begun = true;
         if is_within {
             continue;

@@ -248,38 +248,8 @@ impl Reading<'_> {
             let none = Cursor { tokens: &[], ..statement };
             let (whole, inside) =
                 if is_first { (statement, inside(statement)) } else { (none, none) };
-            match name.as_str() {
-                "SET_TCP" => steps.push(Step::Set(Slot::Tool, self.tool(&here, inside))),
-                own if way(own).is_some() => self.motion(&here, own, [whole, inside], &mut steps),
-                own if has(DISPLACES, own) || has(REPLACES, own) => {
-                    self.any_displacement = true;
-                    let what = "a conveyor, a path offset or force mode";
-                    let displaced = unknown(Refusal::Displaced { what });
-                    let to = if has(REPLACES, own) { known(Setting::On(false)) } else { displaced };
-                    steps.push(Step::Set(Slot::Displacement, to));
-                }
-                own if has(LEADS, own) => {
-                    let (own, at) = (own.to_ascii_lowercase(), self.common.at(&here));
-                    let words = format!(
-                        "nothing says where {own} leads the arm ({at}); state an arm configuration behind it by joint angles or qnear"
-                    );
-                    let why = unknown(Refusal::Other(words));
-                    let slots = [Slot::Branch, Slot::Place];
-                    steps.extend(slots.map(|slot| Step::Set(slot, why.clone())));
-                }
-                _ if begins("RUN") => {}
-                own => {
-                    let routine = self.full_name(file, own);
-                    self.called.insert(routine.clone());
-                    let is_of_another =
-                        routine.contains('/') && !routine.starts_with(&scopes[scopes.len() - 2]);
-                    let at = self.common.at(&here);
-                    let call = Step::Call { routine, at };
-                    // Another file has a feature of its own.
-                    let why = || unknown(Refusal::Ways { what: Slot::Base.name() });
-                    let around = is_of_another.then(|| Step::Set(Slot::Base, why()));
-                    steps.extend(around.clone().into_iter().chain([call]).chain(around));
-                }
+            if !begins("RUN") {
+                self.call(&here, name, [whole, inside], &mut steps);
             }
         }
         if let Some((name, part, _)) = assignment(statement)
@@ -295,6 +265,47 @@ impl Reading<'_> {
         }
         if let Some((_, own)) = walked.bodies.last_mut() {
             own.extend(steps);
+        }
+    }
+
+    /// What a call does, whose statement and arguments are given where it is the whole of one.
+    fn call(
+        &mut self,
+        here: &Here<'_>,
+        name: &str,
+        [whole, inside]: [Cursor<'_>; 2],
+        steps: &mut Vec<Step>,
+    ) {
+        match name {
+            "SET_TCP" => steps.push(Step::Set(Slot::Tool, self.tool(here, inside))),
+            own if way(own).is_some() => self.motion(here, own, [whole, inside], steps),
+            own if has(DISPLACES, own) || has(REPLACES, own) => {
+                self.any_displacement = true;
+                let what = "a conveyor, a path offset or force mode";
+                let displaced = unknown(Refusal::Displaced { what });
+                let to = if has(REPLACES, own) { known(Setting::On(false)) } else { displaced };
+                steps.push(Step::Set(Slot::Displacement, to));
+            }
+            own if has(LEADS, own) => {
+                let (own, at) = (own.to_ascii_lowercase(), self.common.at(here));
+                let words = format!(
+                    "nothing says where {own} leads the arm ({at}); state an arm configuration behind it by joint angles or qnear"
+                );
+                let why = unknown(Refusal::Other(words));
+                steps.extend([Slot::Branch, Slot::Place].map(|slot| Step::Set(slot, why.clone())));
+            }
+            own => {
+                let (routine, at) = (self.full_name(here.file, own), self.common.at(here));
+                self.called.insert(routine.clone());
+                // Another file has a feature of its own.
+                let module = &here.scopes[here.scopes.len() - 2];
+                let is_of_another = routine.rsplit_once('/').is_some_and(|(of, _)| of != module);
+                let why = unknown(Refusal::Ways { what: Slot::Base.name() });
+                let around = is_of_another.then_some(Step::Set(Slot::Base, why));
+                steps.extend(around.clone());
+                steps.push(Step::Call { routine, at });
+                steps.extend(around);
+            }
         }
     }
 

@@ -78,6 +78,7 @@ impl SessionSums {
     }
 
     /// The sums without those of some of their rows: of symmetric matrices the lower triangles.
+    #[must_use]
     pub fn without(&self, some: &Self) -> Self {
         let own = self.own.iter().zip(&some.own).map(|(own, some)| OwnSums {
             information: &own.information - &some.information,
