@@ -47,8 +47,8 @@ pub(super) struct Publishers {
 }
 
 impl Publishers {
-    /// Takes samples in order of time with their content: angles or temperatures, of which one further than `jump` from those around it is another
-    /// publisher's, or readings, which jump without bound from reflector to reflector.
+    /// Takes samples in order of time with their content: angles or temperatures, of which one further than `jump` from those around it is
+    /// another publisher's, or readings, which jump without bound from reflector to reflector.
     pub fn push<'b>(&mut self, stamps: &[i64], content: impl Fn(usize) -> &'b [f64], jump: f64) {
         let bounded = jump.is_finite();
         let (least, back) =
@@ -76,7 +76,7 @@ impl Publishers {
                 self.copied_after_ns = soon;
             }
             let is_return = away > least && apart(before, next) < back * away;
-            if is_return && is_read && soon < TOGETHER_NS {
+            if is_return && is_read && (bounded || soon < TOGETHER_NS) {
                 self.returns += 1;
                 let is_turn = is_soon || row > 1 && apart(content(row - 2), own) < back * away;
                 self.turns += u64::from(is_turn);

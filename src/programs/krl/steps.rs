@@ -203,14 +203,9 @@ impl Reading<'_> {
 
     /// The frames of an expression; of data that the statement before wrote, as off-line tools do it, those.
     fn written_before(&self, here: &Here<'_>, name: &str, value: Cursor<'_>) -> Known {
-        let frames = self.frames(here, name, value);
-        let is_moving =
-            matches!(frames.as_deref(), Err(why) if matches!(**why, Refusal::Moving { .. }));
         match (&self.before, value.value()) {
-            (Some((own, written)), Value::Name(name)) if *own == name && !is_moving => {
-                written.clone()
-            }
-            _ => frames,
+            (Some((own, written)), Value::Name(name)) if *own == name => written.clone(),
+            _ => self.frames(here, name, value),
         }
     }
 
