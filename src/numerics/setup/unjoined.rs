@@ -2,6 +2,8 @@
 
 use std::cmp::Reverse;
 
+use rayon::prelude::*;
+
 use super::agreement::Agreement;
 use super::evidence::{Dwelt, Evidence};
 use super::hypotheses::{self, Alternatives};
@@ -25,9 +27,11 @@ pub fn explain(
         supposed.under(|joints| set_up.flange(joints), &set_up.reading_map, gate_mm)
     };
     let tried = hypotheses::of_the_join(stated, alternatives);
-    let tried = tried.iter().filter_map(|hypothesis| under(&hypothesis.set_up, gate_mm));
-    let matched = under(stated, WIDER * gate_mm).into_iter().chain(tried);
-    let mut matched: Vec<Vec<Matched>> = matched.collect();
+    // Each is a search of its own for the clocks' offset.
+    let tried = tried.par_iter().filter_map(|hypothesis| under(&hypothesis.set_up, gate_mm));
+    let tried: Vec<Vec<Matched>> = tried.collect();
+    let mut matched: Vec<Vec<Matched>> =
+        under(stated, WIDER * gate_mm).into_iter().chain(tried).collect();
     // A few dwells, or dwells in a plane, agree with wrong set-ups: most pairs first, of equally many in the order of hypotheses.
     matched.sort_by_key(|pairs| Reverse(pairs.len()));
     let found = |pairs: &Vec<Matched>| {
