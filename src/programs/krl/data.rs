@@ -114,9 +114,7 @@ impl Reading<'_> {
                 inside = Some(name);
                 continue;
             }
-            let first = cursor.peek_name();
-            let has_own = matches!(first.as_deref(), Some("GLOBAL" | "INTERRUPT" | "TRIGGER"));
-            let cursor = super::steps::behind_do(cursor).filter(|_| has_own).unwrap_or(cursor);
+            let cursor = super::steps::behind_do(cursor).unwrap_or(cursor);
             if let Some(statement) = statement(cursor) {
                 let name = cursor.peek_name().unwrap_or_default();
                 if !super::steps::is_keyword(&name) {

@@ -128,10 +128,10 @@ impl Reading<'_> {
         match word {
             "BAS" => self.bas(here, rest, steps),
             // What a trigger calls moves nothing, and runs at some later time.
-            "INTERRUPT" | "GLOBAL" => self.interrupt(here, rest, true),
+            "INTERRUPT" | "GLOBAL" => self.interrupt(here, line, true),
             "TRIGGER" => {
                 self.triggers = true;
-                self.interrupt(here, rest, false);
+                self.interrupt(here, line, false);
             }
             "GOTO" => steps.push(Step::Jump),
             "RESUME" => steps.push(Step::Resume),
@@ -149,6 +149,10 @@ impl Reading<'_> {
                         };
                         let name = statement.names.first().map_or("", String::as_str);
                         self.assigned(here, name, statement.part, value, steps);
+                        let is_data =
+                            name.starts_with("BASE_DATA[") || name.starts_with("TOOL_DATA[");
+                        self.written = (is_data && !statement.part)
+                            .then(|| (name.to_owned(), self.frames(here, name, value)));
                     }
                     None => self.common.reads(here, line),
                 }
@@ -176,9 +180,6 @@ impl Reading<'_> {
             let to =
                 if is_part { at_run_time(name) } else { self.written_before(here, name, value) };
             steps.push(Step::Set(slot, to));
-        }
-        if !is_part && (name.starts_with("BASE_DATA[") || name.starts_with("TOOL_DATA[")) {
-            self.written = Some((name.to_owned(), self.frames(here, name, value)));
         }
         match name {
             "$IPO_MODE" => {
@@ -261,8 +262,8 @@ impl Reading<'_> {
     }
 
     /// `INTERRUPT DECL 3 WHEN … DO IR_STOPM()`, or an assignment in place of the call.
-    fn interrupt(&mut self, here: &Here<'_>, rest: Cursor<'_>, with_others: bool) {
-        let (Some(own), at) = (behind_do(rest), self.common.at(here)) else { return };
+    fn interrupt(&mut self, here: &Here<'_>, line: Cursor<'_>, with_others: bool) {
+        let (Some(own), at) = (behind_do(line), self.common.at(here)) else { return };
         if let Some(Statement { names, part, value: Some(value), .. }) = statement(own) {
             let mut steps = Vec::new();
             self.assigned(here, &names[0], part, value, &mut steps);
@@ -303,8 +304,12 @@ impl Reading<'_> {
     }
 }
 
-/// The statement of an interrupt or a trigger.
+/// The statement that a line declares for an interrupt or a trigger.
 pub(super) fn behind_do(line: Cursor<'_>) -> Option<Cursor<'_>> {
+    let word = line.peek_name()?;
+    if !matches!(word.as_str(), "GLOBAL" | "INTERRUPT" | "TRIGGER") {
+        return None;
+    }
     let is_do =
         |token: &Token| token.kind == Kind::Name && line.text(token).eq_ignore_ascii_case(b"DO");
     let place = line.tokens.iter().position(is_do)?;

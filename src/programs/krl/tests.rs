@@ -546,4 +546,8 @@ fn a_frame_that_the_statement_before_wrote_is_known() {
     };
     assert_eq!(of("; set\r\n"), "ok");
     assert!(of("FOO=1\r\n").contains("BASE_DATA[1] has two values"));
+    // A trigger writes it later.
+    let later = format!("TRIGGER WHEN DISTANCE=0 DELAY=0 DO {write}");
+    let late = only(&format!("BAS(#TOOL,3)\r\n{later}\r\n$BASE=BASE_DATA[1]\r\nPTP XP1"), POINT);
+    assert!(late.contains("BASE_DATA[1] has two values"), "{late}");
 }
