@@ -205,9 +205,10 @@ fn by_approaches(
     };
     let [first, others @ ..] = APPROACHES;
     let tried = |outcome: Result<_, InverseError>, steps| match outcome {
-        Err(refused) if !(refused.is_of_configuration() && search.factors(seed).is_some()) => {
-            approached(steps)
+        Err(refused) if refused.is_of_configuration() && search.factors(seed).is_some() => {
+            Err(refused)
         }
+        Err(_) => approached(steps),
         found => found,
     };
     others.into_iter().fold(approached(first), tried)

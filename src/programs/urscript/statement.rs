@@ -66,7 +66,9 @@ impl<'f> Statements<'f> {
 /// The name and the value of an assignment, and whether an element is assigned.
 pub(super) fn assignment(statement: Cursor<'_>) -> Option<(String, Cursor<'_>, bool)> {
     let mut rest = statement;
-    let _is_declared = is_global(statement).is_some() && rest.take().is_some();
+    if is_global(statement).is_some() {
+        rest.take();
+    }
     let name = rest.take_name()?;
     let is_element = rest.take_sign(b'[');
     if is_element {

@@ -252,15 +252,16 @@ impl Reading<'_> {
                 self.call(&here, name, [whole, inside], &mut steps);
             }
         }
-        if let Some((name, part, _)) = assignment(statement)
-            && self.feature.as_ref() == Some(&name)
+        let assigned = assignment(statement);
+        if let Some((name, part, _)) = &assigned
+            && self.feature.as_ref() == Some(name)
         {
-            let value = self.written(&here, &name, part);
+            let value = self.set_to(&here, Some(*part), name, name);
             steps.push(Step::Set(Slot::Base, value));
         }
         let is_motion = calls.first().is_some_and(|name| begins(name) && way(name).is_some());
         if !is_motion {
-            let read = assignment(statement).map_or(statement, |(_, part, _)| part);
+            let read = assigned.map_or(statement, |(_, part, _)| part);
             self.common.reads(&here, read);
         }
         if let Some((_, own)) = walked.bodies.last_mut() {
@@ -277,7 +278,10 @@ impl Reading<'_> {
         steps: &mut Vec<Step>,
     ) {
         match name {
-            "SET_TCP" => steps.push(Step::Set(Slot::Tool, self.tool(here, inside))),
+            "SET_TCP" => {
+                let first = named(inside).first().map(|(_, part)| *part);
+                steps.push(Step::Set(Slot::Tool, self.set_to(here, first, "tcp", "set_tcp")));
+            }
             own if way(own).is_some() => self.motion(here, own, [whole, inside], steps),
             own if has(DISPLACES, own) || has(REPLACES, own) => {
                 self.any_displacement = true;
@@ -309,18 +313,10 @@ impl Reading<'_> {
         }
     }
 
-    /// The feature that an assignment writes out.
-    fn written(&self, here: &Here<'_>, name: &str, part: Cursor<'_>) -> Known {
-        self.frame(here, part, name).unwrap_or_else(|| {
-            unknown(Refusal::AtRunTime { what: name.to_owned(), at: self.common.at(here) })
-        })
-    }
-
-    fn tool(&self, here: &Here<'_>, inside: Cursor<'_>) -> Known {
-        let first = named(inside).first().map(|(_, part)| *part);
-        let found = first.and_then(|part| self.frame(here, part, "tcp"));
-        found.unwrap_or_else(|| {
-            unknown(Refusal::AtRunTime { what: "set_tcp".to_owned(), at: self.common.at(here) })
+    /// The frame that a statement sets, by its name; `what` sets it where it is worked out.
+    fn set_to(&self, here: &Here<'_>, part: Option<Cursor<'_>>, name: &str, what: &str) -> Known {
+        part.and_then(|part| self.frame(here, part, name)).unwrap_or_else(|| {
+            unknown(Refusal::AtRunTime { what: what.to_owned(), at: self.common.at(here) })
         })
     }
 }

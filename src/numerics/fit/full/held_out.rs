@@ -7,6 +7,8 @@
 //!
 //! What a block's stations said is taken out of their residuals in closed form; the rest is predicted by a posterior that never saw it.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 
 use super::leave_one_out::{Explaining, firsts, left_open};
@@ -98,31 +100,32 @@ impl Settled {
     }
 
     /// What leaving out any block needs of all rows; `None` where they are few and their covariance cannot be found.
-    fn known<'a>(&self, around: &'a Around<'_>) -> Option<Known<'a>> {
-        if matches!(self.evidence, Evidence::Sessions(_)) {
-            return Some(Known::Sums);
+    fn known<'a>(&'a self, around: &'a Around<'_>) -> Option<Known<'a>> {
+        if let Evidence::Sessions(sums) = &self.evidence {
+            return Some(Known::Pool(sums));
         }
         let all: Vec<usize> = (0..around.count()).collect();
-        let rows = around.rows(&all).into_owned();
+        let rows = around.rows(&all);
         let noise = covariances(around.state, &rows, &all);
-        if matches!(self.evidence, Evidence::Rows(_)) {
-            let open = left_open(&self.posterior, &noise)?;
-            return Some(Known::Few { rows, noise, open });
-        }
-        let (seen, inverse) = (around.seen(0), self.posterior.inverse());
-        let covariance = self.posterior.by_session(inverse);
-        let explaining = Explaining::of(seen, &covariance.of(0, &seen.columns));
-        Some(Known::Many { rows, noise, explaining })
+        let open = if matches!(self.evidence, Evidence::Rows(_)) {
+            Open::Root(left_open(&self.posterior, &noise)?)
+        } else {
+            let covariance = self.posterior.by_session(self.posterior.inverse());
+            let seen = around.seen(0);
+            Open::BesideExplained(Explaining::of(seen, &covariance.of(0, &seen.columns)))
+        };
+        Some(Known::Rows { rows, noise, open })
     }
 
     /// Sum of the distances of the observations of one block's stations, each predicted without the block, mm.
     ///
     /// With `N` the block's noise, `H` the covariance that the model explains there and `r` its residuals, those left out are
-    /// `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station.
+    /// `N (N − H)⁻¹ r`, as [`leave_one_out`](super::leave_one_out) has it for one station. A block of a pool has more rows than its
+    /// sessions share columns, and is left out by the sums of all others.
     fn left_out(&self, around: &Around<'_>, known: &Known<'_>, block: &[usize]) -> Option<f64> {
-        let (rows, covariances) = match known {
-            Known::Few { rows, noise, .. } | Known::Many { rows, noise, .. } => (rows, noise),
-            Known::Sums => return self.left_out_of_pool(around, block),
+        let (rows, covariances, open) = match known {
+            Known::Pool(all) => return self.left_out_of_pool(around, all, block),
+            Known::Rows { rows, noise, open } => (rows, noise, open),
         };
         let mean = self.posterior.mean() + &self.prior_mean;
         let count = block.iter().map(|&place| rows[place].value.len()).sum();
@@ -139,13 +142,12 @@ impl Settled {
                 first += size;
             }
         }
-        let open = match known {
-            Known::Few { open, .. } => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
-            Known::Many { explaining, .. } => {
+        let open = match open {
+            Open::Root(open) => gram(&open.select_columns(&rows_of(rows, block)).as_view()),
+            Open::BesideExplained(explaining) => {
                 let rows: Vec<&Row> = block.iter().map(|&place| &rows[place]).collect();
                 &noise - explaining.together(&rows)
             }
-            Known::Sums => return None,
         };
         let residual = noise * Cholesky::new(open)?.solve(&left);
         first = 0;
@@ -158,13 +160,17 @@ impl Settled {
         Some(away.sum())
     }
 
-    /// [`Self::left_out`] of a pool, of which a block has more rows than sessions share columns: by the sums of all others.
-    fn left_out_of_pool(&self, around: &Around<'_>, block: &[usize]) -> Option<f64> {
-        let Evidence::Sessions(all) = &self.evidence else { return None };
+    /// [`Self::left_out`] of a pool with the sums of `all` its rows.
+    fn left_out_of_pool(
+        &self,
+        around: &Around<'_>,
+        all: &SessionSums,
+        block: &[usize],
+    ) -> Option<f64> {
         let mut sums = SessionSums::zero(&around.partition);
         let mut batches = Vec::new();
         for (session, stations) in around.batches_of(block) {
-            let rows = around.rows(&stations).into_owned();
+            let rows = around.rows(&stations);
             add(around, session, &stations, &rows, &self.prior_mean, sums.adding(session));
             batches.push((session, rows));
         }
@@ -178,14 +184,20 @@ impl Settled {
     }
 }
 
-/// What leaving out any block needs of all rows.
+/// What leaving out any block needs.
 enum Known<'a> {
-    /// With a square root of the covariance of all rows that the model leaves open.
-    Few { rows: Vec<Row>, noise: Vec<DMatrix<f64>>, open: DMatrix<f64> },
-    /// Of one session.
-    Many { rows: Vec<Row>, noise: Vec<DMatrix<f64>>, explaining: Explaining<'a> },
-    /// Of several sessions: nothing but their sums.
-    Sums,
+    /// The sums over all rows of a pool.
+    Pool(&'a SessionSums),
+    /// Rows of each station, the covariance of their noise (mm² and rad²), and what the model leaves open of it.
+    Rows { rows: Cow<'a, [Row]>, noise: Vec<DMatrix<f64>>, open: Open<'a> },
+}
+
+/// The covariance of rows that a model leaves open, mm² and rad².
+enum Open<'a> {
+    /// Its square root for all rows, a column for each; where they are few.
+    Root(DMatrix<f64>),
+    /// The noise less what the columns of one session explain.
+    BesideExplained(Explaining<'a>),
 }
 
 /// Sum over a station's readings of the distance of measured and predicted position, mm, whatever else was read.
