@@ -138,14 +138,23 @@ impl Reading<'_> {
             changed[slot as usize] = true;
         }
         changed[Slot::Displacement as usize] = self.any_displacement;
-        let others = Others { harmless: |_| false, changed, has_tools_on_arm: true };
-        self.common.walk(others, &[], &BTreeSet::new(), entry);
         for ((file, _), own) in &self.positions {
             let obstacle = own.obstacle.as_ref().or_else(|| self.any_used.get(file));
             if let (Some(position), Some(why)) = (own.position, obstacle) {
-                self.common.found.positions[position].obstacle.get_or_insert_with(|| why.clone());
+                let position = &mut self.common.found.positions[position];
+                position.obstacle.get_or_insert_with(|| why.clone());
+                if matches!(why, Refusal::AtRunTime { .. }) {
+                    position.shape = Err(why.clone());
+                }
             }
         }
+        let others = Others {
+            harmless: |_| false,
+            changed,
+            has_tools_on_arm: true,
+            interrupts_come_back: true,
+        };
+        self.common.walk(others, &[], &BTreeSet::new(), entry);
     }
 }
 
@@ -160,7 +169,7 @@ fn to_write(name: &str) -> String {
 /// What holds where a program begins, which anyone may call.
 fn entry(routine: &str) -> State {
     State::new(|slot| match slot {
-        Slot::Mode => known(Setting::On(true)),
+        Slot::Mode | Slot::Turn => known(Setting::On(true)),
         Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.to_owned() }),
         _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.to_owned() }),

@@ -20,6 +20,8 @@ pub enum Slot {
     Tool,
     /// Whether the tool is on the arm.
     Mode,
+    /// Whether the tool turns to the orientations that positions state.
+    Turn,
     /// The frames of an inline form that wait to be set.
     Waiting,
     Displacement,
@@ -31,13 +33,14 @@ pub enum Slot {
     Place,
 }
 
-pub const SLOTS: usize = 9;
+pub const SLOTS: usize = 10;
 
 impl Slot {
     const ALL: [Self; SLOTS] = [
         Self::Base,
         Self::Tool,
         Self::Mode,
+        Self::Turn,
         Self::Waiting,
         Self::Displacement,
         Self::ConfJ,
@@ -51,8 +54,9 @@ impl Slot {
             Self::Base => "the base",
             Self::Tool => "the tool",
             Self::Mode => "the interpolation mode",
+            Self::Turn => "$ORI_TYPE",
             Self::Waiting => "FDAT_ACT",
-            Self::Displacement => "a displacement",
+            Self::Displacement => "the displacement",
             Self::ConfJ => "ConfJ",
             Self::ConfL => "ConfL",
             Self::Branch => "the arm configuration",
@@ -177,6 +181,8 @@ pub enum Step {
     Else {
         is_last: bool,
     },
+    /// The condition of an `ELSEIF` is worked out: what it did holds on all ways behind it.
+    Tested,
     EndIf,
     Loop,
     EndLoop,
@@ -369,6 +375,8 @@ pub struct Others {
     pub changed: [bool; SLOTS],
     /// Whether all frames that wait to be set are for a tool on the arm.
     pub has_tools_on_arm: bool,
+    /// Whether the arm is back where it was when an interrupt's routine ends; a thread leads it on.
+    pub interrupts_come_back: bool,
 }
 
 impl Others {
@@ -428,12 +436,12 @@ impl Summaries {
         }
     }
 
-    /// What routines may do at any time, as interrupts call them. They come back to where the arm was, unless they resume elsewhere.
+    /// What routines may do at any time, as interrupts call them.
     pub fn at_any_time(&self, routines: &[(String, Place)]) -> AtAnyTime {
         let mut all = AtAnyTime::default();
         for (routine, at) in routines {
             let mut effects = self.call(routine, at);
-            if !self.resumes {
+            if self.others.interrupts_come_back && !self.resumes {
                 effects[Slot::Branch as usize] = Effect::None;
                 effects[Slot::Place as usize] = Effect::None;
             }
@@ -616,6 +624,11 @@ impl<M: Motions> Walk<'_, M> {
             Step::Loop | Step::Jump | Step::Return | Step::Resume | Step::Label | Step::Handler => {
             }
             Step::Else { is_last } => self.branch_else(*is_last),
+            Step::Tested => {
+                if let Some(Block::If { entry, .. }) = self.blocks.last_mut() {
+                    entry.clone_from(&self.state);
+                }
+            }
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),
         }

@@ -51,6 +51,8 @@ pub(crate) struct Reading<'f> {
     tools: Tools,
     /// Whether anything lets a sensor move the arm.
     any_sensor: bool,
+    /// Whether anything lets the tool keep its orientation.
+    any_kept_turn: bool,
     /// Whether a TRIGGER stands before the next motion.
     triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
@@ -84,6 +86,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         private: BTreeSet::new(),
         tools: Tools::OnArm,
         any_sensor: false,
+        any_kept_turn: false,
         triggers: false,
         interrupts: Vec::new(),
         written: None,
@@ -125,18 +128,25 @@ impl Reading<'_> {
         let any_fixed_tool = self.tools == Tools::Fixed;
         changed[Slot::Mode as usize] = any_fixed_tool;
         changed[Slot::Displacement as usize] = self.any_sensor;
+        changed[Slot::Turn as usize] = self.any_kept_turn;
         let has_tools_on_arm = self.tools == Tools::OnArm;
-        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm };
-        let own = [any_fixed_tool, self.any_sensor];
+        let others = Others {
+            harmless: steps::is_harmless,
+            changed,
+            has_tools_on_arm,
+            interrupts_come_back: true,
+        };
+        let own = [any_fixed_tool, self.any_sensor, self.any_kept_turn];
         self.common.walk(others, &self.interrupts, &self.private, |routine| entry(routine, own));
     }
 }
 
 /// What holds where a routine begins that anyone may call: nothing is known of its caller's frames.
-fn entry(routine: &str, [any_fixed_tool, any_sensor]: [bool; 2]) -> State {
+fn entry(routine: &str, [any_fixed_tool, any_sensor, any_kept_turn]: [bool; 3]) -> State {
     let routine = routine.to_owned();
     State::new(|slot| match slot {
         Slot::Mode if !any_fixed_tool => known(Setting::On(true)),
+        Slot::Turn if !any_kept_turn => known(Setting::On(true)),
         Slot::Displacement if any_sensor => unknown(Refusal::Displaced { what: steps::SENSOR }),
         Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.clone() }),

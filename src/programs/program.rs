@@ -275,11 +275,11 @@ impl Motion {
 
     /// The arm configuration that it states where it reads its position's.
     fn branch(&self) -> Known {
-        match self.end() {
+        match self.end().filter(|_| self.obstacle.is_none()) {
             Some(end) => known(Setting::Position(end)),
             None => unknown(Refusal::Other(format!(
-                "the position of {} in line {} is worked out, and with it the arm configuration; state one by a motion \
-                 to a constant position",
+                "where {} in line {} ends is not known, and with it the arm configuration; state one by a motion to a \
+                 constant position",
                 self.word, self.line
             ))),
         }
@@ -309,7 +309,9 @@ impl Motion {
             Err(why) => Some(why.clone()),
         };
         let own = self.obstacle.clone();
-        own.or_else(|| slot_forbids(Slot::Mode)).or_else(|| slot_forbids(Slot::Displacement))
+        let own = own.or_else(|| slot_forbids(Slot::Mode));
+        let own = own.or_else(|| slot_forbids(Slot::Displacement));
+        own.or_else(|| slot_forbids(Slot::Turn).filter(|_| self.way != Way::Joints))
     }
 }
 
@@ -345,7 +347,8 @@ fn held(set: &Known, stated: &Known) -> Known {
 impl Recorder<'_> {
     /// The arm configuration that a motion states: letters and S mean the same at every position.
     fn stated(&self, motion: &Motion) -> Known {
-        let Some(Target::Literal { positions, .. }) = motion.targets.last() else {
+        let last = motion.targets.last().filter(|_| motion.obstacle.is_none());
+        let Some(Target::Literal { positions, .. }) = last else {
             return motion.branch();
         };
         let mut all = positions.iter().map(|own| self.positions[*own].configuration());
@@ -437,7 +440,8 @@ impl Position {
                 Some(Setting::Config(*letters))
             }
             Ok(Shape::Pose { stated: Some(Stated::Status { status, .. }), .. }) => {
-                status.byte().map(Setting::Status)
+                // Bit 4 says how the point was taught.
+                status.byte().map(|status| Setting::Status(status & !16))
             }
             _ => None,
         }

@@ -56,8 +56,9 @@ pub(crate) struct Reading<'f> {
     /// By `PDisp` and by `EOffs`.
     any_displaced: [bool; 2],
     any_conf_off: [bool; 2],
-    /// Full names of all PROCs.
+    /// Full names of all PROCs, and short ones.
     procedures: BTreeSet<String>,
+    named: BTreeSet<String>,
     /// Whether the name of a call is worked out, which may be that of any of them.
     any_late_call: bool,
     /// Whether the instruction that is read stands in a compact IF.
@@ -83,6 +84,7 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         any_displaced: [false; 2],
         any_conf_off: [false; 2],
         procedures: BTreeSet::new(),
+        named: BTreeSet::new(),
         any_late_call: false,
         is_in_if: false,
     };
@@ -176,17 +178,26 @@ impl Reading<'_> {
 
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
-        [changed[Slot::Branch as usize], changed[Slot::Place as usize]] = [true; 2];
+        for slot in [Slot::Branch, Slot::Place, Slot::Displacement] {
+            changed[slot as usize] = true;
+        }
         let off = self.any_displaced;
-        [changed[Slot::Displacement as usize], changed[Slot::Mode as usize]] = off;
+        changed[Slot::Mode as usize] = off[1];
         [changed[Slot::ConfJ as usize], changed[Slot::ConfL as usize]] = self.any_conf_off;
-        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
+        let others = Others {
+            harmless: steps::is_harmless,
+            changed,
+            has_tools_on_arm: true,
+            interrupts_come_back: true,
+        };
         let conf = self.any_conf_off;
         // Without `main`, files that are not given call routines too.
         let is_main = |full: &String| full.rsplit('/').next() == Some("MAIN");
         if self.any_late_call || !self.procedures.iter().any(is_main) {
             self.procedures.clear();
         }
+        // The controller begins it too.
+        self.procedures.retain(|full| !is_main(full));
         self.common
             .walk(others, &self.traps, &self.procedures, |routine| entry(routine, off, conf));
         self.refuse_unloaded();
@@ -194,7 +205,7 @@ impl Reading<'_> {
     }
 }
 
-/// What holds where a routine begins. The controller begins `main` with `ConfJ` and `ConfL` on.
+/// What holds where a routine begins. `main` begins with what its last cycle left.
 fn entry(
     routine: &str,
     [any_displacement, any_offset]: [bool; 2],
@@ -202,7 +213,7 @@ fn entry(
 ) -> State {
     let routine = routine.to_owned();
     let conf = |which: usize, name: &str| {
-        if routine == "MAIN" || !any_conf_off[which] {
+        if !any_conf_off[which] {
             known(Setting::On(true))
         } else {
             let words = format!(
@@ -215,6 +226,7 @@ fn entry(
         if any { unknown(Refusal::Displaced { what }) } else { known(Setting::On(false)) }
     };
     State::new(|slot| match slot {
+        Slot::Turn => known(Setting::On(true)),
         Slot::Mode => off(any_offset, "EOffs"),
         Slot::Displacement => off(any_displacement, "PDisp"),
         Slot::ConfJ => conf(0, "ConfJ"),

@@ -72,6 +72,13 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         }
     }
     reading.walk();
+    if let Some(why) = scripts.iter().find_map(|own| reading.unlike(own)) {
+        for position in &mut reading.common.found.positions {
+            if files[position.file].is_of(&URSCRIPT) {
+                position.obstacle = Some(why.clone());
+            }
+        }
+    }
     let give = "where the base of the calibrated arm is in the controller's base: [frames.base] found = \"surveyed\" with place in the file of the \
                 cell, zeros for a ready robot file or the robot's own calibration file";
     (reading.common.found, Chain::one("base", not_given("base", give)))
@@ -90,13 +97,32 @@ impl Reading<'_> {
         own.into_iter().chain([name, String::new()]).collect()
     }
 
+    /// What forbids to read a script: a name that differs from one of the controller's in capitals alone.
+    fn unlike(&self, script: &Statements<'_>) -> Option<Refusal> {
+        let (name, line) = script.names().find(|(name, _)| {
+            let word = name.to_ascii_uppercase();
+            word.to_ascii_lowercase() != *name
+                && (motion::way(&word).is_some() || steps::is_followed(&word))
+        })?;
+        let at = self.common.files[script.file].at(line);
+        let own = name.to_ascii_lowercase();
+        Some(Refusal::Other(format!(
+            "the script has a name {name} ({at}), which is not the controller's {own}; rename it"
+        )))
+    }
+
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
         for slot in [Slot::Base, Slot::Tool, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;
         }
         changed[Slot::Displacement as usize] = self.any_displacement;
-        let others = Others { harmless: steps::is_harmless, changed, has_tools_on_arm: true };
+        let others = Others {
+            harmless: steps::is_harmless,
+            changed,
+            has_tools_on_arm: true,
+            interrupts_come_back: false,
+        };
         self.common.walk(others, &self.threads, &self.called, entry);
         motion::keep_behind_blends(&mut self.common);
     }
@@ -109,7 +135,7 @@ fn entry(routine: &str) -> State {
             let give = "it by set_tcp with plain numbers before the motion, or in the file of the cell: [frames.tcp] found = \"surveyed\" with place";
             known(Setting::Frames(Chain::one("tcp", not_given("tcp", give))))
         }
-        Slot::Mode => known(Setting::On(true)),
+        Slot::Mode | Slot::Turn => known(Setting::On(true)),
         Slot::Displacement | Slot::ConfJ | Slot::ConfL => known(Setting::On(false)),
         Slot::Branch => unknown(Refusal::NoBranch { routine: routine.to_owned() }),
         _ => unknown(Refusal::NotSet { what: slot.name(), routine: routine.to_owned() }),

@@ -399,3 +399,14 @@ fn what_a_plc_does_along_a_motion_keeps_its_numbers_and_marks_stand_behind_the_g
     assert_eq!(numbers.collect::<Vec<u32>>(), [1, 1, 2, 2, 3, 4, 5, 6], "{text}");
     assert!(text.contains("LINE_COUNT\t= 6;"), "{text}");
 }
+
+#[test]
+fn a_refused_motion_states_no_arm_configuration() {
+    for own in ["J P[3] 5% FINE\nJ P[2] 5% FINE INC", "P[2]=JPOS\nJ P[2] 5% FINE"] {
+        let told = verdicts(&format!("{own}\nL P[1] 9mm/sec FINE"), "").pop().unwrap();
+        assert!(
+            told.contains("is not known, and with it") || told.contains("worked out"),
+            "{own}: {told}"
+        );
+    }
+}

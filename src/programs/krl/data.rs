@@ -132,6 +132,9 @@ impl Reading<'_> {
             let cursor = Cursor::new(&own.bytes, line);
             if let Some((name, ..)) = routine(cursor) {
                 inside = Some(name);
+            } else if cursor.peek_name().is_some_and(|word| word == "IMPORT") {
+                // A variable of another list, under a name of its own here.
+                self.common.names.touch_all(&own.at(line[0].line));
             } else if super::steps::calls_another(cursor) {
                 let scopes = self.scopes(file, inside.as_deref());
                 let here = Here { file, line: line[0].line, scopes: &scopes };

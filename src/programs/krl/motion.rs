@@ -17,10 +17,10 @@ const MOTIONS: [(&str, usize, Reads); 14] = [
     ("SLIN", 1, Reads::Never),
     ("SCIRC", 2, Reads::Never),
     ("SPL", 1, Reads::Never),
-    ("PTP_REL", 0, Reads::Never),
+    ("PTP_REL", 0, Reads::Always),
     ("LIN_REL", 0, Reads::Never),
     ("CIRC_REL", 0, Reads::Never),
-    ("SPTP_REL", 0, Reads::Never),
+    ("SPTP_REL", 0, Reads::Always),
     ("SLIN_REL", 0, Reads::Never),
     ("SCIRC_REL", 0, Reads::Never),
     ("SPL_REL", 0, Reads::Never),
@@ -117,12 +117,15 @@ impl Reading<'_> {
                 "$BASE" => Slot::Base,
                 "$TOOL" => Slot::Tool,
                 "$IPO_MODE" => Slot::Mode,
+                "$ORI_TYPE" => Slot::Turn,
                 _ => continue,
             };
             let to = if !is_whole {
                 unknown(Refusal::AtRunTime { what: name, at: at() })
             } else if slot == Slot::Mode {
                 self.mode_of(here, part)
+            } else if slot == Slot::Turn {
+                self.turn(here, part)
             } else {
                 self.frames(here, &name, part)
             };

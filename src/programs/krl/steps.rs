@@ -82,6 +82,7 @@ impl Reading<'_> {
         self.before = self.written.take();
         let mut line = line;
         while let Some(behind) = behind_label(line) {
+            self.before = None;
             steps.push(Step::Label);
             line = behind;
         }
@@ -182,6 +183,10 @@ impl Reading<'_> {
             steps.push(Step::Set(slot, to));
         }
         match name {
+            "$ORI_TYPE" | "LDAT_ACT" => {
+                let to = self.turn(here, value);
+                steps.push(Step::Set(Slot::Turn, to));
+            }
             "$IPO_MODE" => {
                 let to = self.mode(here, value);
                 steps.push(Step::Set(Slot::Mode, to));
@@ -217,6 +222,26 @@ impl Reading<'_> {
         }
         self.tools = Tools::Fixed;
         unknown(Refusal::FixedTool { at })
+    }
+
+    /// Whether the tool turns as positions state it: by `$ORI_TYPE`, or the data of an inline form that BAS sets it by.
+    pub(super) fn turn(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
+        let constant = Value::Name("#CONSTANT".to_owned());
+        let is_constant = |own: &Value| own.field("ORI_TYP").unwrap_or(own) == &constant;
+        let mut names = value.tokens.iter().map(|token| crate::lex::capitals(value.text(token)));
+        let keeps = names.any(|name| {
+            let variable = self.common.names.find(here.scopes, &name);
+            let mut values = variable.iter().flat_map(|own| own.values.values()).flatten();
+            name.ends_with("CONSTANT") || values.any(|own| is_constant(&own.value))
+        });
+        self.any_kept_turn |= keeps;
+        if !keeps {
+            return known(Setting::On(true));
+        }
+        unknown(Refusal::Other(format!(
+            "$ORI_TYPE may be #CONSTANT ({}), where the tool keeps the orientation in which the motion begins, whatever the position states; set #VAR",
+            self.common.at(here)
+        )))
     }
 
     /// `BAS(#BASE, 1)`.
@@ -289,6 +314,13 @@ impl Reading<'_> {
 
     fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
         let at = self.common.at(here);
+        // What is passed to a routine that writes it is set there.
+        for (slot, name) in [(Slot::Base, "$BASE"), (Slot::Tool, "$TOOL")] {
+            if line.has_name(&[name]) && calls_another(line) {
+                let what = name.to_owned();
+                steps.push(Step::Set(slot, unknown(Refusal::AtRunTime { what, at: at.clone() })));
+            }
+        }
         let names: Vec<String> = called(line).collect();
         for name in names {
             let routine = self.full_name(here.file, &name);
@@ -331,13 +363,15 @@ fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
     names.filter(|name| !has(NO_CALLS, name) && !is_keyword(name))
 }
 
-/// Whether a line calls a routine that may change what is passed to it.
+/// Whether a line calls a routine that may change what is passed to it, or writes a variable from now on.
 pub(super) fn calls_another(line: Cursor<'_>) -> bool {
-    let is_none = line.peek_name().is_none_or(|word| {
-        matches!(word.as_str(), "EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL")
-    });
+    let line = behind_do(line).unwrap_or(line);
     let changes = |name: String| name != "BAS" && (!is_harmless(&name) || has(WRITING, &name));
-    !is_none && called(line).any(changes)
+    match line.peek_name().as_deref() {
+        None | Some("EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL") => false,
+        Some("ANIN") => true,
+        Some(_) => called(line).any(changes),
+    }
 }
 
 fn tools(inline: &Known) -> Tools {

@@ -551,3 +551,56 @@ fn a_frame_that_the_statement_before_wrote_is_known() {
     let late = only(&format!("BAS(#TOOL,3)\r\n{later}\r\n$BASE=BASE_DATA[1]\r\nPTP XP1"), POINT);
     assert!(late.contains("BASE_DATA[1] has two values"), "{late}");
 }
+
+#[test]
+fn a_tool_that_keeps_its_orientation_has_none_of_its_position() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
+    let lin = "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}";
+    let data = format!(
+        "{POINT}\r\nDECL LDAT LC={{VEL 2.0,ACC 100.0,ORI_TYP #CONSTANT}}\r\nDECL LDAT LV={{VEL 2.0,ACC 100.0,ORI_TYP #VAR}}"
+    );
+    let told = |source: &str| verdicts(&format!("{set}{source}"), &data);
+    for own in ["$ORI_TYPE=#CONSTANT", "LDAT_ACT=LC\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)"] {
+        let all = told(&format!("{own}\r\nPTP XP1\r\n{lin}"));
+        assert!(
+            all[0] == "ok" && all[1].contains("$ORI_TYPE may be #CONSTANT (p.src, line "),
+            "{own}: {all:?}"
+        );
+        assert_eq!(told(&format!("{own}\r\n$ORI_TYPE=#VAR\r\n{lin}")), ["ok", "ok"]);
+    }
+    assert_eq!(
+        told(&format!("LDAT_ACT=LV\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)\r\n{lin}")),
+        ["ok", "ok"]
+    );
+    let with = |own: &str| told(&format!("S{lin} WITH $ORI_TYPE={own}")).pop().unwrap();
+    assert!(with("#CONSTANT").contains("$ORI_TYPE") && with("SORI_TYP(LC)").contains("$ORI_TYPE"));
+    assert_eq!([with("#VAR"), with("SORI_TYP(LV)")], ["ok", "ok"]);
+}
+
+#[test]
+fn what_writes_by_reference_is_not_known_behind_it() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
+    let ends = [
+        "R=EKI_GETFRAME(\"C\",\"S\",$BASE)\r\n",
+        "ANIN ON BASE_DATA[1].Z = 1.0*ABC+0.0\r\n",
+        "INTERRUPT DECL 5 WHEN $IN[1]==TRUE DO UPD(BASE_DATA[1])\r\n",
+        "PTP_REL {A4 170,A5 -110}\r\n",
+        "IMPORT FRAME GG IS /R1/P..F1\r\n",
+    ];
+    for end in ends {
+        let all = verdicts(&format!("{set}{end}LIN {{X 1,Y 2,Z 3,A 0,B 0,C 0}}"), POINT);
+        assert_ne!(all.last().unwrap(), "ok", "{end}: {all:?}");
+    }
+    let jump =
+        "BASE_DATA[2]={X 5,Y 0,Z 0,A 0,B 0,C 0}\r\nM: $BASE=BASE_DATA[2]\r\nPTP XP1\r\nGOTO M";
+    assert_ne!(only(&format!("BAS(#TOOL,3)\r\n{jump}"), POINT), "ok");
+}
+
+#[test]
+fn how_a_point_was_taught_makes_no_other_arm_configuration() {
+    let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nIF A THEN\r\nPTP XP1\r\nELSE\r\nPTP XP2\r\nENDIF\r\nLIN {X 1,Y 2,Z 3,A 0,B 0,C 180}";
+    let data = format!(
+        "{POINT}\r\nDECL E6POS XP2={{X 9.0,Y 20.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 18,T 35,E1 0.0}}"
+    );
+    assert_eq!(verdicts(source, &data), ["ok", "ok", "ok"]);
+}

@@ -83,6 +83,7 @@ impl Reading<'_> {
         }
         if header.is_procedure {
             self.procedures.insert(full.clone());
+            self.named.insert(header.name.clone());
         }
         let mut rest = header.parameters;
         let mut changes = false;
@@ -151,6 +152,12 @@ impl Reading<'_> {
                 let at = self.common.at(&here);
                 self.common.names.touch_all(&at);
             } else if self.is_unknown(file, own) {
+                self.common.touches(&here, own);
+                self.touch_shared(&here, own);
+            }
+            let mut pairs = own.tokens.windows(2).filter(|pair| pair[1].is(b'('));
+            if pairs.any(|pair| super::steps::is_writing(&crate::lex::capitals(own.text(&pair[0]))))
+            {
                 self.common.touches(&here, own);
                 self.touch_shared(&here, own);
             }

@@ -130,8 +130,9 @@ impl Reading<'_> {
     /// The controller's instruction that a word is or, by the cell, is like.
     fn like(&self, word: &str) -> Option<&'static Instruction> {
         let like = self.cell.motions.iter().find(|(own, _)| own.eq_ignore_ascii_case(word));
+        // Without an option of the controller its instruction may be a PROC of the user's.
         like.map_or_else(
-            || known_instruction(word),
+            || known_instruction(word).filter(|_| !self.named.contains(word)),
             |(_, like)| known_instruction(&like.to_ascii_uppercase()),
         )
     }

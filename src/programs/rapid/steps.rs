@@ -18,15 +18,15 @@ pub(super) fn is_word(word: &str) -> bool {
 }
 
 /// Instructions of the controller that set nothing followed here and change no position, tool or work object.
-const HARMLESS: &str = "ACCSET ACTEVENTBUFFER ACTUNIT ADD ALIASIO ALIASIORESET BITCLEAR BITSET BOOKERRNO BREAK CHECKPROGREF CIRPATHMODE CLEAR \
+const HARMLESS: &str = "ACCSET ACTEVENTBUFFER ACTUNIT ALIASIO ALIASIORESET BITCLEAR BITSET BOOKERRNO BREAK CHECKPROGREF CIRPATHMODE \
     CLEARIOBUFF CLEARPATH CLEARRAWBYTES CLKRESET CLKSTART CLKSTOP CLOSE CLOSEDIR CONFJ CONFL COPYFILE COPYRAWBYTES CORRCLEAR \
-    CORRCON CORRDISCON CORRWRITE DEACTEVENTBUFFER DEACTUNIT DECR EOFFSOFF EOFFSON EOFFSSET ERRLOG ERRRAISE ERRWRITE \
-    EXITCYCLE GRIPLOAD ICAP IDELETE IDISABLE IENABLE IERROR INCR INVERTDO IODISABLE IOENABLE IPATHPOS IPERS ISIGNALAI \
-    ISIGNALAO ISIGNALDI ISIGNALDO ISIGNALGI ISIGNALGO ISLEEP ITIMER IVARVALUE IWATCH LOAD MAKEDIR MECHUNITLOAD MOTIONSUP \
-    OPEN OPENDIR PACKDNHEADER PACKRAWBYTES PATHACCLIM PATHRECSTART PATHRECSTOP PATHRESOL PDISPOFF PDISPON PDISPSET PULSEDO REMOVEDIR \
-    REMOVEFILE RENAMEFILE RESET RESETRETRYCOUNT RESTOPATH REWIND SAVE SCWRITE SET SETAO SETDO SETGO SETSYSDATA \
+    CORRCON CORRDISCON CORRWRITE DEACTEVENTBUFFER DEACTUNIT EGMRESET EOFFSOFF EOFFSON EOFFSSET ERRLOG ERRRAISE ERRWRITE \
+    EXITCYCLE GRIPLOAD ICAP IDELETE IDISABLE IENABLE IERROR INVERTDO IODISABLE IOENABLE IPATHPOS IPERS ISIGNALAI \
+    ISIGNALAO ISIGNALDI ISIGNALDO ISIGNALGI ISIGNALGO ISLEEP ITIMER IVARVALUE IWATCH LOAD MAKEDIR MECHUNITLOAD MOTIONPROCESSMODESET MOTIONSUP \
+    OPEN OPENDIR PACKDNHEADER PACKRAWBYTES PATHACCLIM PATHRECSTART PATHRECSTOP PATHRESOL PDISPOFF PDISPON PDISPSET PULSEDO REMOVEALLCYCLICBOOL REMOVEDIR \
+    REMOVEFILE RENAMEFILE RESET RESETRETRYCOUNT RESTOPATH REWIND SAVE SCWRITE SET SETAO SETDO SETUPCYCLICBOOL SETGO SETSYSDATA \
     SINGAREA SKIPWARN SOCKETACCEPT SOCKETBIND SOCKETCLOSE SOCKETCONNECT SOCKETCREATE SOCKETLISTEN SOCKETSEND SOFTACT \
-    SOFTDEACT SPEEDREFRESH STARTLOAD STARTMOVE STARTMOVERETRY STOP STOPMOVE STOREPATH SYNCMOVEOFF SYNCMOVEON SYNCMOVERESUME \
+    SOFTDEACT SPEEDREFRESH SPYSTART SPYSTOP STARTLOAD STARTMOVE STARTMOVERETRY STOP STOPMOVE STOREPATH SYNCMOVEOFF SYNCMOVEON SYNCMOVERESUME \
     SYNCMOVESUSPEND SYSTEMSTOPACTION TESTSIGNDEFINE TESTSIGNRESET TEXTTABINSTALL TPERASE TPSHOW TPWRITE TRIGGCHECKIO \
     TRIGGEQUIP TRIGGINT TRIGGIO TRIGGRAMPAO TRIGGSPEED TRIGGSTOPPROC TUNERESET TUNESERVO UIMSGBOX UISHOW UNLOAD VELSET WAITAI WAITAO \
     WAITDI WAITDO WAITGI WAITGO WAITLOAD WAITROB WAITSYNCTASK WAITTIME WAITUNTIL WORLDACCLIM WRITE WRITEANYBIN WRITEBIN \
@@ -34,7 +34,7 @@ const HARMLESS: &str = "ACCSET ACTEVENTBUFFER ACTUNIT ADD ALIASIO ALIASIORESET B
     WZLIMJOINTDEF WZLIMSUP WZSPHDEF";
 
 /// Those that set nothing followed here either, and write variables which are passed to them.
-const WRITING: &str = "GETDATAVAL GETTRAPDATA READANYBIN READBLOCK READCFGDATA READERRDATA READRAWBYTES READVARARR SOCKETRECEIVE SOCKETRECEIVEFROM TPREADDNUM \
+const WRITING: &str = "ADD CLEAR DECR INCR STRTOVAL TESTANDSET GETDATAVAL GETTRAPDATA READANYBIN READBLOCK READCFGDATA READERRDATA READRAWBYTES READVARARR SOCKETRECEIVE SOCKETRECEIVEFROM TPREADDNUM \
     TPREADFK TPREADNUM UIMSGWRITE UNPACKRAWBYTES WAITTESTANDSET";
 
 /// Whether a routine of this name changes nothing that is followed here.
@@ -110,8 +110,15 @@ impl Reading<'_> {
         }
         if let Some(block) = block(&word) {
             self.common.reads(here, all);
+            // A condition is worked out before its block, and of a loop again in it.
+            if block == Step::Loop {
+                steps.push(block);
+                return self.functions(here, all, steps);
+            }
+            self.functions(here, all, steps);
             return steps.push(block);
         }
+        self.functions(here, all, steps);
         if is_word(&word) {
             return self.common.reads(here, all);
         }
@@ -143,14 +150,21 @@ impl Reading<'_> {
         });
         if is_then {
             self.common.reads(here, all);
-            steps.push(if word == "IF" { Step::If } else { Step::Else { is_last: false } });
-            return;
+            if word == "IF" {
+                self.functions(here, all, steps);
+                return steps.push(Step::If);
+            }
+            steps.push(Step::Else { is_last: false });
+            self.functions(here, all, steps);
+            return steps.push(Step::Tested);
         }
         let inner = without_condition(all);
         let condition =
             Cursor { tokens: &all.tokens[..all.tokens.len() - inner.tokens.len()], ..all };
         self.common.reads(here, condition);
+        self.functions(here, condition, steps);
         steps.push(Step::If);
+        self.functions(here, inner, steps);
         if inner.first().is_some_and(|token| token.is(b'%')) {
             self.late_call(here, inner, steps);
         } else if let Some((_, value)) = assignment(inner) {
@@ -161,6 +175,16 @@ impl Reading<'_> {
             self.is_in_if = false;
         }
         steps.push(Step::EndIf);
+    }
+
+    /// Functions of the files that a statement calls.
+    fn functions(&self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
+        let pairs =
+            all.tokens.windows(2).filter(|own| own[0].kind == Kind::Name && own[1].is(b'('));
+        let names =
+            pairs.map(|own| self.full_name(here.file, &crate::lex::capitals(all.text(&own[0]))));
+        let given = names.filter(|full| self.given.contains_key(full));
+        steps.extend(given.map(|routine| Step::Call { routine, at: self.common.at(here) }));
     }
 
     /// An instruction of the controller, a motion, or a call.

@@ -89,7 +89,11 @@ fn what_is_not_known_is_refused_by_name() {
             "WOBJ1 is worked out at run time",
         ),
         (
-            "Calibrate wobj1; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
+            "Other; MoveL p10,v100,z10,tool1;",
+            "the call of OTHER (m1.mod, line 9) may change the displacement",
+        ),
+        (
+            "Calibrate wobj1; PDispOff; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
             "WOBJ1 is worked out at run time",
         ),
         ("PDispSet pose1; MoveL p10,v100,z10,tool1;", "a displacement may be on (PDisp)"),
@@ -107,7 +111,7 @@ fn what_is_not_known_is_refused_by_name() {
             "no motion before it states an arm configuration",
         ),
         (
-            "%\"any\"%;\n%stName%; ConfL\\Off; MoveL p10,v100,z10,tool1;",
+            "%\"any\"%;\n%stName%; PDispOff; ConfL\\Off; MoveL p10,v100,z10,tool1;",
             "the call of %…% (m1.mod, line 10) may change the arm",
         ),
         ("MoveL p10,v100,z10,tool1; ERROR PDispSet pose1; RETRY;", "a displacement may be on"),
@@ -326,7 +330,7 @@ fn what_a_compact_if_or_a_search_changes_is_not_corrected() {
         ("IF di1=1 p20:=CRobT();", "P20 is worked out at run time"),
         ("IF a GetPos p20;", "P20 is worked out at run time"),
         ("IF a wobj1.uframe.trans.x:=5;", "WOBJ1 is worked out at run time"),
-        ("PDispOff; IF a %\"disp\"+b%; ENDPROC PROC disp() PDispOn q,tool1;", "a displacement"),
+        ("PDispOff; IF a %\"disp\"+b%; ENDPROC PROC disp() PDispOn q,tool1;", "displacement"),
         (
             "a:=Fit(wobj1); ENDPROC FUNC bool Fit(PERS wobjdata w) w.uframe.trans.x:=5; RETURN TRUE; ENDFUNC PROC q()",
             "WOBJ1 is worked out at run time",
@@ -489,9 +493,67 @@ fn a_routine_whose_error_its_caller_handles_ends_anywhere() {
     };
     assert_eq!(body(""), "ok");
     let handled = body("ERROR TRYNEXT;");
-    assert!(handled.contains("a displacement"), "{handled}");
+    assert!(handled.contains("displacement"), "{handled}");
     // RETRY begins the call again.
     let again = "PDispOff; sub; ERROR RETRY; ENDPROC PROC sub() MoveL p10,v100,z10,tool1\\WObj:=wobj1; PDispSet pose1; reg1:=1/reg2; PDispOff;";
     let again = again.replacen("PROC sub", "LOCAL PROC sub", 1);
-    assert!(only(&again, "").contains("a displacement"));
+    assert!(only(&again, "").contains("displacement"));
+}
+
+#[test]
+fn functions_of_the_files_do_what_they_do_wherever_they_stand() {
+    let own = "FUNC bool f()\r\nPDispSet pose1;\r\nRETURN TRUE;\r\nENDFUNC\r\n";
+    let calls = [
+        "b:=f();",
+        "IF f() THEN ENDIF",
+        "IF b THEN ELSEIF f() THEN Stop; ENDIF",
+        "WHILE f() DO ENDWHILE",
+        "IF f() Stop;",
+        "TEST f() CASE TRUE: Stop; ENDTEST",
+        "TPWrite \"\"\\Bool:=f();",
+    ];
+    for call in calls {
+        let told = only(&format!("PDispOff; {call} MoveL p10,v100,z10,tool1;"), own);
+        assert!(told != "ok", "{call}");
+    }
+    let off = "FUNC bool f()\r\nPDispOff;\r\nRETURN TRUE;\r\nENDFUNC\r\n";
+    let told = only("PDispSet pose1; IF b ok:=f(); MoveL p10,v100,z10,tool1;", off);
+    assert!(told.contains("displacement"), "{told}");
+    let behind = "IF b THEN Stop; ELSEIF f() THEN Stop; ELSE MoveL p10,v100,z10,tool1; ENDIF";
+    assert_ne!(only(behind, own), "ok");
+    let moves = "PROC GlueL(robtarget p,speeddata v)\r\nPDispSet pose1;\r\nENDPROC\r\n";
+    let all = verdicts("PDispOff; GlueL p10,v100; MoveL p10,v100,z10,tool1;", moves);
+    assert!(all.iter().all(|own| own != "ok"), "{all:?}");
+}
+
+#[test]
+fn what_writes_its_arguments_makes_them_unknown() {
+    let add = "PROC upd(INOUT num n)\r\nAdd n,5;\r\nENDPROC\r\n";
+    for call in [
+        "ok:=StrToVal(s,wobj1);",
+        "Clear wobj1.uframe.trans.z;",
+        "Incr wobj1.uframe.trans.z;",
+        "upd wobj1.uframe.trans.z;",
+    ] {
+        let told = only(&format!("{call} MoveL p10,v100,z10,tool1\\WObj:=wobj1;"), add);
+        assert!(told.contains("WOBJ1 is worked out"), "{call}: {told}");
+    }
+}
+
+#[test]
+fn main_begins_with_what_its_last_cycle_and_its_callers_leave() {
+    let body = "MoveL p10,v100,z10,tool1; ConfL\\Off;";
+    assert!(
+        only(body, "").contains("CONFL may be on or off")
+            || only(body, "").contains("ConfL may be"),
+        "{}",
+        only(body, "")
+    );
+    assert_eq!(only(&format!("ConfL\\On; {body}"), ""), "ok");
+    let caller = "PROC rStart()\r\nMoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool1;\r\nmain;\r\nENDPROC\r\n";
+    let all = verdicts("ConfL\\Off; MoveL p10,v100,z10,tool1;", caller);
+    assert!(
+        all.iter().any(|own| own.contains("no motion before it states an arm configuration")),
+        "{all:?}"
+    );
 }

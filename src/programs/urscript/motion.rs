@@ -12,7 +12,7 @@ use crate::flow::{Known, Setting, Slot, Step, known};
 use crate::frame::Chain;
 use crate::names::Written;
 use crate::program::{Motion, Path, Reads, Shape, Split, Stated, Target, Turn, Way};
-use crate::reading::{Common, Here, NOT_SPLIT, one, split};
+use crate::reading::{Common, Here, NOT_SPLIT, has, one, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
 
@@ -196,13 +196,18 @@ impl Reading<'_> {
         let reads: Vec<_> = all.iter().take(count).map(|(_, part)| Read::of(*part)).collect();
         for ((_, part), read) in all.iter().zip(&reads) {
             let (target, feature, is_near) = self.target(here, word, *part, read.as_ref());
-            states = is_near || self.is_joints(&target);
+            // By joints the arm may be led into any arm configuration, but for a pose into the nearest.
+            let is_led = matches!(word, "MOVEJ" | "SERVOJ") && !self.is_pose(&target, *part);
+            states =
+                is_near || is_led || self.is_all(&target, |own| matches!(own, Shape::Joints(_)));
             features.push(feature);
             targets.push(target);
         }
         let differs = features.windows(2).any(|own| own[0] != own[1]);
-        let obstacle = if way == Way::Other {
-            let (word, at) = (word.to_ascii_lowercase(), self.common.at(here));
+        let keeps_to_path = way == Way::Circle && is_given(&all, "MODE", 5);
+        let obstacle = if way == Way::Other || keeps_to_path {
+            let mode = if keeps_to_path { " with mode 1" } else { "" };
+            let (word, at) = (word.to_ascii_lowercase() + mode, self.common.at(here));
             Some(Refusal::Instruction { word, at })
         } else {
             let words = "the positions of its motion stand in two features; give them one";
@@ -227,13 +232,26 @@ impl Reading<'_> {
         }));
     }
 
-    /// Whether a target is a list of joint angles, which states an arm configuration.
-    fn is_joints(&self, target: &Target) -> bool {
+    /// Whether a target is a pose, be it worked out.
+    fn is_pose(&self, target: &Target, part: Cursor<'_>) -> bool {
+        let is = |word: &str| part.peek_name().is_some_and(|own| has(word, &own));
+        let is_solved = || arguments(part, "GET_INVERSE_KIN").is_some_and(|own| own.len() == 1);
+        let is_written = || is("P") && part.tokens.get(1).is_some_and(|own| own.is(b'['));
+        match target {
+            Target::Literal { .. } => self.is_all(target, |own| matches!(own, Shape::Pose { .. })),
+            Target::Computed(_) => {
+                is("INTERPOLATE_POSE POSE_ADD POSE_TRANS") || is_solved() || is_written()
+            }
+        }
+    }
+
+    /// Whether the shapes of a target's positions are all of a kind.
+    fn is_all(&self, target: &Target, is: impl Fn(&Shape) -> bool) -> bool {
         let Target::Literal { positions, .. } = target else {
             return false;
         };
         let mut shapes = positions.iter().map(|own| &self.common.found.positions[*own].shape);
-        shapes.all(|shape| matches!(shape, Ok(Shape::Joints(_))))
+        shapes.all(|shape| shape.as_ref().is_ok_and(&is))
     }
 
     fn target(

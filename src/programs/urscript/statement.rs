@@ -55,6 +55,13 @@ impl<'f> Statements<'f> {
         }
     }
 
+    /// All names as they are written, with their lines.
+    pub(super) fn names(&self) -> impl Iterator<Item = (String, u32)> {
+        let names = self.tokens.iter().filter(|token| token.kind == Kind::Name);
+        let text = |token: &Token| String::from_utf8_lossy(&self.bytes[token.span()]).into_owned();
+        names.map(move |token| (text(token), token.line))
+    }
+
     pub(super) fn all(&self) -> impl Iterator<Item = (Cursor<'_>, u32)> {
         self.ranges.iter().map(|range| {
             let tokens = &self.tokens[range.clone()];

@@ -36,7 +36,9 @@ const HARMLESS: &str = "ABS ACOS ASIN ATAN ATAN2 CEIL COS D2R FLOOR INV LENGTH L
     MODBUS_SET_OUTPUT_REGISTER MODBUS_SET_OUTPUT_SIGNAL MODBUS_SET_RUNSTATE_DEPENDENT_CHOICE MODBUS_SET_SIGNAL_UPDATE_FREQUENCY RPC_FACTORY SET_TOOL_DIGITAL_OUTPUT_MODE STRUCT \
     RTDE_SET_WATCHDOG SOCKET_CLOSE SOCKET_GET_VAR SOCKET_OPEN SOCKET_READ_ASCII_FLOAT SOCKET_READ_BINARY_INTEGER SOCKET_READ_BYTE_LIST \
     SOCKET_READ_LINE SOCKET_READ_STRING SOCKET_SEND_BYTE SOCKET_SEND_INT SOCKET_SEND_LINE SOCKET_SEND_STRING SOCKET_SET_VAR \
-    ENTER_CRITICAL EXIT_CRITICAL FORCE GET_LIST_LENGTH GET_TARGET_PAYLOAD_INERTIA POSITION_DEVIATION_WARNING POWERDOWN PROTECTIVE_STOP TIME ZERO_FTSENSOR";
+    ENTER_CRITICAL EXIT_CRITICAL FORCE ASSERT FORCE_MODE_SET_DAMPING FORCE_MODE_SET_GAIN_SCALING FT_RTDE_INPUT_ENABLE GET_ACTUAL_JOINT_POSITIONS_HISTORY GET_CONVEYOR_TICK_COUNT \
+    GET_TARGET_TCP_POSE_ALONG_PATH GET_TARGET_TCP_SPEED_ALONG_PATH GET_TOOL_ACCELEROMETER_READING SET_CONFIGURABLE_DIGITAL_INPUT_ACTION \
+    SET_GP_BOOLEAN_INPUT_ACTION SET_RUNSTATE_GP_BOOLEAN_OUTPUT_TO_VALUE TOOL_CONTACT_EXAMPLES GET_LIST_LENGTH GET_TARGET_PAYLOAD_INERTIA POSITION_DEVIATION_WARNING POWERDOWN PROTECTIVE_STOP TIME ZERO_FTSENSOR";
 /// What moves positions at run time, and what ends it.
 const DISPLACES: &str =
     "TRACK_CONVEYOR_LINEAR TRACK_CONVEYOR_CIRCULAR PATH_OFFSET_ENABLE FORCE_MODE SCREW_DRIVING";
@@ -44,6 +46,13 @@ const REPLACES: &str =
     "STOP_CONVEYOR_TRACKING PATH_OFFSET_DISABLE END_FORCE_MODE END_SCREW_DRIVING";
 /// What leads the arm to where no statement says.
 const LEADS: &str = "SPEEDJ SPEEDL FREEDRIVE_MODE END_FREEDRIVE_MODE TEACH_MODE END_TEACH_MODE";
+
+/// Words of the language and functions of the controller that are followed, beside motions.
+pub(super) fn is_followed(word: &str) -> bool {
+    const WORDS: &str =
+        "ELIF ELSE END GET_INVERSE_KIN GLOBAL IF LOCAL POSE_TRANS RETURN RUN SET_TCP WHILE";
+    is_function(word) || [WORDS, DISPLACES, REPLACES, LEADS].iter().any(|own| has(own, word))
+}
 
 pub(super) fn is_harmless(name: &str) -> bool {
     has(HARMLESS, name)
@@ -177,14 +186,16 @@ impl Reading<'_> {
             }
             "IF" | "WHILE" | "ELIF" => {
                 let condition = rest.take_part(b':').unwrap_or(rest);
+                if word == "IF" {
+                    self.plain(walked, condition, line);
+                    walked.push(Step::If);
+                    return walked.blocks.push(Block::If);
+                }
+                let is_loop = word == "WHILE";
+                walked.push(if is_loop { Step::Loop } else { Step::Else { is_last: false } });
                 self.plain(walked, condition, line);
-                let (step, block) = match word.as_str() {
-                    "IF" => (Step::If, Some(Block::If)),
-                    "WHILE" => (Step::Loop, Some(Block::Loop)),
-                    _ => (Step::Else { is_last: false }, None),
-                };
-                walked.push(step);
-                walked.blocks.extend(block);
+                walked.push(Step::Tested);
+                walked.blocks.extend(is_loop.then_some(Block::Loop));
             }
             "ELSE" => walked.push(Step::Else { is_last: true }),
             "END" => match walked.blocks.pop() {
@@ -248,7 +259,8 @@ impl Reading<'_> {
             let none = Cursor { tokens: &[], ..statement };
             let (whole, inside) =
                 if is_first { (statement, inside(statement)) } else { (none, none) };
-            if !begins("RUN") {
+            // What it starts runs beside the program.
+            if !statement.has_name(&["RUN"]) {
                 self.call(&here, name, [whole, inside], &mut steps);
             }
         }

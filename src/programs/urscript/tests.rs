@@ -285,3 +285,80 @@ fn a_feature_that_is_assigned_anew_is_followed_where_it_is_global() {
     assert_eq!(places(&may), [Some(600.0), None, Some(600.0), None, Some(100.0)]);
     assert_eq!(places(&text.replace("global ", "")).iter().flatten().count(), 1);
 }
+
+#[test]
+fn a_motion_by_joints_to_an_unknown_place_leaves_no_arm_configuration() {
+    let unknown = [
+        "movej([d2r(-17), d2r(-57), d2r(120), d2r(107), d2r(99), d2r(158)])",
+        "q = later()\nmovej(q)",
+        "movej(qs[0])",
+        "movej(get_inverse_kin(Over_p, Over_q, 1e-10, 1e-10))",
+        "servoj(q)",
+    ];
+    for own in unknown {
+        let told = verdicts(&programs(&format!("{BEGIN}\n{own}\nmovel(Part_p)")));
+        assert!(told.last().unwrap() != "ok", "{own}: {told:?}");
+    }
+    for own in [
+        "movej(Over_p)",
+        "movej(pose_add(Over_p, p[0,0,0.1,0,0,0]))",
+        "movel(pose_add(Over_p, Over_p))",
+    ] {
+        let told = verdicts(&programs(&format!("{BEGIN}\n{own}\nmovel(Part_p)")));
+        assert_eq!(told.last().unwrap(), "ok", "{own}: {told:?}");
+    }
+}
+
+#[test]
+fn what_a_thread_does_may_have_happened_and_leads_the_arm_on() {
+    let with = |thread: &str, start: &str| {
+        let own = format!("thread t():\n  {thread}\nend\n{start}\nmovel(Part_p)");
+        verdicts(&programs(&format!("{BEGIN}\n{own}"))).pop().unwrap()
+    };
+    let told = with("set_tcp(p[0,0,0.4,0,0,0])", "h = run t()");
+    assert!(told.contains("changes the tool"), "{told}");
+    let told = with("movej([-0.3,-1.0,2.1,1.87,1.73,2.77])", "run t()");
+    assert!(told.contains("changes the arm configuration"), "{told}");
+    assert_eq!(with("set_digital_out(1, True)", "run t()"), "ok");
+}
+
+#[test]
+fn names_that_differ_from_the_controllers_in_capitals_are_refused() {
+    for (own, name) in
+        [("MoveL(Part_p)", "MoveL"), ("Set_tcp(Part_p)", "Set_tcp"), ("End = 1", "End")]
+    {
+        let told = verdicts(&programs(&format!("{BEGIN}\n{own}\nmovel(Part_p)"))).pop().unwrap();
+        assert!(told.contains(&format!("has a name {name} (part.script, line ")), "{own}: {told}");
+    }
+    assert_eq!(verdicts(&programs(&format!("{BEGIN}\nSpeed = 1\nmovel(Part_p)"))), ["ok", "ok"]);
+}
+
+#[test]
+fn a_circle_along_its_tangent_keeps_no_orientation_of_its_end() {
+    let circle = |mode: &str| {
+        let told = verdicts(&programs(&format!(
+            "{BEGIN}\nmovec(Over_p, Part_p, a=1.2, v=0.2, r=0{mode})"
+        )));
+        told.last().unwrap().clone()
+    };
+    assert_eq!([circle(""), circle(", mode=0")], ["ok", "ok"]);
+    assert!(
+        circle(", mode=1").contains("movec with mode 1 is not followed"),
+        "{}",
+        circle(", mode=1")
+    );
+    assert!(circle(", 1").contains("movec with mode 1"));
+}
+
+#[test]
+fn what_a_condition_behind_elif_calls_holds_on_the_ways_behind_it() {
+    let other = "def f():\n  set_tcp(p[0,0,0.4,0,0,0])\nend\n";
+    for way in
+        ["elif f():\n  movel(Part_p)\nend", "elif f():\n  sleep(1)\nelse:\n  movel(Part_p)\nend"]
+    {
+        let told = programs(&format!("{other}{BEGIN}\nif Over_p[0] > 1:\n  sleep(1)\n{way}"));
+        let place = told.positions.iter().position(|own| own.name == "PART_P").unwrap();
+        let tool = told.ask(place, &cell()).unwrap().flange_from_tool;
+        assert!((tool.translation.vector.z - 400.0).abs() < 1e-9, "{way}: {tool}");
+    }
+}

@@ -149,7 +149,7 @@ const ACROSS: &str = "MODULE t\r\n  PERS tooldata tip:=[TRUE,[[25,-40,100],[1,0,
     CONST robtarget at:=[[1697.119,-182.514,962.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
     CONST robtarget by:=[[1697.119,67.486,962.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[9,9,9,9],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
     CONST robtarget to:=[[1697.119,267.486,1062.047],[0.10882794,0.01965333,0.97838587,-0.17473213],[-1,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\r\n  \
-    PROC main()\r\n    MoveJ at,v100,fine,tip;\r\n    MoveC by,to,v100,fine,tip;\r\n    MoveJ at,v100,fine,tip;\r\n    \
+    PROC main()\r\n    ConfL\\On;\r\n    MoveJ at,v100,fine,tip;\r\n    MoveC by,to,v100,fine,tip;\r\n    MoveJ at,v100,fine,tip;\r\n    \
     ConfL\\Off;\r\n    MoveL by,v100,fine,tip;\r\n  ENDPROC\r\nENDMODULE\r\n";
 
 #[test]
@@ -169,6 +169,15 @@ fn motions_that_read_no_quarter_turns_go_on_in_the_arm_configuration_before_them
     };
     let told = done(ACROSS, "out").results;
     assert!(told.contains("3 corrected, 0 refused, 0 computed"), "{told}");
+    // The controller takes the place of a helper alone.
+    let turned = ACROSS.replacen(
+        "67.486,962.047],[0.10882794,0.01965333,0.97838587,-0.17473213]",
+        "67.486,962.047],[1,0,0,0]",
+        1,
+    );
+    let told = done(&turned, "turned").results;
+    assert!(told.contains("2 corrected, 1 refused, 0 computed"), "{told}");
+    assert!(told.contains("it is the helper point of a circle"), "{told}");
     // Without the quarter turns of the first nothing says how the arm goes on from there.
     let told = done(&ACROSS.replacen("[0,0,-1,0]", "[1,1,1,1]", 1), "other").results;
     assert!(told.contains("1 corrected, 2 refused, 0 computed"), "{told}");

@@ -323,6 +323,7 @@ fn asked(
             *asked = attained;
         }
     }
+    solver.refuse_helpers(&programs.paths, &mut asked);
     asked
 }
 

@@ -6,7 +6,7 @@
 //! 2. the controller's joints at each commanded pose are those of the nominal arm, and there the identified arm stands elsewhere;
 //! 3. its distance from the wanted pose across the path counts; along the path it is a matter of time.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::iter;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -26,6 +26,8 @@ const NO_LENGTH_MM: f64 = 1e-9;
 /// its angle.
 const PART_MM: f64 = 1.0;
 const PART_RAD: f64 = 0.14;
+/// How far the orientation of a helper point may be off, rad: 90° make a millimetre, and this some 0.03 mm.
+const HELPER_RAD: f64 = 0.05;
 /// Orientations nearer than this are alike, rad.
 const ALIKE_RAD: f64 = 0.01;
 
@@ -82,6 +84,44 @@ impl Solver<'_> {
             })
         };
         sampled.into_iter().map(|places| deviation(places?)).collect()
+    }
+
+    /// Refuses helper points of circles with another orientation than that in which the arm passes them: controllers take the place alone,
+    /// and turn the tool evenly from end to end, or as it stands to the path.
+    pub(super) fn refuse_helpers(&self, paths: &[Path], asked: &mut [Result<Asked, String>]) {
+        let tool = |place: usize, asked: &[Result<Asked, String>]| {
+            self.programmed_tool(asked[place].as_ref().ok()?)
+        };
+        for path in paths {
+            let Some(&[helper, end]) = path.through.as_deref() else { continue };
+            let stops = [path.from.unwrap_or(end), helper, end].map(|place| tool(place, asked));
+            let [Some(from), Some(by), Some(to)] = stops else { continue };
+            let passing =
+                match Circle::through([from, by, to].map(|own| own.translation.vector.into())) {
+                    Some(circle) => circle.turned(&from, &by, &to),
+                    None => vec![from.rotation, to.rotation],
+                };
+            let angles = passing.iter().map(|own| own.angle_to(&by.rotation));
+            let least = angles.fold(f64::INFINITY, f64::min);
+            if least > HELPER_RAD {
+                asked[helper] = Err(format!(
+                    "it is the helper point of a circle, of which the controller takes the place alone, and its orientation is {:.0}° off that of \
+                     the tool there; write that",
+                    least.min(PI).to_degrees()
+                ));
+            }
+        }
+    }
+
+    /// The program's tool in the arm's base where the controller has a position now, mm.
+    fn programmed_tool(&self, asked: &Asked) -> Option<Isometry3<f64>> {
+        match &asked.wanted {
+            Wanted::Pose { programmed, .. } => Some(*programmed),
+            Wanted::Joints(joints) => {
+                let joints = self.joints(joints).ok()?.angles;
+                Some(self.arm.arm.flange(&joints).isometry() * asked.stated_tool)
+            }
+        }
     }
 
     fn sampled<'p>(
@@ -207,9 +247,40 @@ impl Circle {
         let to_centre =
             (first.norm_squared() * second - second.norm_squared() * first).cross(&normal);
         let centre = from + to_centre / (2.0 * normal.norm_squared());
-        let (start, end) = (from - centre, to - centre);
-        let angle = axis.dot(&start.cross(&end)).atan2(start.dot(&end));
-        Some(Self { centre, axis, angle: angle.rem_euclid(std::f64::consts::TAU) })
+        let circle = Self { centre, axis, angle: 0.0 };
+        Some(Self { angle: circle.angle_between(&from, &to), ..circle })
+    }
+
+    /// From one of its points on to another, rad.
+    fn angle_between(&self, from: &Point3<f64>, to: &Point3<f64>) -> f64 {
+        let (start, end) = (from - self.centre, to - self.centre);
+        let angle = self.axis.dot(&start.cross(&end)).atan2(start.dot(&end));
+        angle.rem_euclid(std::f64::consts::TAU)
+    }
+
+    /// The orientations at its helper, turned evenly in the base and as it stands to the path.
+    fn turned(
+        &self,
+        from: &Isometry3<f64>,
+        by: &Isometry3<f64>,
+        to: &Isometry3<f64>,
+    ) -> Vec<UnitQuaternion<f64>> {
+        let [start, helper] = [from, by].map(|own| Point3::from(own.translation.vector));
+        let share = self.angle_between(&start, &helper) / self.angle;
+        self.turns(&from.rotation, &to.rotation, share).into_iter().flatten().collect()
+    }
+
+    /// The orientation at a share of the way: evenly in the base, and as it stands to the path; `None` where it may turn either way.
+    fn turns(
+        &self,
+        from: &UnitQuaternion<f64>,
+        to: &UnitQuaternion<f64>,
+        share: f64,
+    ) -> [Option<UnitQuaternion<f64>>; 2] {
+        let by = |share: f64| UnitQuaternion::from_axis_angle(&self.axis, share * self.angle);
+        let to_path = by(1.0).inverse() * to;
+        let with_path = from.try_slerp(&to_path, share, 1e-9);
+        [from.try_slerp(to, share, 1e-9), with_path.map(|own| by(share) * own)]
     }
 
     /// How many circles it may be cut into.
@@ -222,13 +293,10 @@ impl Circle {
     /// where the helper says which way round.
     pub(super) fn turns_alike(&self, stops: [&UnitQuaternion<f64>; 3]) -> bool {
         let [from, helper, to] = stops;
-        let by = |share: f64| UnitQuaternion::from_axis_angle(&self.axis, share * self.angle);
-        let to_path = by(1.0).inverse() * to;
         let is_alike = |share: f64| {
-            let even = from.try_slerp(to, share, 1e-9)?;
-            let with_path = by(share) * from.try_slerp(&to_path, share, 1e-9)?;
-            let is_near = helper.angle_to(&even) < FRAC_PI_2;
-            Some(is_near && even.angle_to(&with_path) < ALIKE_RAD)
+            let [even, with_path] = self.turns(from, to, share);
+            let is_near = helper.angle_to(&even?) < FRAC_PI_2;
+            Some(is_near && even?.angle_to(&with_path?) < ALIKE_RAD)
         };
         [0.25, 0.5, 0.75].into_iter().all(|share| is_alike(share).unwrap_or(false))
     }
