@@ -23,6 +23,11 @@ const ARMS: [(&str, [f64; 6], [f64; 6]); 3] = [
 /// A session, one in three a grid of one orientation, the others configurations of which half are in the order of the first joint; its
 /// base and its tracker drift.
 fn session(number: u64, knock_mm: f64) -> (Arm, Vec<Station>) {
+    session_of(number, knock_mm, Vector3::zeros())
+}
+
+/// The session with its target this far, mm, from where it is.
+fn session_of(number: u64, knock_mm: f64, target_mm: Vector3<f64>) -> (Arm, Vec<Station>) {
     let place = usize::try_from(number % 3).expect("small");
     let (robot, home, spread) = ARMS[place];
     let arm = common::arm(robot);
@@ -53,6 +58,9 @@ fn session(number: u64, knock_mm: f64) -> (Arm, Vec<Station>) {
         };
     }
     settings.poses = poses;
+    for (own, by) in settings.cell.flange_from_target_mm.iter_mut().zip(&target_mm) {
+        *own += by;
+    }
     (arm.clone(), simulate(&arm, &settings).expect("in reach").stations())
 }
 
@@ -137,6 +145,30 @@ fn is_named(number: u64, joint: usize, slip_rad: f64) -> bool {
 fn a_joint_that_slips_is_named_with_its_station() {
     for (number, joint) in [(1, 0), (6, 1), (7, 2), (8, 3), (4, 4)] {
         assert!(is_named(number, joint, 2e-3), "{number}, {joint}");
+    }
+}
+
+#[test]
+fn a_target_that_is_mounted_anew_is_named_and_is_no_slip() {
+    let shifts =
+        [Vector3::new(0.0, 0.0, 12.7), Vector3::new(0.3, 0.0, 0.4), Vector3::new(2.0, -1.0, 0.0)];
+    for (number, by) in [2, 4, 8].into_iter().zip(shifts) {
+        let (arm, mut stations) = session(number, 0.0);
+        let (_, others) = session_of(number, 0.0, by);
+        let middle = stations.len() / 2;
+        stations[middle..].clone_from_slice(&others[middle..]);
+        match knocks::taken_out(&mut stations, &arm, Some(Vector3::z_axis())) {
+            Err(JoinError::Remounted { station, by: found, .. }) => {
+                println!("{number}: {by} is found as {found:?}");
+                assert!(station.abs_diff(middle) <= 2, "{number}: {station} of {middle}");
+                for (found, by) in found.iter().zip(&by) {
+                    let size: f64 =
+                        found.split(' ').next().expect("a number").parse().expect("a number");
+                    assert!((size - by).abs() < 0.2, "{number}: {found} for {by}");
+                }
+            }
+            other => panic!("{number}, {by}: {other:?}"),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The errors of the join: what is wrong, where, both numbers, and what to try.
 
+use nalgebra::Vector3;
 use thiserror::Error;
 
 use super::moved::clock_words;
@@ -81,6 +82,12 @@ pub enum JoinError {
         or: &'static str,
     },
     #[error(
+        "the target stands elsewhere on the flange from station {station}{at} on, by [{}] mm (two standard errors): another reflector, or it was \
+         mounted anew. Give the stations on the two sides as two sessions, the second with its own [fit] target",
+        by.join(", ")
+    )]
+    Remounted { by: [String; 3], station: usize, at: String },
+    #[error(
         "what joint {joint:?} reports stepped by {by} before station {station}{at}, while its commands did not: its encoder slipped, the arm no \
          longer goes where it is commanded, or the controller's tool or base was changed by a turn about that axis. No calibration holds before \
          and behind: master the joint, and measure again, or leave out the stations on one side"
@@ -89,6 +96,15 @@ pub enum JoinError {
 }
 
 impl JoinError {
+    /// The target stands elsewhere from a station on, by a way and its standard deviations, mm.
+    pub fn remounted(
+        [by, sd]: [Vector3<f64>; 2],
+        (station, at): (usize, Option<Stamp<Controller>>),
+    ) -> Self {
+        let by = [0, 1, 2].map(|axis| format!("{:.3} ± {:.3}", by[axis], 2.0 * sd[axis]));
+        Self::Remounted { by, station, at: at.map_or_else(String::new, clock_words) }
+    }
+
     /// A joint stands `by` further than it reports from a station on, with the standard deviation of that, rad; mm where it slides.
     pub fn slipped(
         joint: &Joint,

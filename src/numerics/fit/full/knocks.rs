@@ -1,15 +1,16 @@
 //! Knocks: the instrument or the base moved at one time in the middle of a session, and no reference tells it.
 //!
 //! Input: the stations of one session in order of time, and the arm. Output: the motions, and the readings behind each carried to where
-//! the instrument stood at first; or a joint that slipped, behind which it stands beside what it reports.
+//! the instrument stood at first; or a joint that slipped, behind which it stands beside what it reports; or a target that was moved.
 //! 1. A model of the session alone is trained, of geometry, frames and slow joint curves. A slow drift of all six motions of the base is
 //!    added: Legendre's polynomials over the session, of which the n-th has a variance like 1/n².
 //! 2. A knock before a station is six more columns: the base's, at that station and all behind it. Each has a score test `sᵀ V⁻¹ s`,
 //!    `s = Bᵀ N⁻¹ e` and `V = Bᵀ N⁻¹ B − Bᵀ N⁻¹ Φ C Φᵀ N⁻¹ B` with the model's rows Φ, their covariance C and residuals e.
-//!    A slip of a joint is one more column.
+//!    A slip of a joint is one more column, another place of the target on the flange three.
 //! 3. The most significant one is added to the model, whose sizes are found anew. It is a knock, or the slip of the joint with more
 //!    evidence, where the log evidence rises by 20 nats: a slow drift gains nothing by a step. A slip whose statistic is less than nine
-//!    tenths of the knock's has 20 nats more than that.
+//!    tenths of the knock's has 20 nats more than that. It is another place of the target where that has more evidence than the slip, and 40
+//!    nats more than the knock.
 
 use std::ops::{Range, RangeInclusive};
 
@@ -41,6 +42,8 @@ const TRIED: f64 = 30.0;
 /// Share of the statistic of a motion of the base from which on a slip is one of those motions. One with less has to have 20 nats more.
 const SLIP_SHARE: f64 = 0.9;
 const MOST: usize = 4;
+/// Columns of the target's place on the flange.
+const TARGET: usize = 3;
 const HARMONICS: usize = 6;
 /// Polynomials of the slow drift.
 const ORDERS: usize = 6;
@@ -57,7 +60,7 @@ const LEAST_SLIP: f64 = 2e-4;
 ///
 /// # Errors
 ///
-/// A joint slipped.
+/// A joint slipped, or the target was moved.
 pub fn taken_out(
     stations: &mut [Station],
     arm: &Arm,
@@ -73,6 +76,10 @@ pub fn taken_out(
             Some((station, Step::Joint(slip))) => {
                 let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
                 return Err(slipped(arm, station, at, slip));
+            }
+            Some((station, Step::Target(by))) => {
+                let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
+                return Err(JoinError::remounted(by, (station, at)));
             }
             None => break,
         }
@@ -135,6 +142,8 @@ fn observed(stations: &[Station], arm: &Arm) -> Vec<Observation> {
 enum Step {
     Base(Box<Motion>),
     Joint(Slip),
+    /// The target's way on the flange along its axes and the standard deviations of that, mm.
+    Target([Vector3<f64>; 2]),
 }
 
 /// A joint that stands beside what it reports, by this much more than before: rad; mm where it slides.
@@ -149,6 +158,7 @@ struct Slip {
 enum Columns {
     Base,
     Joint(usize),
+    Target,
 }
 
 /// The model of one session, and the whitened rows of its stations.
@@ -162,7 +172,7 @@ struct Small<'a> {
     turns: Vec<bool>,
     /// Rows of the columns of the model, then of the drift's: a row of the regression in each column, three for each observation.
     rows: DMatrix<f64>,
-    /// Rows of the columns of a step: of the base, then of each joint.
+    /// Rows of the columns of a step: of the base, then of each joint, then of a session's only target.
     steps: DMatrix<f64>,
     /// Units of each joint's variable that count as one radian.
     units: Vec<f64>,
@@ -243,6 +253,11 @@ impl<'a> Small<'a> {
         if base.len() != 6 {
             return None;
         }
+        let is_target = |place: &usize| {
+            let parameter = problem.unknowns()[*place].parameter;
+            matches!(parameter, Parameter::Target(Axis::Translation(_)))
+        };
+        let target: Vec<usize> = (0..problem.unknowns().len()).filter(is_target).collect();
         let turns: Vec<bool> =
             base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
         let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
@@ -251,6 +266,11 @@ impl<'a> Small<'a> {
         let mut steps = kept.transposed.select_rows(&base).resize_vertically(6 + joints.len(), 0.0);
         for (joint, own) in joints.iter().enumerate() {
             steps.row_mut(6 + joint).tr_copy_from(&own.motions);
+        }
+        if target.len() == TARGET {
+            let first = steps.nrows();
+            steps = steps.resize_vertically(first + TARGET, 0.0);
+            steps.rows_mut(first, TARGET).copy_from(&kept.transposed.select_rows(&target));
         }
         let units = arm.joints().iter().map(Joint::per_radian).collect();
         let rows = with_drift(kept.transposed, &steps.rows(0, 6).as_view(), &stations);
@@ -285,16 +305,26 @@ impl<'a> Small<'a> {
         let near =
             station.saturating_sub(2).max(BESIDE)..=(station + 2).min(self.stations.len() - BESIDE);
         let joints: Vec<Columns> = (0..self.units.len()).map(Columns::Joint).collect();
-        let [knock, slip] = [&[Columns::Base], &joints[..]].map(|own| self.best(&near, own));
+        let has_target = self.steps.nrows() > 6 + joints.len();
+        let target = &[Columns::Target][..usize::from(has_target)];
+        let [knock, slip, remounted] =
+            [&[Columns::Base], &joints[..], target].map(|own| self.best(&near, own));
         let evidence = |own: &Tried| own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.evidence());
         // No least statistic: sizes found without a step grow with it, so that all statistics of a large one are alike.
         let is_that_motion = |own: &((usize, Columns), Sized)| match own.0.1 {
             Columns::Joint(joint) => statistics[1 + joint] >= SLIP_SHARE * statistics[0],
-            Columns::Base => false,
+            Columns::Base | Columns::Target => false,
         };
         let more = if slip.as_ref().is_some_and(is_that_motion) { 0.0 } else { GAIN };
         let is_slip = evidence(&slip) > evidence(&knock) + more;
-        let ((station, columns), with) = if is_slip { slip } else { knock }?;
+        // Where all stations have one orientation, another place of the target is a shift of the base.
+        let is_target = evidence(&remounted) > evidence(&slip).max(evidence(&knock) + 2.0 * GAIN);
+        let found = match (is_target, is_slip) {
+            (true, _) => remounted,
+            (false, true) => slip,
+            (false, false) => knock,
+        };
+        let ((station, columns), with) = found?;
         let gain = with.evidence() - without.evidence();
         let step = (gain > GAIN).then(|| self.step_at(columns, &with))??;
         Some((self.observations[self.stations[station].start].station, step))
@@ -324,6 +354,7 @@ impl<'a> Small<'a> {
                 match step {
                     _ if added < 6 * ORDERS => drift[turns],
                     Some((_, Columns::Joint(joint))) => (SLIP * self.units[joint]).powi(2),
+                    Some((_, Columns::Target)) => KNOCK[0].powi(2),
                     _ => KNOCK[turns].powi(2),
                 }
             });
@@ -362,6 +393,7 @@ impl<'a> Small<'a> {
         let own = match columns {
             Columns::Base => self.steps.view((0, first), (6, behind)),
             Columns::Joint(joint) => self.steps.view((6 + joint, first), (1, behind)),
+            Columns::Target => self.steps.view((6 + self.units.len(), first), (TARGET, behind)),
         };
         let along = self.rows.columns(first, behind) * own.transpose();
         let (size, added) = (self.rows.nrows(), own.nrows());
@@ -375,7 +407,7 @@ impl<'a> Small<'a> {
         Sums { information, moment, ..self.sums }
     }
 
-    /// The station before which a step has the largest statistic, and those of the base and of each joint there.
+    /// The station before which a step has the largest statistic, and those of the base, of each joint and of the target there.
     fn most_likely(&self, without: &Sized) -> Option<(usize, DVector<f64>)> {
         let left = &self.values - self.rows.tr_mul(&without.posterior.mean());
         let steps = self.steps.nrows();
@@ -396,7 +428,7 @@ impl<'a> Small<'a> {
             }
             let half = without.posterior.half(&along.transpose());
             let known = &alone - half.tr_mul(&half) / without.noise;
-            let statistics = statistics(&known, &score) / without.noise;
+            let statistics = statistics(&known, &score, self.units.len()) / without.noise;
             if best.as_ref().is_none_or(|(_, most)| statistics.max() > most.max()) {
                 best = Some((station, statistics));
             }
@@ -406,10 +438,19 @@ impl<'a> Small<'a> {
 
     /// The step that the last columns of a model are.
     fn step_at(&self, columns: Columns, with: &Sized) -> Option<Step> {
-        let Columns::Joint(joint) = columns else {
-            return self.knock_at(with).map(|own| Step::Base(Box::new(own)));
-        };
         let place = self.rows.nrows();
+        let joint = match columns {
+            Columns::Base => return self.knock_at(with).map(|own| Step::Base(Box::new(own))),
+            Columns::Joint(joint) => joint,
+            Columns::Target => {
+                let places = [place, place + 1, place + 2];
+                let covariance = with.posterior.covariance_of(&places);
+                let mean = with.posterior.mean();
+                let by = Vector3::from(places.map(|place| mean[place]));
+                let sd = Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt());
+                return Some(Step::Target([by, sd]));
+            }
+        };
         let by = with.posterior.mean()[place];
         let sd = with.posterior.covariance_of(&[place])[(0, 0)].sqrt();
         let is_slip = by.abs() > LEAST_SLIP * self.units[joint];
@@ -442,14 +483,17 @@ impl<'a> Small<'a> {
     }
 }
 
-/// The score statistics of the columns of the base together, and of each joint.
-fn statistics(known: &DMatrix<f64>, score: &DVector<f64>) -> DVector<f64> {
-    let of_base = score.rows(0, 6);
-    let base = known.view((0, 0), (6, 6)).clone_owned().cholesky();
-    let base = base.map_or(0.0, |own| own.solve(&of_base).dot(&of_base));
-    let joint = |own: usize| score[own].powi(2) / known[(own, own)];
-    let joints = (6..score.len()).map(joint).map(|own| if own.is_finite() { own } else { 0.0 });
-    DVector::from_iterator(score.len() - 5, [base].into_iter().chain(joints))
+/// The score statistics of the columns of the base together, of each of the joints, and of those of the target together.
+fn statistics(known: &DMatrix<f64>, score: &DVector<f64>, joints: usize) -> DVector<f64> {
+    let together = |first: usize, count: usize| {
+        let own = score.rows(first, count);
+        let known = known.view((first, first), (count, count)).clone_owned().cholesky();
+        known.map_or(0.0, |known| known.solve(&own).dot(&own))
+    };
+    let behind = 6 + joints;
+    let each = (6..behind).map(|own| together(own, 1));
+    let all = std::iter::once(together(0, 6)).chain(each);
+    DVector::from_vec(all.chain([together(behind, score.len() - behind)]).collect())
 }
 
 const fn is_turn(parameter: Parameter) -> bool {
