@@ -112,10 +112,15 @@ pub enum StageError {
     NoPlaces { session: String },
     #[error(
         "session {session} judges, but {copies} of its {stations} measured stations train under another name: joint angles and readings \
-         equal those of {of} to the last bit, and what was learnt from cannot show what was learnt; take {session} out of [input] test, or \
+         are those of {of}, at most rounded or moved as one, and what was learnt from cannot show what was learnt; take {session} out of [input] test, or \
          {of} out of the sessions that are learnt from"
     )]
     Copied { session: String, of: String, copies: usize, stations: usize },
+    #[error(
+        "session {session}: its readings are its commanded positions, at most moved as one, to less than any arm and any instrument leave; give \
+         what the instrument measured"
+    )]
+    Commanded { session: String },
     #[error("fit: {0}")]
     Several(#[from] SeveralSources),
     #[error(

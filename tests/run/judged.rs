@@ -215,7 +215,7 @@ fn a_judge_that_trained_under_another_name_is_refused() {
         &[
             "session tue judges, but ",
             " measured stations train under another name",
-            "equal those of mon to the last bit",
+            "are those of mon, at most rounded or moved as one",
             "take tue out of [input] test",
         ],
     );

@@ -11,6 +11,7 @@ use serde::Deserialize;
 use thiserror::Error;
 
 use crate::io::tables::counts::{NOT_OF_ARM, REPEATED, SECOND};
+use crate::join::Unmeasured;
 
 /// Names of a session's logs in its counts and in messages.
 const LOGS: [(&str, &str); 3] =
@@ -131,17 +132,23 @@ impl Counted {
         self.read.saturating_sub(beside.into_iter().flatten().sum())
     }
 
+    /// Those with which something is wrong: of messages all, of dwells those whose readings contradict the arm.
     fn rejected(&self) -> u64 {
-        self.wanted().saturating_sub(self.kept)
+        let of_dwells = [Unmeasured::WrongTarget, Unmeasured::TargetMoved].map(Unmeasured::name);
+        match (self.stage.as_str(), self.of.as_str()) {
+            ("ingest", _) => self.wanted().saturating_sub(self.kept),
+            ("join", "dwells") => {
+                of_dwells.iter().filter_map(|name| self.rejected.get(*name)).sum()
+            }
+            _ => 0,
+        }
     }
 }
 
-/// Topics of which more than this share of messages was rejected, as text; `counts` is in the form of a row of `runs`.
+/// Topics of which more than this share of messages was rejected, and dwells, as text; `counts` is in the form of a row of `runs`.
 pub(super) fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
     let counts: Vec<Counted> = serde_json::from_str(counts).unwrap_or_default();
-    let beyond = |counted: &&Counted| {
-        counted.stage == "ingest" && counted.rejected() as f64 > allowed * counted.wanted() as f64
-    };
+    let beyond = |counted: &&Counted| counted.rejected() as f64 > allowed * counted.wanted() as f64;
     let words = |counted: &Counted| {
         let (of, rejected, read) = (&counted.of, counted.rejected(), counted.wanted());
         format!(
@@ -191,9 +198,11 @@ mod tests {
     fn rejected_messages_count_by_topic() {
         let counts = r#"[{"stage": "ingest", "of": "joint messages", "read": 300, "kept": 95, "rejected": {"x": 5, "repeated": 100, "not_of_arm": 100}},
             {"stage": "ingest", "of": "reading messages", "read": 100, "kept": 94, "rejected": {"x": 6}},
-            {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 91}}]"#;
+            {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 91}},
+            {"stage": "join", "of": "dwells", "read": 100, "kept": 50, "rejected": {"no_readings": 44, "wrong_target": 6}}]"#;
         let beyond = rejected_beyond(counts, 0.05);
-        assert_eq!(beyond.len(), 1, "{beyond:?}");
+        assert_eq!(beyond.len(), 2, "{beyond:?}");
+        assert!(beyond[1].starts_with("6 of 100 dwells were rejected"), "{beyond:?}");
         assert!(beyond[0].starts_with("6 of 100 reading messages"), "{beyond:?}");
     }
 }

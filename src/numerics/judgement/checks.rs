@@ -1,13 +1,17 @@
 //! Whether sessions fit together, and what is stated of them: one source of positions in each, no copies among those that judge, dates
 //! around repairs, one arm.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
+
+use nalgebra::{Isometry3, Point3};
 
 use super::observed::Observed;
 use super::{JoinedSession, StageError, StageSettings};
+use crate::figures::median;
 use crate::fit::Models;
 use crate::fit::same_arm::{self, NotOneArm};
-use crate::join::{Reading, Station, one_source};
+use crate::geometry::align;
+use crate::join::{Station, one_source};
 use crate::kinematics::Arm;
 use crate::units::WallTime;
 
@@ -34,51 +38,66 @@ pub(super) fn check_judge(session: &JoinedSession) -> Result<(), StageError> {
     Ok(())
 }
 
-/// Fewest equal stations that show a copy.
-const COPIED: usize = 3;
+/// Fewest equal stations that show a copy, and fewest that are equal once they are moved as one.
+const COPIED: [usize; 2] = [3, 10];
+/// Median distance of positions that were measured once alone, mm: repeatability and an instrument leave more.
+const ONE_MM: f64 = 0.005;
 
-/// Refuses a session that judges with stations that train.
-pub(super) fn not_copied(
+/// Refuses a session that judges with stations that train, be they rounded or in another frame, and one whose readings are its commands.
+pub(super) fn measured_once(
     training: &[JoinedSession],
     test: &[JoinedSession],
 ) -> Result<(), StageError> {
-    let mut trained: HashMap<Vec<u64>, &str> = HashMap::new();
-    for session in training {
-        let measured = session.joined.stations.iter().filter_map(bits);
-        trained.extend(measured.map(|own| (own, session.name.as_str())));
+    for session in test {
+        training.iter().try_for_each(|trained| check_no_copy(session, trained))?;
     }
-    test.iter().try_for_each(|session| check_no_copy(session, &trained))
+    for session in training.iter().chain(test) {
+        let stations = session.joined.stations.iter();
+        let pairs = stations.filter_map(|own| Some((read(own)?, own.command.as_ref()?.position)));
+        if are_one(&pairs.collect::<Vec<_>>()) {
+            return Err(StageError::Commanded { session: session.name.clone() });
+        }
+    }
+    Ok(())
 }
 
-fn check_no_copy(
-    session: &JoinedSession,
-    trained: &HashMap<Vec<u64>, &str>,
-) -> Result<(), StageError> {
-    let measured: Vec<_> = session.joined.stations.iter().filter_map(bits).collect();
-    let copies: Vec<&str> = measured.iter().filter_map(|own| trained.get(own).copied()).collect();
-    if copies.len() < COPIED {
+fn check_no_copy(session: &JoinedSession, trained: &JoinedSession) -> Result<(), StageError> {
+    // Milliradians and micrometres: two visits of a pose differ by more, a rounded number by less.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "angles and lengths of an arm in thousandths"
+    )]
+    let joints = |own: &Station| own.joints.iter().map(|q| (q * 1e3).round() as i64).collect();
+    let place = |own: &Station| Some((joints(own), read(own)?));
+    let places: HashMap<Vec<i64>, Point3<f64>> =
+        trained.joined.stations.iter().filter_map(place).collect();
+    let pair = |own: &Station| Some((read(own)?, *places.get(&joints(own))?));
+    let pairs: Vec<_> = session.joined.stations.iter().filter_map(pair).collect();
+    let equal = pairs.iter().filter(|(own, other)| own == other).count();
+    if equal < COPIED[0] && !are_one(&pairs) {
         return Ok(());
     }
-    let of: BTreeSet<&str> = copies.iter().copied().collect();
     Err(StageError::Copied {
         session: session.name.clone(),
-        of: Vec::from_iter(of).join(", "),
-        copies: copies.len(),
-        stations: measured.len(),
+        of: trained.name.clone(),
+        copies: pairs.len(),
+        stations: session.joined.stations.iter().filter_map(read).count(),
     })
 }
 
-/// Joint angles and readings of a station, bit by bit, without what the readings state of themselves; `None` of one without a reading.
-fn bits(station: &Station) -> Option<Vec<u64>> {
-    let read = |reading: &Reading| {
-        let position = reading.position().map(|own| own.coords.as_slice().to_vec());
-        let turn = reading.orientation().map(|own| own.coords.as_slice().to_vec());
-        let length = reading.value.length().map(|own| vec![own.mm]);
-        [position, turn, length].into_iter().flatten().flatten()
+fn read(station: &Station) -> Option<Point3<f64>> {
+    station.measured().first()?.position()
+}
+
+/// Whether positions and others of the same stations were measured once alone, and at most moved as one.
+fn are_one(pairs: &[(Point3<f64>, Point3<f64>)]) -> bool {
+    let (own, others): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+    let moved = align(&own, &others, &vec![1.0; pairs.len()]);
+    let apart = |moved: Isometry3<f64>| {
+        let apart = own.iter().zip(&others).map(|(own, other)| (own - moved * other).norm());
+        median(&apart.collect::<Vec<_>>())
     };
-    let readings = station.measured().iter().flat_map(read);
-    let all = station.joints.iter().copied().chain(readings);
-    (!station.measured().is_empty()).then(|| all.map(f64::to_bits).collect())
+    pairs.len() >= COPIED[1] && moved.and_then(apart).is_some_and(|apart| apart < ONE_MM)
 }
 
 /// The settings with those repairs that a session which trains came after: one that is still to come changes nothing. An error where a

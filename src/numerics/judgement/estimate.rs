@@ -66,7 +66,7 @@ pub fn estimate(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Estimate, StageError> {
-    checks::not_copied(&training, &test)?;
+    checks::measured_once(&training, &test)?;
     let Prepared { settings, camera_size, stated_sizes } =
         prepared(arm, &mut training, &mut test, settings)?;
     let mut observed = Observed::new(arm, &training, &settings);

@@ -1,5 +1,7 @@
 //! Residuals of every model on every set of stations that judges it.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3};
 
 use super::refit::Placed;
@@ -30,12 +32,11 @@ pub fn own_session(
 ) -> Vec<ResidualSet> {
     let mut sets = Vec::new();
     for (model, angles) in Model::compared() {
-        let Some((it, predictions)) =
-            predictions(models, model, angles, stations.observations, true)
-        else {
+        let observations = &*known_ones(stations.observations, angles);
+        let Some((it, predictions)) = predictions(models, model, angles, observations, true) else {
             continue;
         };
-        let covariances = own_covariances(it, &predictions, stations.observations);
+        let covariances = own_covariances(it, &predictions, observations);
         let residual = |(place, (observation, predicted)): (usize, (&Observation, &Predicted))| {
             let target = predicted.target.position;
             let base = stated_in(models, model, observation);
@@ -54,13 +55,8 @@ pub fn own_session(
                 turn: predicted.turn.map(|turn| turn.seen_from(&base.rotation.inverse())),
             })
         };
-        let residuals = stations
-            .observations
-            .iter()
-            .zip(&predictions)
-            .enumerate()
-            .filter_map(residual)
-            .collect();
+        let residuals = observations.iter().zip(&predictions).enumerate();
+        let residuals = residuals.filter_map(residual).collect();
         let subject = Subject {
             split,
             of_session: stations.session.to_owned(),
@@ -83,7 +79,7 @@ pub(super) fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>
 /// A model with its predictions in the tracker's frame: with the session's own frames, or with those of the latest session
 /// that trained where it is unseen.
 ///
-/// `None` without such a model or a prediction at these angles: figures of other stations would not be comparable.
+/// `None` without such a model, without observations, or without a prediction at these angles.
 pub(super) fn predictions<'m>(
     models: &'m Models,
     model: Model,
@@ -92,6 +88,7 @@ pub(super) fn predictions<'m>(
     own: bool,
 ) -> Option<(&'m dyn PoseModel, Vec<Predicted>)> {
     let (model, latest) = (models.get(model)?, models.latest());
+    observations.first()?;
     let of = |o: &Observation| {
         let axes = axes_at(o, angles)?;
         let known = known_at(o, angles);
@@ -113,6 +110,15 @@ pub(super) fn predictions<'m>(
     };
     let predicted: Option<Vec<Predicted>> = observations.iter().map(of).collect();
     Some((model, predicted?))
+}
+
+/// The observations whose axis variables are known at these angles: without its command a station judges no commands.
+pub(super) fn known_ones(observations: &[Observation], angles: Angles) -> Cow<'_, [Observation]> {
+    let is_known = |own: &Observation| axes_at(own, angles).is_some();
+    if observations.iter().all(is_known) {
+        return Cow::Borrowed(observations);
+    }
+    observations.iter().filter(|own| is_known(own)).cloned().collect()
 }
 
 /// Axis variables of a station at these angles, rad; `None` where its command is not known.

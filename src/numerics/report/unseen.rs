@@ -7,7 +7,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3};
 
-use super::evaluate::{Predicted, Stations, placed, predictions, target_read, turned};
+use super::evaluate::{Predicted, Stations, known_ones, placed, predictions, target_read, turned};
 use super::locate::{Located, Locator};
 use super::refit::{self, Placed, Refit};
 use super::tip::{Turn, without_constant};
@@ -29,19 +29,25 @@ pub fn unseen_session(
     // A session with a mounting of its own has no base without a refit.
     let refits = [BaseRefit::None, locator.locate.base_refit(), BaseRefit::All];
     for (model, angles) in Model::compared() {
-        let found = predictions(models, model, angles, stations.observations, false);
-        let Some((it, predictions)) = found else { continue };
+        let observations = &*known_ones(stations.observations, angles);
+        let place = |finder: &usize| {
+            let station = stations.observations[*finder].station;
+            observations.iter().position(|own| own.station == station)
+        };
+        let finders: Option<Vec<usize>> = located.finders.iter().map(place).collect();
+        let found = predictions(models, model, angles, observations, false).zip(finders);
+        let Some(((it, predictions), finders)) = found else { continue };
         let trained = it.frames()[models.latest()].main()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
-        let noise = noise(it, &predictions, stations.observations, models.latest(), &to_base);
+        let noise = noise(it, &predictions, observations, models.latest(), &to_base);
         let own_target = located.target_sd_mm;
         let poses = match model {
-            Model::Full => locator.poses(stations.observations, angles, &placed, own_target, noise),
+            Model::Full => locator.poses(observations, angles, &placed, own_target, noise),
             _ => None,
         };
         let unseen = Unseen {
-            targets: stations.observations.iter().map(|o| target_read(models, o)).collect(),
+            targets: observations.iter().map(|o| target_read(models, o)).collect(),
             model: it,
             predictions: &predictions,
             placed: &placed,
@@ -57,9 +63,9 @@ pub fn unseen_session(
                 angles,
                 base_refit,
             };
-            let found = unseen.found(stations.observations, base_refit, &located.finders);
+            let found = unseen.found(observations, base_refit, &finders);
             if let Some(found) = found {
-                let residuals = unseen.residuals(stations.observations, &found);
+                let residuals = unseen.residuals(observations, &found);
                 sets.push(ResidualSet { subject, residuals });
             }
         }
