@@ -29,6 +29,7 @@ pub use covariances::LoggedCovariance;
 pub use decoded::{DecodedJoints, DecodedPoses, DecodedTemperatures};
 pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, TemperatureBuffer};
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
+pub use rows::CELSIUS;
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, CovarianceColumns, JointFields,
     KnownOffset, KnownPlace, LengthColumns, LengthRead, LengthSource, LengthUnit, LoggedLength,

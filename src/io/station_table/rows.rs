@@ -9,8 +9,8 @@ use super::{StationTable, name};
 use crate::geometry::{PoseCovariance, symmetric};
 use crate::ingest::covariances::{self, CovarianceCounts};
 use crate::ingest::{
-    AngleUnit, LengthColumns, LengthRead, LengthUnit, LoggedCovariance, OrientationColumns,
-    OrientationForm, ReadingColumns, StationsSettings, TableTime,
+    AngleUnit, CELSIUS, LengthColumns, LengthRead, LengthUnit, LoggedCovariance,
+    OrientationColumns, OrientationForm, ReadingColumns, StationsSettings, TableTime,
 };
 use crate::join::tabled::{ApartRow, RejectCode, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
@@ -253,12 +253,18 @@ impl Reader<'_> {
 
     fn station(&self, row: usize) -> Result<Row, Fault> {
         let temperature = self.columns.temperature.as_ref().map(|own| self.value(own, row));
+        let temperature_c = temperature.and_then(Result::ok);
+        if let Some(other) = temperature_c.filter(|own| !CELSIUS.contains(own)) {
+            return Err(Fault::of(format!(
+                "its temperature, {other}, is none in °C of a place where arms are measured (−40 to 60); write it in °C"
+            )));
+        }
         Ok(Row {
             line: self.table.line(row),
             joints: self.joints(row)?,
             command: self.command(row)?,
             time_ns: self.time_ns(row)?,
-            temperature_c: temperature.and_then(Result::ok),
+            temperature_c,
             readings: Vec::new(),
             references: Vec::new(),
         })

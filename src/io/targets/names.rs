@@ -20,7 +20,16 @@ pub enum NamesProblem {
     Alike { first: String, second: String },
     #[error("{found:?} is no name that is known here, and {known:?} is; write it so")]
     OtherLetters { found: String, known: String },
+    #[error(
+        "{name:?} states an orientation or a frame in a form that is not read here; give positions in the table's frame and orientations as qx, \
+         qy, qz and qw, or take the column out where it means nothing"
+    )]
+    NotRead { name: String },
 }
+
+/// Names, without their unit, of orientations and frames in forms that are not read.
+const NOT_READ: [&str; 12] =
+    ["rx", "ry", "rz", "roll", "pitch", "yaw", "frame", "base", "wobj", "uf", "ut", "user_frame"];
 
 /// Compares the names of one file or object with each other and with the known ones.
 pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), NamesProblem> {
@@ -29,6 +38,10 @@ pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), 
         let folded = folded(name);
         if let Some(known) = known(&folded).filter(|known| known != name) {
             return Err(NamesProblem::OtherLetters { found: name.to_owned(), known });
+        }
+        let stem = folded.trim_end_matches("_deg").trim_end_matches("_rad");
+        if NOT_READ.contains(&stem) {
+            return Err(NamesProblem::NotRead { name: name.to_owned() });
         }
         match seen.insert(folded, name) {
             None => {}
@@ -74,6 +87,13 @@ mod tests {
     fn names_of_the_callers_own_pass_as_they_are() {
         assert_eq!(check(["target", "x_mm", "Note", "ID", "q1_deg"]), Ok(()));
         assert_eq!(check(["Table_ID", "Corrected_By"]), Ok(()), "known so too");
+    }
+
+    #[test]
+    fn orientations_and_frames_in_other_forms_are_refused() {
+        for name in ["rx_deg", "Yaw", "FRAME", "wobj"] {
+            assert!(told(&["target", "x_mm", name]).contains("is not read here"), "{name}");
+        }
     }
 
     #[test]

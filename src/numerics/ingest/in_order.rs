@@ -417,7 +417,7 @@ mod tests {
                 stamp += rng.random_range(0..4);
                 let wrong = rng.random_range(0..20) == 0;
                 let late = rng.random_range(0..=disorder);
-                (stamp - late, if wrong { f64::NAN } else { number })
+                (stamp - late, if wrong { f64::NAN } else { 0.1 * number })
             };
             let mut file = |rows| (0..rows).map(|_| row()).collect::<File>();
             let mut files = [file(40), file(0), file(30), file(30)];

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use super::{JointAngles, LogReject, LossKind, SpanClock};
 
@@ -16,6 +17,9 @@ pub(super) enum RowFault {
     NoOrientation,
     Temperature,
 }
+
+/// Temperatures of places where arms are measured, °C: kelvins and most degrees Fahrenheit lie beyond.
+pub const CELSIUS: RangeInclusive<f64> = -40.0..=60.0;
 
 impl RowFault {
     /// The fault of a row of joint angles; `None` without one.
@@ -46,7 +50,7 @@ impl fmt::Display for RowFault {
             Self::NoOrientation => {
                 "the message has no orientation, and the position alone of a camera on the flange says nothing"
             }
-            Self::Temperature => "the temperature is not a finite number",
+            Self::Temperature => "the temperature is none in °C of a place where arms are measured, −40 to 60",
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::rows::{Place, RowFault, Rows};
+use super::super::rows::{CELSIUS, Place, RowFault, Rows};
 use super::super::{DecodedTemperatures, SpanClock};
 use super::{Buffer, reordered};
 
@@ -37,7 +37,7 @@ impl Buffer for TemperatureBuffer {
 
     fn judge(&self, block: &DecodedTemperatures, place: &Place<'_>) -> Rows {
         Rows::judge(&block.stamps, place, SpanClock::Tracker, |row| {
-            (!block.celsius[row].is_finite()).then_some(RowFault::Temperature)
+            (!CELSIUS.contains(&block.celsius[row])).then_some(RowFault::Temperature)
         })
     }
 
