@@ -25,5 +25,5 @@ pub use agreement::{Agreement, Relation};
 pub use evidence::{Dwelt, Evidence};
 pub use hypotheses::{Alternatives, FrameKey, Hypothesis, KnownArm, OtherReading};
 pub use search::{Finding, check};
-pub use set_up::{Reread, SetUp, UnitKeys};
+pub use set_up::{Reread, SetUp, UnitKeys, Units};
 pub use unjoined::explain;

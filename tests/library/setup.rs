@@ -8,6 +8,7 @@ use std::sync::{Arc, LazyLock};
 
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use posegrid::geometry::{Placement, isometry_from_rpy};
+use posegrid::ingest::{AngleUnit, LengthUnit};
 use posegrid::join::{Command, JoinSettings, join};
 use posegrid::kinematics::{Chain, Convention, Element, LinkQuantity, Parameter, RobotFile};
 use posegrid::setup::{
@@ -339,7 +340,8 @@ const KINDS: [Kind; 47] = [
     },
     Kind {
         name: "angles in degrees read as radians",
-        make: |_, e| {
+        make: |s, e| {
+            s.units.angles = AngleUnit::Rad;
             e.stations.iter_mut().flat_map(|s| &mut s.reported).for_each(|q| *q = q.to_degrees());
         },
         named: &["joint angles are in deg"],
@@ -398,12 +400,18 @@ const KINDS: [Kind; 47] = [
     },
     Kind {
         name: "readings in cm read as m",
-        make: |_, e| scaled_readings(e, 100.0),
+        make: |s, e| {
+            s.units.readings = LengthUnit::M;
+            scaled_readings(e, 100.0);
+        },
         named: &["tracker's positions are in cm"],
     },
     Kind {
         name: "commands in inches read as m",
-        make: |_, e| commands(e, |c| c.position.coords *= 1.0 / 0.0254),
+        make: |s, e| {
+            s.units.commands = LengthUnit::M;
+            commands(e, |c| c.position.coords *= 1.0 / 0.0254);
+        },
         named: &["commanded positions are in inch"],
     },
     Kind {

@@ -203,7 +203,7 @@ const BAD: [(&str, &str, &[&str]); 29] = [
     (
         "topic = \"/p\"\ntime = \"header\"\nunit = \"m\"",
         "topic = \"/p\"\ntime = \"header\"",
-        &["[tracker] (line 23) needs unit", "\"m\", \"mm\", \"cm\", \"inch\" or \"ft\""],
+        &["[tracker] (line 23) needs unit", "\"m\", \"mm\", \"cm\", \"inch\", \"ft\" or \"um\""],
     ),
     (
         "unit = \"rad\"",

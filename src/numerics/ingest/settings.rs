@@ -112,6 +112,8 @@ pub enum LengthUnit {
     Inch,
     /// Foot, 304.8 mm.
     Ft,
+    /// Micrometre.
+    Um,
 }
 
 /// All settings needed to read the samples of a session from its logs.
@@ -147,6 +149,16 @@ impl Mapping {
 }
 
 impl AngleUnit {
+    pub const ALL: [Self; 3] = [Self::Deg, Self::Rad, Self::Gon];
+
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Rad => "rad",
+            Self::Deg => "deg",
+            Self::Gon => "gon",
+        }
+    }
+
     /// Radians in one of this unit.
     pub const fn to_rad(self) -> f64 {
         match self {
@@ -158,6 +170,8 @@ impl AngleUnit {
 }
 
 impl LengthUnit {
+    pub const ALL: [Self; 6] = [Self::M, Self::Mm, Self::Inch, Self::Ft, Self::Cm, Self::Um];
+
     pub const fn to_mm(self) -> f64 {
         match self {
             Self::M => MM_PER_M,
@@ -165,6 +179,7 @@ impl LengthUnit {
             Self::Cm => 10.0,
             Self::Inch => 25.4,
             Self::Ft => 304.8,
+            Self::Um => 1e-3,
         }
     }
 }
@@ -196,6 +211,7 @@ impl fmt::Display for LengthUnit {
             Self::Cm => "cm",
             Self::Inch => "inch",
             Self::Ft => "ft",
+            Self::Um => "um",
         })
     }
 }

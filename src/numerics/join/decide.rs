@@ -45,19 +45,19 @@ struct Candidate {
 /// The chosen clock relation, or the reason why none can be chosen. Where no placement holds for most of the session, it is that of the
 /// half of the target's dwells under which the others agree with the arm once the base is placed anew ([`super::moved`]).
 pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
-    decided(dwells, gate_mm).or_else(|error| match error {
+    decide_as_one(dwells, gate_mm).or_else(|error| match error {
         JoinError::NoCommonPattern { .. } => by_half(dwells, gate_mm).ok_or(error),
         _ => Err(error),
     })
 }
 
 /// The decision by the half of the target's dwells that has more support, if it explains the session.
-fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
+pub(super) fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
     let middle = dwells.target.len() / 2;
     let halves = [0..middle, middle..dwells.target.len()];
     let of_half = |rows: Range<usize>| {
         let half = Dwells { arm: dwells.arm, target: &dwells.target[rows.clone()] };
-        let mut decision = decided(half, gate_mm).ok()?;
+        let mut decision = decide_as_one(half, gate_mm).ok()?;
         decision.support.iter_mut().for_each(|pair| pair.target += rows.start);
         let pairs = overlaps(dwells, decision.relation);
         let readings = pairs.iter().map(|&pair| reading(dwells, pair));
@@ -69,7 +69,8 @@ fn by_half(dwells: Dwells, gate_mm: f64) -> Option<Decision> {
     found.reduce(|a, b| if b.support.len() > a.support.len() { b } else { a })
 }
 
-fn decided(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
+/// The clock relation under which one placement holds for most of the session, or the reason why none can be chosen.
+pub(super) fn decide_as_one(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let coarse = ranked(candidates(dwells, &Ruler::at_flange(dwells)), gate_mm);
     let Some(first) = coarse.first() else { return Err(no_common_pattern(dwells, gate_mm, None)) };
     // Even under a shift by one row of a grid the target's position on the flange is found right, and with it moves are

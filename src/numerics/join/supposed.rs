@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::average::median;
-use super::decide::decide;
+use super::decide::{by_half, decide_as_one};
 use super::dwell::{ArmDwell, TargetDwell};
 use super::observe::{self, Observation};
 use super::pattern::Dwells;
@@ -22,6 +22,14 @@ fn usual_distance_mm(positions: &[Vector3<f64>]) -> f64 {
     let middle = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
     let mut distances: Vec<f64> = positions.iter().map(|p| (p - middle).norm()).collect();
     median(&mut distances)
+}
+
+/// The places of the base, as the source sees it, that a session has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bases {
+    One,
+    /// Each for about half of the session.
+    Two,
 }
 
 #[derive(Debug, Clone)]
@@ -51,6 +59,7 @@ impl Supposed {
     /// positions what they should be; `None` where no clock offset makes the logs agree within `gate_mm`.
     pub fn under(
         &self,
+        bases: Bases,
         flange: impl Fn(&[f64]) -> Isometry3<f64>,
         map: &Matrix3<f64>,
         gate_mm: f64,
@@ -67,7 +76,11 @@ impl Supposed {
             .iter()
             .map(|dwell| TargetDwell { position: map * dwell.position, ..dwell.clone() })
             .collect();
-        let decision = decide(Dwells { arm: &arm, target: &target }, gate_mm).ok()?;
+        let dwells = Dwells { arm: &arm, target: &target };
+        let decision = match bases {
+            Bases::One => decide_as_one(dwells, gate_mm).ok(),
+            Bases::Two => by_half(dwells, gate_mm),
+        }?;
         // Points that hardly move agree with anything.
         let positions: Vec<Vector3<f64>> =
             decision.support.iter().map(|pair| target[pair.target].position).collect();

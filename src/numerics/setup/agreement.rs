@@ -130,7 +130,7 @@ impl Agreement {
 
     /// The relation that disagrees most for its kind, with its disagreement.
     pub fn worst(&self) -> (Relation, f64) {
-        let beyond = |&(relation, disagreement): &(Relation, f64)| disagreement / relation.usual();
+        let beyond = |own: &(Relation, f64)| self.beyond(own.0, own.1);
         let largest = self.iter().max_by(|a, b| beyond(a).total_cmp(&beyond(b)));
         largest.unwrap_or((Relation::Arm, f64::INFINITY))
     }
@@ -145,8 +145,21 @@ impl Agreement {
     /// distribution, whose heavy tails let one relation be mended without the others.
     pub(super) fn cost(&self) -> f64 {
         let cost =
-            |(relation, s): (Relation, f64)| (s / relation.usual()).powi(2).min(1e30).ln_1p();
+            |(relation, s): (Relation, f64)| self.beyond(relation, s).powi(2).min(1e30).ln_1p();
         self.iter().map(cost).sum()
+    }
+
+    /// A disagreement in units of what is usual.
+    pub(super) fn beyond(&self, relation: Relation, disagreement: f64) -> f64 {
+        self.weighed(relation, disagreement) / relation.usual()
+    }
+
+    /// A disagreement, larger where readings hardly spread: metres that are read as mm agree with any arm.
+    pub(super) fn weighed(&self, relation: Relation, disagreement: f64) -> f64 {
+        let is_of_readings =
+            matches!(relation, Relation::Arm | Relation::Target | Relation::Survey);
+        let few = if is_of_readings { (LEAST_SPREAD_MM / self.1).max(1.0) } else { 1.0 };
+        disagreement * few
     }
 }
 
@@ -288,6 +301,8 @@ fn readings(flanges: &[Isometry3<f64>], measured: &[Vector3<f64>]) -> Vec<Readin
 
 /// Predicted and measured positions whose spreads differ by more than this factor are not of the same moves.
 const SPREAD_RATIO: f64 = 5.0;
+/// Readings of a session spread by at least this, mm.
+const LEAST_SPREAD_MM: f64 = 100.0;
 
 /// Median distance from the median position, mm; 0 of nothing.
 fn spread(points: &[Vector3<f64>]) -> f64 {

@@ -5,7 +5,7 @@ use nalgebra::{
 };
 
 use super::evidence::Evidence;
-use crate::ingest::OrientationForm;
+use crate::ingest::{AngleUnit, LengthUnit, OrientationForm};
 use crate::join::Command;
 use crate::kinematics::Arm;
 
@@ -36,6 +36,16 @@ pub struct SetUp {
     /// The surveyed base in the tracker's frame, mm; `None` where it is fitted.
     pub tracker_from_base: Option<Isometry3<f64>>,
     pub unit_keys: UnitKeys,
+    pub units: Units,
+}
+
+/// The units that are stated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Units {
+    pub angles: AngleUnit,
+    pub slides: LengthUnit,
+    pub readings: LengthUnit,
+    pub commands: LengthUnit,
 }
 
 /// The keys of a pipeline file that state units, for whoever has to edit one.
@@ -45,6 +55,13 @@ pub struct UnitKeys {
     pub slides: &'static str,
     pub readings: &'static str,
     pub commands: &'static str,
+}
+
+impl Units {
+    /// One of angles and one of lengths.
+    pub const fn of(angles: AngleUnit, lengths: LengthUnit) -> Self {
+        Self { angles, slides: lengths, readings: lengths, commands: lengths }
+    }
 }
 
 impl UnitKeys {
@@ -84,6 +101,7 @@ impl SetUp {
             target_is_tool: false,
             tracker_from_base: None,
             unit_keys: UnitKeys::LOGS,
+            units: Units::of(AngleUnit::Deg, LengthUnit::Mm),
         }
     }
 

@@ -9,7 +9,6 @@ use std::path::Path;
 use nalgebra::Isometry3;
 
 use super::{escaped, shown};
-use crate::ingest::AngleUnit;
 use crate::io::inspect::table::{ColumnSummary, Differs, Guess, TableInspection, Tried, Verdict};
 
 pub use section::{ready, section};
@@ -159,7 +158,7 @@ fn of_verdict(guess: &Guess, verdict: &Verdict) -> Vec<String> {
         &format!(
             "{}, joints in {} and {order}, positions in {}: {}",
             guess.arms[best.arm],
-            angle(best.angle),
+            best.angle.word(),
             best.length,
             guess.choices[best.choice]
         ),
@@ -190,21 +189,13 @@ fn residual(tried: &Tried, words: &str) -> String {
 
 fn difference(guess: &Guess, differs: Differs, tried: &Tried) -> String {
     match differs {
-        Differs::Angle => format!("joints in {}", angle(tried.angle)),
+        Differs::Angle => format!("joints in {}", tried.angle.word()),
         Differs::Slide => format!("joints that slide in {}", tried.slide),
         Differs::Length => format!("positions in {}", tried.length),
         Differs::Order if tried.is_reversed => "joints reversed".to_owned(),
         Differs::Order => "joints in the order of the columns".to_owned(),
         Differs::Arm => format!("another arm: {}", guess.arms[tried.arm]),
         Differs::Columns => guess.choices[tried.choice].clone(),
-    }
-}
-
-const fn angle(unit: AngleUnit) -> &'static str {
-    match unit {
-        AngleUnit::Rad => "rad",
-        AngleUnit::Deg => "deg",
-        AngleUnit::Gon => "gon",
     }
 }
 

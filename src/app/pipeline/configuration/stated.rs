@@ -12,7 +12,7 @@ use crate::ingest::OrientationColumns;
 use crate::io::robot::{self, ready};
 use crate::kinematics::{Arm, Convention, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
-use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys};
+use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys, Units};
 
 /// The stated set-up, and what it may have been taken for.
 #[derive(Debug, Clone)]
@@ -34,6 +34,23 @@ impl StatedSetUp {
         let mut measured = tables.into_iter().flat_map(|tables| &tables.measured);
         let reading_form = measured.find_map(|own| own.orientation.as_ref()).map(form);
         let commanded = tables.and_then(|tables| tables.commanded.as_ref());
+        let controller = file.controller.as_ref();
+        let default = SetUp::of_arm(arm.clone()).units;
+        let in_log = file.tracker.mapping.as_ref().map(|own| own.unit);
+        let in_table = tables.and_then(|own| own.measured.first()).map(|own| own.unit);
+        let commands = file.commanded.as_ref().and_then(|own| own.mapping.as_ref());
+        let slides = controller
+            .map_or_else(|| tables.and_then(|own| own.length_unit), |own| own.length_unit);
+        let angles = controller.map(|own| own.unit).or(tables.map(|own| own.joint_unit));
+        let units = Units {
+            angles: angles.unwrap_or(default.angles),
+            slides: slides.unwrap_or(default.slides),
+            readings: in_log.or(in_table).unwrap_or(default.readings),
+            commands: commands
+                .map(|own| own.unit)
+                .or(commanded.map(|own| own.unit))
+                .unwrap_or(default.commands),
+        };
         let command_form = commanded.and_then(|own| own.orientation.as_ref()).map(form);
         Self {
             set_up: SetUp {
@@ -44,6 +61,7 @@ impl StatedSetUp {
                 target_is_tool: placed.target_is_tool == Some(true),
                 tracker_from_base: surveyed,
                 unit_keys: if file.stations.is_some() { UnitKeys::TABLES } else { UnitKeys::LOGS },
+                units,
                 reading_form,
                 command_form,
                 ..SetUp::of_arm(arm.clone())

@@ -384,8 +384,8 @@ mod tests {
             told(KeyReference::pipeline(), &shorter),
             [
                 "the top of the file has toll (line 44), which nothing reads",
-                "[commanded] (line 25) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\" or \"ft\")",
-                "[tracker] (line 31) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\" or \"ft\")",
+                "[commanded] (line 25) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\", \"ft\" or \"um\")",
+                "[tracker] (line 31) needs time (\"header\", \"publish\" or \"log\"), unit (\"m\", \"mm\", \"cm\", \"inch\", \"ft\" or \"um\")",
                 "[tolerance] is not there, and needs mm, share, confidence",
             ]
         );

@@ -19,7 +19,7 @@ use crate::kinematics::Arm;
 use crate::measured_table::MeasuredTable;
 use crate::robot::ready;
 use crate::setup::{
-    self, Agreement, Alternatives, Dwelt, Evidence, KnownArm, Relation, SetUp, UnitKeys,
+    self, Agreement, Alternatives, Dwelt, Evidence, KnownArm, Relation, SetUp, UnitKeys, Units,
 };
 
 const SCREENED: usize = 40;
@@ -208,6 +208,7 @@ impl Bench<'_> {
             joints_from_reported: joints_from_columns(arm, tried),
             reading_map: Matrix3::from_diagonal_element(tried.length.to_mm()),
             unit_keys: UnitKeys::TABLES,
+            units: Units { slides: tried.slide, ..Units::of(tried.angle, tried.length) },
             ..SetUp::of_arm(arm.clone())
         }
     }

@@ -1,30 +1,11 @@
 //! Mistakes about how logs and tables are read: units, mirrored positions, the parts of quaternions, rows shifted by one.
 
-use std::f64::consts::PI;
-
 use nalgebra::{Matrix3, Matrix4};
 
 use super::Hypothesis;
 use super::joints::name;
-use crate::ingest::OrientationForm;
+use crate::ingest::{AngleUnit, LengthUnit, OrientationForm};
 use crate::setup::set_up::{Reread, SetUp};
-use crate::units::MM_PER_M;
-
-/// Factors on lengths that are read in metres or mm, and the unit that they are in.
-const LENGTHS: [(f64, &str); 8] = [
-    (MM_PER_M, "m"),
-    (1.0 / MM_PER_M, "mm"),
-    (25.4, "inch"),
-    (25.4 / MM_PER_M, "inch"),
-    (304.8, "ft"),
-    (304.8 / MM_PER_M, "ft"),
-    (10.0, "cm"),
-    (10.0 / MM_PER_M, "cm"),
-];
-
-/// Factors on angles that are read in rad or degrees, and the unit that they are in.
-const ANGLES: [(f64, &str); 4] =
-    [(PI / 180.0, "deg"), (180.0 / PI, "rad"), (0.9, "gon"), (PI / 200.0, "gon")];
 
 /// Places of the parts that belong to x, y, z, w, the sign of x, y and z, and what the quaternions are then.
 const PARTS: [([usize; 4], f64, &str); 8] = [
@@ -62,8 +43,9 @@ const AXES: [&str; 4] = ["x", "y", "z", "w"];
 const OPPOSITE: &str = "x, y and z of the quaternions with the opposite sign where they are logged";
 
 pub(super) fn readings(stated: &SetUp) -> Vec<Hypothesis> {
-    let mut all: Vec<Hypothesis> = ANGLES.map(|(factor, unit)| angles(stated, factor, unit)).into();
-    all.extend(LENGTHS.into_iter().flat_map(|(factor, unit)| lengths(stated, factor, unit)));
+    let angle_units = AngleUnit::ALL.into_iter().filter(|unit| *unit != stated.units.angles);
+    let mut all: Vec<Hypothesis> = angle_units.map(|unit| angles(stated, unit)).collect();
+    all.extend(LengthUnit::ALL.into_iter().flat_map(|unit| lengths(stated, unit)));
     all.extend(mirrored(stated));
     all.extend(orientations(stated));
     if stated.is_of_tables() {
@@ -94,9 +76,11 @@ fn scaled(stated: &SetUp, factor: impl Fn(usize) -> f64) -> SetUp {
     set_up
 }
 
-fn angles(stated: &SetUp, factor: f64, unit: &str) -> Hypothesis {
+fn angles(stated: &SetUp, to: AngleUnit) -> Hypothesis {
     let joints = stated.arm.joints();
-    let set_up = scaled(stated, |joint| if joints[joint].slides { 1.0 } else { factor });
+    let (factor, unit) = (to.to_rad() / stated.units.angles.to_rad(), to.word());
+    let mut set_up = scaled(stated, |joint| if joints[joint].slides { 1.0 } else { factor });
+    set_up.units.angles = to;
     let edit = format!("{} = \"{unit}\"", stated.unit_keys.angles);
     Hypothesis::new(format!("the reported joint angles are in {unit}"), edit, set_up)
 }
@@ -105,35 +89,48 @@ fn angles(stated: &SetUp, factor: f64, unit: &str) -> Hypothesis {
 fn single_angles(stated: &SetUp) -> Vec<Hypothesis> {
     let joints = stated.arm.joints();
     let turning = (0..joints.len()).filter(|&joint| !joints[joint].slides && joints.len() > 1);
-    let single = |joint: usize| {
-        [(ANGLES[0], "rad"), (ANGLES[1], "deg")].map(|((factor, unit), others)| {
-            let name = name(stated, joint);
-            let set_up = scaled(stated, |own| if own == joint { factor } else { 1.0 });
-            let edit = format!(
-                "the values of {name} in {others} like the others', where they are logged (times {factor:.7})"
-            );
-            let mistake = format!("{name} alone is in {unit}, the others are in {others}");
-            Hypothesis::new(mistake, edit, set_up)
-        })
+    let (others, unit) = match stated.units.angles {
+        AngleUnit::Rad => (AngleUnit::Rad, AngleUnit::Deg),
+        AngleUnit::Deg | AngleUnit::Gon => (stated.units.angles, AngleUnit::Rad),
     };
-    turning.flat_map(single).collect()
+    let factor = unit.to_rad() / others.to_rad();
+    let (unit, others) = (unit.word(), others.word());
+    let single = |joint: usize| {
+        let name = name(stated, joint);
+        let set_up = scaled(stated, |own| if own == joint { factor } else { 1.0 });
+        let edit = format!(
+            "the values of {name} in {others} like the others', where they are logged (times {factor:.7})"
+        );
+        let mistake = format!("{name} alone is in {unit}, the others are in {others}");
+        Hypothesis::new(mistake, edit, set_up)
+    };
+    turning.map(single).collect()
 }
 
 /// The unit of sliding joints, readings and commands.
-fn lengths(stated: &SetUp, factor: f64, unit: &str) -> Vec<Hypothesis> {
+fn lengths(stated: &SetUp, unit: LengthUnit) -> Vec<Hypothesis> {
     let joints = stated.arm.joints();
-    let keys = &stated.unit_keys;
-    let slid = scaled(stated, |joint| if joints[joint].slides { factor } else { 1.0 });
-    let read = SetUp { reading_map: stated.reading_map * factor, ..stated.clone() };
-    let commanded = SetUp { command_scale: stated.command_scale * factor, ..stated.clone() };
+    let (keys, units) = (&stated.unit_keys, &stated.units);
+    let from = |stated: LengthUnit| unit.to_mm() / stated.to_mm();
+    let mut slid =
+        scaled(stated, |joint| if joints[joint].slides { from(units.slides) } else { 1.0 });
+    slid.units.slides = unit;
+    let mut read = stated.clone();
+    read.reading_map *= from(units.readings);
+    read.units.readings = unit;
+    let mut commanded = stated.clone();
+    commanded.command_scale *= from(units.commands);
+    commanded.units.commands = unit;
     let streams = [
-        ("the reported positions of joints that slide", keys.slides, slid),
-        ("the tracker's positions", keys.readings, read),
-        ("the commanded positions", keys.commands, commanded),
+        ("the reported positions of joints that slide", keys.slides, units.slides, slid),
+        ("the tracker's positions", keys.readings, units.readings, read),
+        ("the commanded positions", keys.commands, units.commands, commanded),
     ];
     let has_slides = stated.arm.has_slides();
-    let streams = streams.into_iter().filter(|own| has_slides || own.1 != keys.slides);
-    let stream = |(what, key, set_up): (&str, &str, SetUp)| {
+    let streams = streams
+        .into_iter()
+        .filter(|(_, key, own, _)| *own != unit && (has_slides || *key != keys.slides));
+    let stream = |(what, key, _, set_up): (&str, &str, LengthUnit, SetUp)| {
         Hypothesis::new(format!("{what} are in {unit}"), format!("{key} = \"{unit}\""), set_up)
     };
     streams.map(stream).collect()
@@ -234,10 +231,9 @@ mod tests {
 
     use super::*;
     use crate::geometry::{RotationOrder, isometry_from_rpy};
-    use crate::ingest::AngleUnit;
     use crate::join::Command;
     use crate::kinematics::RobotFile;
-    use crate::setup::{Alternatives, Dwelt, Evidence, UnitKeys, check};
+    use crate::setup::{Alternatives, Dwelt, Evidence, UnitKeys, Units, check};
 
     fn tracker_from_base() -> Isometry3<f64> {
         isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, 0.0, 1.0])
@@ -249,10 +245,20 @@ mod tests {
     }
 
     fn found_of(form: Option<&OrientationForm>, change: impl Fn(&mut Vec<Dwelt>)) -> String {
+        found_in(LengthUnit::Mm, form, change)
+    }
+
+    fn found_in(
+        unit: LengthUnit,
+        form: Option<&OrientationForm>,
+        change: impl Fn(&mut Vec<Dwelt>),
+    ) -> String {
         let text = include_str!("../../../../pipelines/robots/ur10.toml");
         let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
         let reading_form = form.cloned();
-        let stated = SetUp { unit_keys: UnitKeys::TABLES, reading_form, ..SetUp::of_arm(arm) };
+        let units = Units::of(AngleUnit::Deg, unit);
+        let unit_keys = UnitKeys::TABLES;
+        let stated = SetUp { unit_keys, units, reading_form, ..SetUp::of_arm(arm) };
         let tracker_from_base = tracker_from_base();
         let dwelt = |k: i32| {
             let turned = |joint: i32| (f64::from(k * (joint + 2)) * 0.7).sin() * 0.8;
@@ -270,13 +276,17 @@ mod tests {
 
     #[test]
     fn units_of_length_are_named() {
-        for (mm, read_as, unit) in
-            [(1000.0, 1.0, "m"), (25.4, 1.0, "inch"), (304.8, 1.0, "ft"), (304.8, 1000.0, "ft")]
-        {
-            let factor = read_as / mm;
-            let words = found(|all| all.iter_mut().for_each(|station| station.measured *= factor));
-            let named = format!("the tracker's positions are in {unit}; write");
-            assert!(words.contains(&named), "{unit}: {words}");
+        for stated in [LengthUnit::M, LengthUnit::Mm, LengthUnit::Um] {
+            for unit in LengthUnit::ALL.into_iter().filter(|unit| *unit != stated) {
+                let factor = stated.to_mm() / unit.to_mm();
+                let words = found_in(stated, None, |all| {
+                    all.iter_mut().for_each(|station| station.measured *= factor);
+                });
+                let named = format!(
+                    "the tracker's positions are in {unit}; write [stations.measured] unit = \"{unit}\""
+                );
+                assert!(words.contains(&named), "{unit} as {stated}: {words}");
+            }
         }
     }
 

@@ -13,8 +13,6 @@ use crate::ingest::{
 use crate::io::inspect::table::{Commands, Guess, Key};
 use crate::io::robot::Selection;
 
-use super::angle;
-
 struct Lines<'g> {
     guess: &'g Guess,
     text: String,
@@ -113,7 +111,7 @@ impl Lines<'_> {
     fn stations(&mut self, settings: &StationsSettings) {
         self.head("stations");
         self.key("joints", &list(&settings.joints), Some(Key::Joints));
-        let unit = format!("\"{}\"", angle(settings.joint_unit));
+        let unit = format!("\"{}\"", settings.joint_unit.word());
         self.key("joint_unit", &unit, Some(Key::JointUnit));
         if let Some(unit) = settings.length_unit {
             self.key("length_unit", &format!("\"{unit}\""), Some(Key::LengthUnit));
@@ -240,10 +238,10 @@ fn of_orientation(orientation: &OrientationColumns) -> String {
         OrientationForm::Angles(own, order, unit) => vec![
             format!("angles = {}", list(own)),
             format!("order = \"{}\"", String::from(*order)),
-            format!("unit = \"{}\"", angle(*unit)),
+            format!("unit = \"{}\"", unit.word()),
         ],
         OrientationForm::Vector(own, unit) => {
-            vec![format!("rotation_vector = {}", list(own)), format!("unit = \"{}\"", angle(*unit))]
+            vec![format!("rotation_vector = {}", list(own)), format!("unit = \"{}\"", unit.word())]
         }
         OrientationForm::Matrix(own) => vec![format!("matrix = {}", list(own))],
     };
