@@ -193,7 +193,8 @@ pub fn stacked<'m>(
     stacked
 }
 
-/// A matrix transposed where it stands: as the second factor of a product it is packed faster than with its entries in order.
+/// A matrix transposed where it stands: as the second factor of a product it is packed faster than with its entries in order. The first it
+/// must not be: nalgebra 0.35 writes beyond a small product of one.
 pub fn turned(matrix: &DMatrix<f64>) -> DMatrixView<'_, f64, Dyn, Dyn> {
     turned_block(matrix, (0, 0), matrix.shape())
 }

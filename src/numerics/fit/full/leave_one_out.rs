@@ -133,8 +133,10 @@ impl<'s> Explaining<'s> {
         let between: Vec<Vec<f64>> = self.of_joints.par_iter().map(of_pair).collect();
         let chunk = |(chunk, rows): (usize, &[Row])| {
             let first = chunk * TOGETHER;
+            // A row of the regression in each column: what rows share are products of columns.
             let plain = rows.iter().map(|row| &row.plain);
-            let onto_plain = stacked(plain, self.seen.plain.len()) * &self.plain;
+            let plain = transposed(&stacked(plain, self.seen.plain.len()).as_view());
+            let onto_plain = &self.plain * &plain;
             let onto_joints = self.onto_joints(&shapes, first..first + rows.len());
             let places = firsts(rows).into_iter().zip(rows).enumerate();
             let explained = places.map(|(own, (first_row, row))| {
@@ -144,10 +146,11 @@ impl<'s> Explaining<'s> {
                     of_pairs[(*j, *l)] = between[first + own];
                     of_pairs[(*l, *j)] = between[first + own];
                 }
-                let mut explained = onto_plain.rows(first_row, size) * row.plain.transpose();
+                let plain = plain.columns(first_row, size);
+                let mut explained = plain.tr_mul(&onto_plain.columns(first_row, size));
                 // What joints share with each other counts half here and half in the transpose.
                 let motions = &row.noise.joints;
-                let mut along = &row.plain * onto_joints.columns(joints * own, joints);
+                let mut along = plain.tr_mul(&onto_joints.columns(joints * own, joints));
                 along.gemm(0.5, motions, &of_pairs, 1.0);
                 let across = along * motions.transpose();
                 explained += across.transpose();
@@ -169,16 +172,18 @@ impl<'s> Explaining<'s> {
         // What columns share with themselves counts half here and half in the transpose.
         let mut explained = &plain * &self.plain * turned(&plain) * 0.5;
         for (l, of_joint) in shapes.iter().enumerate() {
-            // Covariance of each row, by the plain columns and joints from this one on, with the joint's error at each station.
-            let mut with_joint = &plain * (&self.with_plain[l] * of_joint);
+            // Covariance of the joint's error at each station with each row, by the plain columns and joints from this one on.
+            let mut with_joint =
+                transposed(&(&self.with_plain[l] * of_joint).as_view()) * turned(&plain);
             for ((j, _), block) in self.of_joints.iter().filter(|((_, other), _)| *other == l) {
-                let between = transposed(&shapes[*j].as_view()) * (block * of_joint);
-                let motion = motions.column(*j) * if *j == l { 0.5 } else { 1.0 };
-                for (mut with, between) in with_joint.column_iter_mut().zip(between.column_iter()) {
-                    let moved = with.iter_mut().zip(&motion).zip(&stations);
-                    moved.for_each(|((with, by), &station)| *with += by * between[station]);
+                let between = transposed(&(block * of_joint).as_view()) * &shapes[*j];
+                let share = if *j == l { 0.5 } else { 1.0 };
+                for (row, &station) in stations.iter().enumerate() {
+                    let by = share * motions[(row, *j)];
+                    with_joint.column_mut(row).axpy(by, &between.column(station), 1.0);
                 }
             }
+            let with_joint = transposed(&with_joint.as_view());
             for (row, &station) in stations.iter().enumerate() {
                 let (by, with) = (motions[(row, l)], with_joint.column(station));
                 explained.column_mut(row).axpy(by, &with, 1.0);
