@@ -155,11 +155,14 @@ impl Reading<'_> {
                 self.common.touches(&here, own);
                 self.touch_shared(&here, own);
             }
-            let mut pairs = own.tokens.windows(2).filter(|pair| pair[1].is(b'('));
-            if pairs.any(|pair| super::steps::is_writing(&crate::lex::capitals(own.text(&pair[0]))))
-            {
-                self.common.touches(&here, own);
-                self.touch_shared(&here, own);
+            let all = statement.all;
+            let writes = |pair: &[Token]| {
+                let word = crate::lex::capitals(all.text(&pair[0]));
+                pair[1].is(b'(') && super::steps::is_writing(&word)
+            };
+            if all.tokens.windows(2).any(writes) {
+                self.common.touches(&here, all);
+                self.touch_shared(&here, all);
             }
             // What a parameter is passed on to may change it.
             if self.changing(file, statement.all).next().is_some() {

@@ -531,6 +531,7 @@ fn what_writes_its_arguments_makes_them_unknown() {
     let add = "PROC upd(INOUT num n)\r\nAdd n,5;\r\nENDPROC\r\n";
     for call in [
         "ok:=StrToVal(s,wobj1);",
+        "IF StrToVal(s,wobj1.uframe.trans.x) THEN ENDIF",
         "Clear wobj1.uframe.trans.z;",
         "Incr wobj1.uframe.trans.z;",
         "upd wobj1.uframe.trans.z;",
