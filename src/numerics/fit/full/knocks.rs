@@ -18,13 +18,14 @@ use nalgebra::{
     DMatrix, DMatrixView, DVector, Isometry3, Matrix6, Point3, UnitVector3, Vector3, Vector6,
 };
 
+use super::regression::few_rows::FewRows;
 use super::regression::{Posterior, Sums};
 use super::rows::{Around, stations};
 use super::settings::FullSettings;
 use super::train::{Settled, train};
 use super::whitening::kept;
 use crate::fit::observation::{Noise, Observation, Source, TrackerUncertainty, observations};
-use crate::fit::problem::{Freedom, Owner, Problem};
+use crate::fit::problem::{Freedom, Owner, Problem, Unknown};
 use crate::fit::{FitSettings, identify};
 use crate::join::moved::Knock;
 use crate::join::references::Motion;
@@ -182,6 +183,20 @@ struct Small<'a> {
     sums: Sums,
 }
 
+/// Rows of the columns of a step, as [`Small`] has them; of several targets none is one.
+fn rows_of_steps(kept: &FewRows, base: &[usize], target: &[usize]) -> DMatrix<f64> {
+    let (rows, joints) = (&kept.transposed, &kept.columns.joints);
+    let target = if target.len() == TARGET { target } else { &[] };
+    let behind = base.len() + joints.len();
+    let mut steps = DMatrix::zeros(behind + target.len(), rows.ncols());
+    steps.rows_mut(0, base.len()).copy_from(&rows.select_rows(base));
+    for (joint, own) in joints.iter().enumerate() {
+        steps.row_mut(base.len() + joint).tr_copy_from(&own.motions);
+    }
+    steps.rows_mut(behind, target.len()).copy_from(&rows.select_rows(target));
+    steps
+}
+
 /// Whitened rows, each in a column, with those of the drift's columns, at the time of its station, from −1 to 1 over the session. `base`
 /// has the rows of the base's six columns.
 fn with_drift(
@@ -245,33 +260,21 @@ impl<'a> Small<'a> {
         };
         let up = up.map(UnitVector3::into_inner);
         let settled = train(&problem, start, &settings, up)?;
-        let is_base = |place: &usize| {
-            let own = &problem.unknowns()[*place];
-            matches!((own.owner, own.parameter), (Owner::Source { .. }, Parameter::Base(_)))
+        let unknowns = problem.unknowns();
+        let places = |is: fn(&Unknown) -> bool| -> Vec<usize> {
+            (0..unknowns.len()).filter(|&place| is(&unknowns[place])).collect()
         };
-        let base: Vec<usize> = (0..problem.unknowns().len()).filter(is_base).collect();
+        let base = places(|own| {
+            matches!((own.owner, own.parameter), (Owner::Source { .. }, Parameter::Base(_)))
+        });
         if base.len() != 6 {
             return None;
         }
-        let is_target = |place: &usize| {
-            let parameter = problem.unknowns()[*place].parameter;
-            matches!(parameter, Parameter::Target(Axis::Translation(_)))
-        };
-        let target: Vec<usize> = (0..problem.unknowns().len()).filter(is_target).collect();
-        let turns: Vec<bool> =
-            base.iter().map(|&own| is_turn(problem.unknowns()[own].parameter)).collect();
+        let target = places(|own| matches!(own.parameter, Parameter::Target(Axis::Translation(_))));
+        let turns = base.iter().map(|&own| is_turn(unknowns[own].parameter)).collect();
         let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
+        let steps = rows_of_steps(&kept, &base, &target);
         let values = kept.values;
-        let joints = &kept.columns.joints;
-        let mut steps = kept.transposed.select_rows(&base).resize_vertically(6 + joints.len(), 0.0);
-        for (joint, own) in joints.iter().enumerate() {
-            steps.row_mut(6 + joint).tr_copy_from(&own.motions);
-        }
-        if target.len() == TARGET {
-            let first = steps.nrows();
-            steps = steps.resize_vertically(first + TARGET, 0.0);
-            steps.rows_mut(first, TARGET).copy_from(&kept.transposed.select_rows(&target));
-        }
         let units = arm.joints().iter().map(Joint::per_radian).collect();
         let rows = with_drift(kept.transposed, &steps.rows(0, 6).as_view(), &stations);
         let sums = Sums {
