@@ -213,13 +213,13 @@ fn entry(
 ) -> State {
     let routine = routine.to_owned();
     let conf = |which: usize, name: &str| {
-        if !any_conf_off[which] {
-            known(Setting::On(true))
-        } else {
+        if any_conf_off[which] {
             let words = format!(
                 "{name} may be on or off where routine {routine} begins; set it there by {name}\\On or {name}\\Off"
             );
             unknown(Refusal::Other(words))
+        } else {
+            known(Setting::On(true))
         }
     };
     let off = |any: bool, what| {

@@ -258,7 +258,7 @@ mod tests {
         let reading_form = form.cloned();
         let units = Units::of(AngleUnit::Deg, unit);
         let unit_keys = UnitKeys::TABLES;
-        let stated = SetUp { unit_keys, units, reading_form, ..SetUp::of_arm(arm) };
+        let stated = SetUp { reading_form, unit_keys, units, ..SetUp::of_arm(arm) };
         let tracker_from_base = tracker_from_base();
         let dwelt = |k: i32| {
             let turned = |joint: i32| (f64::from(k * (joint + 2)) * 0.7).sin() * 0.8;
@@ -280,7 +280,9 @@ mod tests {
             for unit in LengthUnit::ALL.into_iter().filter(|unit| *unit != stated) {
                 let factor = stated.to_mm() / unit.to_mm();
                 let words = found_in(stated, None, |all| {
-                    all.iter_mut().for_each(|station| station.measured *= factor);
+                    for station in all {
+                        station.measured *= factor;
+                    }
                 });
                 let named = format!(
                     "the tracker's positions are in {unit}; write [stations.measured] unit = \"{unit}\""
