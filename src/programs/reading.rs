@@ -374,6 +374,13 @@ pub(crate) fn shown(part: Cursor<'_>) -> String {
     text.iter().map(shown).collect()
 }
 
+/// Names that stand before a bracket, in capitals.
+pub(crate) fn called(statement: Cursor<'_>) -> impl Iterator<Item = String> {
+    let pairs = statement.tokens.windows(2);
+    let calls = pairs.filter(|pair| pair[0].kind == Kind::Name && pair[1].is(b'('));
+    calls.map(move |pair| capitals(statement.text(&pair[0])))
+}
+
 /// Whether a list of words has one.
 pub(crate) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|own| own == word)

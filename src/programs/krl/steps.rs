@@ -357,9 +357,7 @@ fn behind_label(line: Cursor<'_>) -> Option<Cursor<'_>> {
 
 /// Names of the routines that a line calls.
 fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
-    let pairs = line.tokens.windows(2);
-    let calls = pairs.filter(|pair| pair[0].kind == Kind::Name && pair[1].is(b'('));
-    let names = calls.map(move |pair| crate::lex::capitals(line.text(&pair[0])));
+    let names = crate::reading::called(line);
     names.filter(|name| !has(NO_CALLS, name) && !is_keyword(name))
 }
 

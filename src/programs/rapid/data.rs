@@ -2,9 +2,9 @@
 
 use super::Reading;
 use super::statement::{Header, Statement, assignment, header};
-use crate::lex::{Kind, Token};
+use crate::lex::Kind;
 use crate::names::Written;
-use crate::reading::Here;
+use crate::reading::{Here, called};
 use crate::value::{Cursor, Value};
 
 /// A declaration: `LOCAL PERS wobjdata wobj1 := […]`.
@@ -156,11 +156,7 @@ impl Reading<'_> {
                 self.touch_shared(&here, own);
             }
             let all = statement.all;
-            let writes = |pair: &[Token]| {
-                let word = crate::lex::capitals(all.text(&pair[0]));
-                pair[1].is(b'(') && super::steps::is_writing(&word)
-            };
-            if all.tokens.windows(2).any(writes) {
+            if called(all).any(|name| super::steps::is_writing(&name)) {
                 self.common.touches(&here, all);
                 self.touch_shared(&here, all);
             }
@@ -204,11 +200,10 @@ impl Reading<'_> {
 
     /// The routines among those given which a statement calls, and which may change what they take.
     fn changing(&self, file: usize, all: Cursor<'_>) -> impl Iterator<Item = String> {
-        let begin = super::steps::without_condition(all).first();
-        let calls = all.tokens.windows(2).filter(|own| own[1].is(b'(')).map(|own| &own[0]);
-        let names = begin.into_iter().chain(calls).filter(|own| own.kind == Kind::Name);
-        let full = move |own: &Token| self.full_name(file, &crate::lex::capitals(all.text(own)));
-        names.map(full).filter(|full| self.given.get(full) == Some(&true))
+        let begin = super::steps::without_condition(all).peek_name();
+        let full =
+            begin.into_iter().chain(called(all)).map(move |name| self.full_name(file, &name));
+        full.filter(|full| self.given.get(full) == Some(&true))
     }
 
     /// Whether a statement calls a routine that is not given, and may change whatever it takes.

@@ -5,7 +5,7 @@ use super::data::{declaration, is_end};
 use super::statement::{Statement, assignment, header};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::Kind;
-use crate::reading::{Here, has};
+use crate::reading::{Here, called, has};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
@@ -179,10 +179,7 @@ impl Reading<'_> {
 
     /// Functions of the files that a statement calls.
     fn functions(&self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
-        let pairs =
-            all.tokens.windows(2).filter(|own| own[0].kind == Kind::Name && own[1].is(b'('));
-        let names =
-            pairs.map(|own| self.full_name(here.file, &crate::lex::capitals(all.text(&own[0]))));
+        let names = called(all).map(|name| self.full_name(here.file, &name));
         let given = names.filter(|full| self.given.contains_key(full));
         steps.extend(given.map(|routine| Step::Call { routine, at: self.common.at(here) }));
     }
