@@ -31,8 +31,11 @@ pub fn unseen_session(
     for (model, angles) in Model::compared() {
         let observations = &*known_ones(stations.observations, angles);
         let place = |finder: &usize| {
-            let station = stations.observations[*finder].station;
-            observations.iter().position(|own| own.station == station)
+            let own = &stations.observations[*finder];
+            let is_it = |other: &Observation| {
+                (other.station, other.channel()) == (own.station, own.channel())
+            };
+            observations.iter().position(is_it)
         };
         let finders: Option<Vec<usize>> = located.finders.iter().map(place).collect();
         let found = predictions(models, model, angles, observations, false).zip(finders);

@@ -62,6 +62,11 @@ impl Relation {
         }
     }
 
+    /// Whether base and target are found from the readings, or the base is surveyed: it grows with them.
+    const fn is_of_readings(self) -> bool {
+        matches!(self, Self::Arm | Self::Target | Self::Survey)
+    }
+
     /// Whether it is of orientations, rad.
     pub(super) const fn is_of_turns(self) -> bool {
         matches!(self, Self::Turns | Self::Orientations)
@@ -114,9 +119,7 @@ impl Agreement {
     /// little of readings that belong to other stations.
     pub(super) fn is_less(&self, relation: Relation, stated: &Self, share: f64) -> bool {
         let [own, was] = [self, stated].map(|of| of.get(relation).unwrap_or(f64::INFINITY));
-        let is_of_readings =
-            matches!(relation, Relation::Arm | Relation::Target | Relation::Survey);
-        own <= share * was && (!is_of_readings || own * stated.1 <= share * was * self.1)
+        own <= share * was && (!relation.is_of_readings() || own * stated.1 <= share * was * self.1)
     }
 
     pub fn get(&self, relation: Relation) -> Option<f64> {
@@ -151,15 +154,12 @@ impl Agreement {
 
     /// A disagreement in units of what is usual.
     pub(super) fn beyond(&self, relation: Relation, disagreement: f64) -> f64 {
-        self.weighed(relation, disagreement) / relation.usual()
+        self.weight(relation) * disagreement / relation.usual()
     }
 
-    /// A disagreement, larger where readings hardly spread: metres that are read as mm agree with any arm.
-    pub(super) fn weighed(&self, relation: Relation, disagreement: f64) -> f64 {
-        let is_of_readings =
-            matches!(relation, Relation::Arm | Relation::Target | Relation::Survey);
-        let few = if is_of_readings { (LEAST_SPREAD_MM / self.1).max(1.0) } else { 1.0 };
-        disagreement * few
+    /// How many times a disagreement counts: more than once where readings hardly spread, for metres that are read as mm agree with any arm.
+    pub(super) fn weight(&self, relation: Relation) -> f64 {
+        if relation.is_of_readings() { (LEAST_SPREAD_MM / self.1).max(1.0) } else { 1.0 }
     }
 }
 

@@ -95,16 +95,23 @@ pub fn check(
     if agreement.beyond(relation, worst) <= 1.0 {
         return None;
     }
-    let gate = if relation.is_of_turns() { GRAVE_RAD } else { gate_mm };
-    let is_grave = agreement.weighed(relation, worst) > gate;
+    let gate_mm = gate_mm / agreement.weight(relation);
     Search::of(stated, agreement, evidence, alternatives)
         .named()
-        .or_else(|| is_grave.then(|| unexplained(relation, worst)))
+        .or_else(|| unexplained(relation, worst, gate_mm))
 }
 
-/// A disagreement that no usual mistake explains, and that is too large to go on.
-const fn unexplained(relation: Relation, stated: f64) -> Finding {
-    Finding { relation, stated, mended: None, mistakes: Vec::new(), is_grave: true, left: None }
+/// A disagreement that no usual mistake explains, where it is too large to go on.
+fn unexplained(relation: Relation, stated: f64, gate_mm: f64) -> Option<Finding> {
+    let gate = if relation.is_of_turns() { GRAVE_RAD } else { gate_mm };
+    (stated > gate).then(|| Finding {
+        relation,
+        stated,
+        mended: None,
+        mistakes: Vec::new(),
+        is_grave: true,
+        left: None,
+    })
 }
 
 /// A set-up with one or two mistakes mended, and how the logs agree with it.
@@ -123,7 +130,7 @@ impl Explanation {
         self.agreement.is_less(relation, stated, sort.explained())
             && stated.cost() - self.agreement.cost() >= sort.least_gain()
             && self.agreement.iter().all(|(relation, left)| {
-                self.agreement.weighed(relation, left) <= relation.most_left()
+                self.agreement.weight(relation) * left <= relation.most_left()
             })
     }
 
@@ -312,7 +319,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_compared_is_not_a_number() {
-        let finding = unexplained(Relation::Arm, f64::INFINITY);
+        let finding = unexplained(Relation::Arm, f64::INFINITY, 30.0).expect("grave");
         assert!(!finding.to_string().contains("inf"), "{finding}");
+        assert!(unexplained(Relation::Turns, 0.1, 30.0).is_none());
     }
 }

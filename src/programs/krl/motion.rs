@@ -120,14 +120,11 @@ impl Reading<'_> {
                 "$ORI_TYPE" => Slot::Turn,
                 _ => continue,
             };
-            let to = if !is_whole {
-                unknown(Refusal::AtRunTime { what: name, at: at() })
-            } else if slot == Slot::Mode {
-                self.mode_of(here, part)
-            } else if slot == Slot::Turn {
-                self.turn(here, part)
-            } else {
-                self.frames(here, &name, part)
+            let to = match slot {
+                _ if !is_whole => unknown(Refusal::AtRunTime { what: name, at: at() }),
+                Slot::Mode => self.mode_of(here, part),
+                Slot::Turn => self.turn(here, part),
+                _ => self.frames(here, &name, part),
             };
             own.push((slot, to));
         }

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::Placed;
 use crate::fit::ErrorBase;
 use crate::geometry::Placement;
-use crate::ingest::OrientationColumns;
+use crate::ingest::{AngleUnit, LengthUnit, OrientationColumns};
 use crate::io::robot::{self, ready};
 use crate::kinematics::{Arm, Convention, RobotFile};
 use crate::pipeline::file::{PipelineFile, TrackerFromBase};
@@ -34,23 +34,6 @@ impl StatedSetUp {
         let mut measured = tables.into_iter().flat_map(|tables| &tables.measured);
         let reading_form = measured.find_map(|own| own.orientation.as_ref()).map(form);
         let commanded = tables.and_then(|tables| tables.commanded.as_ref());
-        let controller = file.controller.as_ref();
-        let default = SetUp::of_arm(arm.clone()).units;
-        let in_log = file.tracker.mapping.as_ref().map(|own| own.unit);
-        let in_table = tables.and_then(|own| own.measured.first()).map(|own| own.unit);
-        let commands = file.commanded.as_ref().and_then(|own| own.mapping.as_ref());
-        let slides = controller
-            .map_or_else(|| tables.and_then(|own| own.length_unit), |own| own.length_unit);
-        let angles = controller.map(|own| own.unit).or(tables.map(|own| own.joint_unit));
-        let units = Units {
-            angles: angles.unwrap_or(default.angles),
-            slides: slides.unwrap_or(default.slides),
-            readings: in_log.or(in_table).unwrap_or(default.readings),
-            commands: commands
-                .map(|own| own.unit)
-                .or(commanded.map(|own| own.unit))
-                .unwrap_or(default.commands),
-        };
         let command_form = commanded.and_then(|own| own.orientation.as_ref()).map(form);
         Self {
             set_up: SetUp {
@@ -61,7 +44,7 @@ impl StatedSetUp {
                 target_is_tool: placed.target_is_tool == Some(true),
                 tracker_from_base: surveyed,
                 unit_keys: if file.stations.is_some() { UnitKeys::TABLES } else { UnitKeys::LOGS },
-                units,
+                units: units(file),
                 reading_form,
                 command_form,
                 ..SetUp::of_arm(arm.clone())
@@ -72,6 +55,24 @@ impl StatedSetUp {
                 convention: other_table(robot_file),
             },
         }
+    }
+}
+
+/// The stated units; mm and degrees where nothing is in one.
+fn units(file: &PipelineFile) -> Units {
+    let (controller, tables) = (file.controller.as_ref(), file.stations.as_ref());
+    let angles = controller.map(|own| own.unit).or(tables.map(|own| own.joint_unit));
+    let slides = controller.and_then(|own| own.length_unit);
+    let in_log = file.tracker.mapping.as_ref().map(|own| own.unit);
+    let in_table = tables.and_then(|own| Some(own.measured.first()?.unit));
+    let commands = file.commanded.as_ref().and_then(|own| Some(own.mapping.as_ref()?.unit));
+    let commanded = tables.and_then(|own| Some(own.commanded.as_ref()?.unit));
+    let of = |log: Option<LengthUnit>, table| log.or(table).unwrap_or(LengthUnit::Mm);
+    Units {
+        angles: angles.unwrap_or(AngleUnit::Deg),
+        slides: of(slides, tables.and_then(|own| own.length_unit)),
+        readings: of(in_log, in_table),
+        commands: of(commands, commanded),
     }
 }
 
