@@ -114,12 +114,11 @@ pub struct MeasuredTable {
 
 impl MeasuredTable {
     /// Names in the order of the file, without spaces at their ends; a column without a name has its number, from 1.
-    /// Two may have one name: see [`Self::find`].
+    /// Of a name that stands several times each has its own: `x #1`, `x #2`.
     pub fn columns(&self) -> &[String] {
         &self.columns
     }
 
-    /// The place of the column of this name; `None` where there is none, and where there are several.
     pub fn column(&self, name: &str) -> Option<usize> {
         self.find(name).ok()
     }

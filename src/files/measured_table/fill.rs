@@ -1,4 +1,5 @@
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 use super::cells::Cells;
 use super::head::Head;
@@ -172,7 +173,7 @@ impl<'h> Filling<'h> {
         let records =
             Records { rows: self.lines.len(), left_out: self.left_out.len(), ..self.records };
         Ok(MeasuredTable {
-            columns: self.head.names.clone(),
+            columns: unlike(&self.head.names),
             units: self.head.units.clone(),
             cells: self.cells,
             lines: self.lines,
@@ -186,4 +187,15 @@ impl<'h> Filling<'h> {
     pub(super) fn numbers(&self) -> &Numbers {
         &self.numbers
     }
+}
+
+/// Names, each of those that stand several times with its own number: `x #1`, `x #2`.
+fn unlike(names: &[String]) -> Vec<String> {
+    let mut places = HashMap::<&str, Vec<usize>>::new();
+    names.iter().enumerate().for_each(|(place, own)| places.entry(own).or_default().push(place));
+    let unlike = |(place, own): (usize, &String)| match &places[own.as_str()][..] {
+        [_] => own.clone(),
+        all => format!("{own} #{}", 1 + all.partition_point(|before| *before < place)),
+    };
+    names.iter().enumerate().map(unlike).collect()
 }

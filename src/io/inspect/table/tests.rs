@@ -176,6 +176,7 @@ fn a_nominal_set_beside_the_measured_one_is_the_command() {
     let names = [
         ["x_t,y_t,z_t", "x_m,y_m,z_m", "x_t", "x_m"],
         ["x,y,z", "x.1,y.1,z.1", "x", "x.1"],
+        ["x,y,z", "x,y,z", "x #1", "x #2"],
         ["x_m,y_m,z_m", "x_t,y_t,z_t", "x_t", "x_m"],
         // The order alone would tell it wrongly: the arm does.
         ["x,y,z", "x.1,y.1,z.1", "x.1", "x"],
