@@ -77,14 +77,15 @@ impl Trust {
 /// Commanded and nominal orientations further apart than this do not agree, rad. Servo errors of a stationary joint are a
 /// tenth of a milliradian to a third.
 const TRUSTED_RAD: f64 = 0.5e-3;
+/// No arm misses one command by two places further apart than this, mm.
+const LEFT_MM: f64 = 10.0;
 /// Standard deviations of the regularised step: of position, of orientation, and of the settling error expected.
 const POSITION_MM: f64 = 0.01;
 const ORIENTATION_RAD: f64 = 30e-6;
 const SETTLING_ERROR_RAD: f64 = 250e-6;
 
 pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Commanded {
-    let poses: Vec<Option<CommandedPose>> =
-        stations.iter().map(|station| pose(station, frames)).collect();
+    let poses = current_poses(stations, arm, frames);
     let Some(flange_from_tool) = frames.flange_from_tool else {
         return without_orientations(stations, poses, arm.counted());
     };
@@ -157,6 +158,44 @@ pub fn dwells<'s>(
         counted,
     };
     stations.iter().zip(poses).map(dwell).collect()
+}
+
+/// The command of each station; `None` also where it is that of the station before, which the arm has left.
+fn current_poses(
+    stations: &[Station],
+    arm: &Arm,
+    frames: &CommandFrames,
+) -> Vec<Option<CommandedPose>> {
+    let place = |station: &Station| match frames.flange_from_tool {
+        Some(tool) => {
+            Some(arm.flange(&station.joints).isometry() * Point3::from(tool.translation.vector))
+        }
+        None => station.measured().first()?.position(),
+    };
+    let mut held: Option<(CommandedPose, Point3<f64>)> = None;
+    let poses = stations.iter().map(|station| {
+        let (pose, place) = (pose(station, frames)?, place(station));
+        match (&held, place) {
+            (Some((own, at)), Some(place)) if *own == pose => {
+                return ((place - at).norm() <= LEFT_MM).then_some(pose);
+            }
+            (_, Some(place)) => held = Some((pose, place)),
+            (_, None) => {}
+        }
+        Some(pose)
+    });
+    let poses: Vec<Option<CommandedPose>> = poses.collect();
+    let is_without =
+        |(own, pose): &(&Station, &Option<_>)| pose.is_none() && !own.measured().is_empty();
+    let without = stations.iter().zip(&poses).filter(is_without).count();
+    if without > 0 && poses.iter().any(Option::is_some) {
+        tracing::warn!(
+            "{without} of {} stations judge no commands: they have none, or still that of a station before, which the arm has left by more \
+             than {LEFT_MM} mm",
+            stations.len()
+        );
+    }
+    poses
 }
 
 fn pose(station: &Station, frames: &CommandFrames) -> Option<CommandedPose> {

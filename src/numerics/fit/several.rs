@@ -3,6 +3,7 @@
 
 use nalgebra::{DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
+use super::commanded::{self, CommandFrames};
 use super::full::next::{Mounted, Mounting, Placed};
 use super::full::saved::SavedFull;
 use super::full::{FullModel, FullSettings, Query};
@@ -10,7 +11,7 @@ use super::saved::SavedCalibration;
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
 use crate::join::{
-    MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, Station, Value, one_source,
+    Command, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, Station, Value, one_source,
 };
 use crate::kinematics::{LinkQuantity, Parameter, RobotFile};
 use crate::units::Stamp;
@@ -370,4 +371,29 @@ fn a_source_of_points_takes_no_orientation() {
         UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3),
     );
     assert_eq!(turned.residual(&predicted, None), vec![-1.0, -2.0, -3.0]);
+}
+
+#[test]
+fn a_command_that_the_arm_has_left_is_none() {
+    let arm = ur10();
+    let mut stations = stations(&arm);
+    for own in 0..stations.len() {
+        // That of the sixth stays in force, and those of the first two are one.
+        let of = match own {
+            1 => 0,
+            own => own.min(5),
+        };
+        let flange = arm.flange(&stations[of].joints);
+        stations[own].command = Some(Command {
+            position: flange.isometry().translation.vector.into(),
+            orientation: Some(flange.isometry().rotation),
+        });
+    }
+    stations[1].joints = stations[0].joints.clone();
+    let tool = Some(Isometry3::identity());
+    let frames = CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: tool };
+    let known = commanded::commanded(&stations, &arm, &frames);
+    let are_known: Vec<bool> = known.poses.iter().map(Option::is_some).collect();
+    assert_eq!(are_known, [vec![true; 6], vec![false; stations.len() - 6]].concat());
+    assert!(known.trust.agrees());
 }
