@@ -28,7 +28,7 @@ pub enum JoinError {
     AngleNotFinite { joint: String, sample: usize },
     #[error(
         "{side} log: {found} dwells in {samples} samples over {span_s:.1} s (stationary: within {threshold} {unit} over \
-         {window_s} s), but a join needs {needed}: check the topic and its unit, or set {key} in [join]"
+         {window_s} s), but a join needs {needed}: {advice}"
     )]
     TooFewDwells {
         side: &'static str,
@@ -39,7 +39,7 @@ pub enum JoinError {
         threshold: f64,
         unit: &'static str,
         window_s: f64,
-        key: &'static str,
+        advice: String,
     },
     #[error(
         "no clock offset makes the logs agree: of {arm_dwells} dwells of the arm and {target_dwells} of the target \

@@ -231,6 +231,18 @@ fn bad_input_is_an_error_that_names_it() {
     let mut bad = good.clone();
     bad.readings.positions.iter_mut().for_each(|position| *position = [0.0; 3]);
     fails(&bad, &defaults, "tracker log: 0 dwells in 0 samples");
+    for within_ns in [0, 1000] {
+        let mut bad = good.clone();
+        let coarse = |ns: i64| {
+            ns.div_euclid(1_000_000_000) * 1_000_000_000
+                + ns.rem_euclid(1_000_000_000) * within_ns / 1_000_000_000
+        };
+        bad.readings
+            .stamps
+            .iter_mut()
+            .for_each(|stamp| *stamp = Stamp::from_ns(coarse(stamp.ns())));
+        fails(&bad, &defaults, "write time = \"log\"");
+    }
     let mut bad = good.clone();
     bad.readings.stamps.swap(3, 4);
     fails(&bad, &defaults, "decrease at row 4");

@@ -93,6 +93,9 @@ pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<()
     }
 }
 
+/// Nothing is sampled as fast as this, ns.
+const AT_ONCE_NS: i64 = 100_000;
+
 fn enough(
     side: &'static str,
     found: &Stationary,
@@ -104,6 +107,13 @@ fn enough(
         return Ok(());
     }
     let (first_ns, last_ns) = found.span_ns;
+    let advice = if found.interval_ns < AT_ONCE_NS && found.samples > MIN_PAIRS {
+        "most stamps are nearly that of the message before, so they count whole seconds, or their nanoseconds something else: write \
+         time = \"log\", the time of recording"
+            .to_owned()
+    } else {
+        format!("check the topic and its unit, or set {key} in [join]")
+    };
     Err(JoinError::TooFewDwells {
         side,
         found: found.stretches.len(),
@@ -113,6 +123,6 @@ fn enough(
         threshold: found.threshold,
         unit,
         window_s: settings.window_s,
-        key,
+        advice,
     })
 }

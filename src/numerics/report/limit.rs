@@ -9,6 +9,9 @@ const PARTS: [(&str, &str); 5] = [
     ("the number of poses", "measure more, which `posegrid plan` chooses"),
 ];
 
+/// The geometry of all poses leaves less of any arm in the mean, mm.
+const MOST_OF_AN_ARM_MM: f64 = 2.0;
+
 /// A squared error with one of its parts and without it, mm²: of the bound the first, of mean squares the others. Without what may change
 /// between sessions it is the largest of the session's own errors. Without the base of a test session they are those with the
 /// base from all of its stations, without interpolation those of the model at the same stations, without what does not repeat what is left
@@ -42,7 +45,13 @@ pub fn limit(noise_mm2: f64, parts: [WithAndWithout; 5], by_poses: Option<ByPose
         )
     });
     let (poses, measure) = PARTS[4];
-    if by_poses.is_some_and(|own| own.falls) {
+    let is_of_no_arm =
+        |own: ByPoses| own.means_mm[2] > (own.means_mm[0] / 2.0).max(MOST_OF_AN_ARM_MM);
+    if by_poses.is_some_and(is_of_no_arm) {
+        format!(
+            "joint angles, readings or the set-up are wrong, if only for some stations: no arm leaves as much{means}; see on the page at which"
+        )
+    } else if by_poses.is_some_and(|own| own.falls) {
         format!("{poses} limits the accuracy{means}: {measure}")
     } else {
         format!(
@@ -100,6 +109,9 @@ mod tests {
             flat.contains("more poses change nothing (") && !flat.contains("measure more"),
             "{flat}"
         );
+        let frozen = by([5.152, 4.563, 4.314], true);
+        assert!(frozen.starts_with("joint angles, readings or the set-up are wrong"), "{frozen}");
+        assert!(by([60.0, 20.0, 5.0], true).starts_with("the number of poses"));
         // Learnt by heart: 0.1 mm where it was trained.
         let heart = limited([None, None, None, Some(0.15), Some(0.01)], None);
         assert!(heart.ends_with("measure more, which `posegrid plan` chooses"), "{heart}");
