@@ -53,7 +53,8 @@ pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("{} · {}", content.robot, content.session),
         header: verdict::header(content),
-        sections: shell::sections(&SECTIONS, content),
+        sections: &SECTIONS,
+        content,
         footer: html! { "posegrid " (VERSION) " · run " code { (content.run) } },
     })
 }

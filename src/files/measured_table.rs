@@ -67,7 +67,6 @@ pub enum LeftOutFor {
     Header,
     #[error("it is a comment")]
     Comment,
-    /// It is a single value, a list or nothing where the others are objects.
     #[error("it is no object with names")]
     NoObject,
 }
@@ -103,13 +102,17 @@ impl Counted {
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredTable {
     columns: Vec<String>,
-    units: Option<Vec<String>>,
+    /// The line of units, without brackets; empty for a column without. `None` without such a line.
+    pub units: Option<Vec<String>>,
     cells: Cells,
     lines: Vec<u64>,
-    counted: Counted,
-    left_out: Vec<RowLeftOut>,
-    records: Records,
-    remarks: Vec<String>,
+    /// What [`Self::line`] counts.
+    pub counted: Counted,
+    pub left_out: Vec<RowLeftOut>,
+    /// What became of the records of the file.
+    pub records: Records,
+    /// What was found in the file and is not written in it: separator and decimal mark, encoding, sheet, absent header.
+    pub remarks: Vec<String>,
 }
 
 impl MeasuredTable {
@@ -136,34 +139,10 @@ impl MeasuredTable {
         self.lines[row]
     }
 
-    /// What [`Self::line`] counts.
-    pub const fn counted(&self) -> Counted {
-        self.counted
-    }
-
     /// The value in a row and column, both from 0.
     pub fn cell(&self, row: usize, column: usize) -> Cell<'_> {
         assert!(column < self.columns.len(), "column {column} of a row");
         self.cells.get(row * self.columns.len() + column)
-    }
-
-    pub fn left_out(&self) -> &[RowLeftOut] {
-        &self.left_out
-    }
-
-    /// What became of the records of the file: rows, left out, before the first row, blank.
-    pub const fn records(&self) -> Records {
-        self.records
-    }
-
-    /// The line of units, without brackets; empty for a column without. `None` without such a line.
-    pub fn units(&self) -> Option<&[String]> {
-        self.units.as_deref()
-    }
-
-    /// What was found in the file and is not written in it: separator and decimal mark, encoding, sheet, absent header.
-    pub fn remarks(&self) -> &[String] {
-        &self.remarks
     }
 }
 

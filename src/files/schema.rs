@@ -73,7 +73,6 @@ pub struct ColumnSchema {
     pub description: String,
 }
 
-/// Whether a table is written or only read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -90,7 +89,6 @@ pub enum ColumnType {
     Float64,
     #[serde(rename = "int64")]
     Int64,
-    /// True or false.
     #[serde(rename = "bool")]
     Bool,
     /// Text, or one of the allowed words.
@@ -107,7 +105,6 @@ pub enum ColumnType {
     ListString,
 }
 
-/// A fault in a schema, or in a request for one.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SchemaError {
     #[error("schema: {message}")]
@@ -201,7 +198,6 @@ pub fn find(table: &str) -> Result<&'static TableSchema, SchemaError> {
 }
 
 impl TableSchema {
-    /// Reads and checks a schema file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
         let schema = Self::expanded(text);
         let schema = schema.map_err(|error| SchemaError::Parse { message: error.to_string() })?;

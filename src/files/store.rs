@@ -85,7 +85,6 @@ pub type Tag = Option<String>;
 pub struct Listed {
     pub key: String,
     pub tag: Tag,
-    /// Its size, bytes.
     pub bytes: u64,
     /// When it was written, by the store's clock; `None` where the store does not know.
     pub modified: Option<SystemTime>,

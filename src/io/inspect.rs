@@ -177,15 +177,17 @@ pub fn inspect(
     let mut survey = Survey::default();
     let name = path.display().to_string();
     let read_summary = scan(path, &name, limits, &mut survey, progress)?;
-    let channels = survey.channels.into_iter();
-    let mut channels: Vec<_> = channels.map(ChannelSummary::from).collect();
+    let summary = |channel: Surveyed| ChannelSummary {
+        topic: channel.topic,
+        encoding: channel.encoding,
+        schema: channel.kind.schema.clone(),
+        suggestion: channel.suggestion,
+        fields: channel.fields,
+        traffic: channel.traffic.unwrap_or_default(),
+    };
+    let mut channels: Vec<_> = survey.channels.into_iter().map(summary).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { read_summary, channels })
-}
-
-struct Take {
-    place: usize,
-    kind: Arc<Kind>,
 }
 
 /// The kind of messages with one schema and encoding: examined once, however many channels share them.
@@ -231,19 +233,6 @@ struct Surveyed {
     traffic: Option<Box<Traffic>>,
 }
 
-impl From<Surveyed> for ChannelSummary {
-    fn from(channel: Surveyed) -> Self {
-        Self {
-            topic: channel.topic,
-            encoding: channel.encoding,
-            schema: channel.kind.schema.clone(),
-            suggestion: channel.suggestion,
-            fields: channel.fields,
-            traffic: channel.traffic.unwrap_or_default(),
-        }
-    }
-}
-
 #[derive(Default)]
 struct Survey {
     channels: Vec<Surveyed>,
@@ -280,7 +269,7 @@ impl Survey {
 }
 
 impl Visitor for Survey {
-    type Decoder = Take;
+    type Decoder = (usize, Arc<Kind>);
     type Part = Part;
     type Error = FileError;
 
@@ -288,7 +277,7 @@ impl Visitor for Survey {
         &mut self,
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
-    ) -> Result<Take, FileError> {
+    ) -> Result<Self::Decoder, FileError> {
         let place = self.channels.len();
         let kind = self.kind(channel, schema);
         let suggestion = kind.suggestible.suggestion(None);
@@ -301,7 +290,7 @@ impl Visitor for Survey {
             fields: Vec::new(),
             traffic: None,
         });
-        Ok(Take { place, kind })
+        Ok((place, kind))
     }
 
     /// Each message of a block may be of another channel.
@@ -311,9 +300,8 @@ impl Visitor for Survey {
         channels * (64 + size_of::<Traffic>() as u64)
     }
 
-    fn message(&self, take: &Take, message: &MessageRecord<'_>, part: &mut Part) {
-        let traffic = part.traffic.entry(take.place).or_default();
-        traffic.add(message, &take.kind, &mut part.row);
+    fn message(&self, (place, kind): &Self::Decoder, message: &MessageRecord<'_>, part: &mut Part) {
+        part.traffic.entry(*place).or_default().add(message, kind, &mut part.row);
     }
 
     fn clear(&self, part: &mut Part) {

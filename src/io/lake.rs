@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::manifest::RunKey;
-use crate::schema::{self, TableSchema};
+use crate::schema;
 use crate::store::{self, Folder, Place, Store};
 use crate::table::{self, Table};
 use crate::temporary::{self, Temporary};
@@ -73,7 +73,6 @@ pub struct Stage {
     pub table: &'static str,
 }
 
-/// Ingest and join of one session.
 pub const JOINED: Stage = Stage {
     names: ["session as joined", "sessions as joined"],
     done: "joined",
@@ -132,16 +131,6 @@ impl Lake {
         self.store.folder()
     }
 
-    /// Place of a table of a run, whether or not it is there.
-    pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<Place> {
-        self.place(&schema.table, key)
-    }
-
-    /// Place of the page of a run, whether or not it is there.
-    pub fn page(&self, key: &RunKey) -> Result<Place> {
-        self.place(PAGES, key)
-    }
-
     /// Place of a file of a run, whether or not it is there: the table of that name, or its page ([`PAGES`]).
     pub fn place(&self, table: &str, key: &RunKey) -> Result<Place> {
         Ok(self.store.place(&file_key(table, key)?))
@@ -150,11 +139,6 @@ impl Lake {
     /// Whether the run exists, that is, has a row in `runs`.
     pub fn exists(&self, key: &RunKey) -> Result<bool> {
         self.has(RUNS, key)
-    }
-
-    /// Whether there is a page of the run; versions without pages wrote none.
-    pub fn has_page(&self, key: &RunKey) -> Result<bool> {
-        self.has(PAGES, key)
     }
 
     pub fn has(&self, table: &str, key: &RunKey) -> Result<bool> {
@@ -180,7 +164,7 @@ impl Lake {
     }
 
     pub fn read_page(&self, key: &RunKey) -> Result<String> {
-        let place = self.page(key)?.named();
+        let place = self.place(PAGES, key)?.named();
         let mut html = String::new();
         let mut file = self.open(PAGES, key)?;
         file.read_to_string(&mut html).map_err(folder_error("read", &place))?;

@@ -75,7 +75,7 @@ pub fn named(
     let columns =
         NameColumns::of(&table, settings).map_err(|kind| At::new(path.display(), kind))?;
     let mut names = BTreeSet::new();
-    let mut nameless: Vec<u64> = table.left_out().iter().map(|row| row.line).collect();
+    let mut nameless: Vec<u64> = table.left_out.iter().map(|row| row.line).collect();
     for row in 0..table.row_count() {
         match columns.whose(&table, row) {
             Some(whose) => {
@@ -151,17 +151,11 @@ impl NameColumns {
 
     /// The robot and the session of a row; `None` where it lacks one.
     fn whose(&self, table: &MeasuredTable, row: usize) -> Option<Whose> {
-        let named = |column: usize| name(table.cell(row, column));
-        Some(Whose {
-            robot: match self.robot {
-                Some(column) => Some(named(column)?),
-                None => None,
-            },
-            session: match self.session {
-                Some(column) => Some(named(column)?),
-                None => None,
-            },
-        })
+        let named = |column: Option<usize>| match column {
+            Some(column) => name(table.cell(row, column)).map(Some),
+            None => Some(None),
+        };
+        Some(Whose { robot: named(self.robot)?, session: named(self.session)? })
     }
 }
 
@@ -183,7 +177,7 @@ fn own_rows(
 }
 
 /// A cell as the name of a session, station or target; `None` where it is blank.
-fn name(cell: Cell<'_>) -> Option<String> {
+pub(crate) fn name(cell: Cell<'_>) -> Option<String> {
     match cell {
         Cell::Blank => None,
         Cell::Number(number) => Some(number.to_string()),

@@ -95,13 +95,11 @@ pub struct PublishContext<'a> {
     pub grids: String,
     /// The run that this one replaces; `None` where it replaces none.
     pub replaces: Option<Replaced>,
-    /// Errors before and after.
     pub pairs: Pairs,
 }
 
 type Result<T, E = PublishError> = std::result::Result<T, E>;
 
-/// The reason why tables cannot be made or published.
 #[derive(Debug, Error)]
 pub enum PublishError {
     /// Values break a table's contract.
@@ -118,7 +116,6 @@ pub enum PublishError {
         "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
     )]
     Model(#[from] serde_json::Error),
-    /// Poses that were spilled to disk cannot be read back.
     #[error(transparent)]
     Poses(#[from] PosesError),
 }

@@ -160,7 +160,7 @@ fn put(lake: &Lake, robot: usize, number: usize, model: &str) {
 }
 
 fn save(lake: &Lake, table: &Table, key: &RunKey) -> Written {
-    let path = lake.path(table.schema(), key).expect("a path").named();
+    let path = lake.place(&table.schema().table, key).expect("a path").named();
     fs::create_dir_all(path.parent().expect("in a folder")).expect("writable");
     let bytes = write(table, Vec::new()).expect("a table");
     fs::write(&path, &bytes).expect("writable");

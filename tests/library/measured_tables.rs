@@ -72,7 +72,7 @@ fn check(path: &Path, table: &MeasuredTable) {
     assert_eq!(table.columns(), names, "{}", path.display());
     let rows: Vec<&str> = lines.collect();
     assert_eq!(table.row_count(), rows.len(), "{}", path.display());
-    assert!(table.left_out().is_empty(), "{}", path.display());
+    assert!(table.left_out.is_empty(), "{}", path.display());
     for (row, line) in rows.into_iter().enumerate() {
         for (column, expected) in line.split('\t').enumerate() {
             let at = format!("{}, row {row}, column {column}", path.display());
@@ -155,8 +155,8 @@ fn tried(bytes: &[u8], ending: &str) -> String {
                 Cell::Text(text) => !text.is_empty(),
                 Cell::Blank => false,
             });
-            let remarks = table.remarks().join(" ");
-            format!("{remarks} texts {} units {}", texts.count() > 0, table.units().is_some())
+            let remarks = table.remarks.join(" ");
+            format!("{remarks} texts {} units {}", texts.count() > 0, table.units.is_some())
         }
     }
 }

@@ -385,7 +385,7 @@ fn what_never_committed_is_no_run_and_is_written_anew() {
     drop(interrupted);
     assert!(!lake.exists(&key).unwrap());
     // What stands there is a leftover, whatever it holds.
-    let path = lake.path(clocks.schema(), &key).unwrap().named();
+    let path = lake.place("clocks", &key).unwrap().named();
     fs::write(&path, "torn").unwrap();
     let mut again = lake.start(&key).unwrap().expect("the run does not exist");
     again.publish(&clocks).unwrap();
@@ -537,7 +537,7 @@ fn publish_samples(
     stamps_ns: &[i64],
     angles: &[f64],
 ) -> Result<(), PublishError> {
-    let session = run.key().session.clone();
+    let session = run.key.session.clone();
     let mut table = LogTable::new(run, &session);
     let pieces = angles.chunks(6 * ROW_GROUP_ROWS);
     for (stamps_ns, angles) in stamps_ns.chunks(ROW_GROUP_ROWS).zip(pieces) {

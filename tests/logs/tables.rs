@@ -5,7 +5,6 @@ use std::fs;
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
-use posegrid::files::schema;
 use posegrid::files::table::Table;
 use posegrid::ingest::{CommandSamples, Mapping, PoseSamples, TargetReadings, TemperatureSamples};
 use posegrid::io::lake::Lake;
@@ -37,7 +36,7 @@ fn published(logs: &SessionLogs, mapping: &Mapping) -> (Vec<u8>, Table) {
     run.publish_kept().expect("a new run");
     let table = lake.read("logs", &key()).expect("published");
     assert_eq!(run.written()[0].rows, table.rows() as u64);
-    let path = lake.path(schema::find("logs").expect("a table"), &key());
+    let path = lake.place("logs", &key());
     let bytes = fs::read(path.expect("short names").named()).expect("published");
     (bytes, table)
 }
@@ -190,7 +189,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     let read = read_session(&logs, &mapping(), limits, &rule, &mut table, &Quiet);
     let read = read.expect("a sound log");
     let files = || {
-        let path = lake.path(schema::find("logs").expect("a table"), &key());
+        let path = lake.place("logs", &key());
         let path = path.expect("short names");
         let folder = path.named();
         let folder = folder.parent().expect("it stands in a folder");

@@ -192,10 +192,7 @@ fn steps_and_one_go_give_the_same_bytes_and_only_months_with_new_runs_are_writte
     let same = |file: &&CompactFile| before.files.contains(file);
     assert_eq!(done.files.iter().filter(same).count(), 6);
     // A run that is removed goes from it too.
-    let gone = lake.path(
-        posegrid::files::schema::find("runs").expect("a table"),
-        &publish(&lake, "a", "thu", Some(3)),
-    );
+    let gone = lake.place("runs", &publish(&lake, "a", "thu", Some(3)));
     assert_eq!(compacted(&lake).added, 1);
     fs::remove_file(gone.expect("a place").named()).expect("there");
     let done = compacted(&lake);

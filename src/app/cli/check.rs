@@ -204,19 +204,16 @@ fn beyond_limits(arm: &Arm, reported: &[f64]) -> String {
 fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
     let Mapping { controller, tracker, .. } = mapping;
-    let angle = format!("{:?}", controller.unit).to_lowercase();
-    let length = format!("{:?}", tracker.unit).to_lowercase();
     let mut named = vec![
-        ("controller", topic(&controller.topic, controller.time, &angle)),
-        ("tracker", topic(&tracker.topic, tracker.time, &length)),
+        ("controller", topic(&controller.topic, controller.time, controller.unit.word())),
+        ("tracker", topic(&tracker.topic, tracker.time, &tracker.unit.to_string())),
     ];
     if let Some(commanded) = &mapping.commanded {
-        let unit = format!("{:?}", commanded.unit).to_lowercase();
+        let unit = commanded.unit.to_string();
         named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
     for own in &tracker.lengths {
-        let unit = format!("{:?}", own.unit).to_lowercase();
-        let topic = topic(&own.topic, tracker.time, &unit);
+        let topic = topic(&own.topic, tracker.time, &own.unit.to_string());
         let read = format!("{}: {} {topic}", own.name, own.reads.word());
         named.push(("lengths", read));
     }
@@ -224,10 +221,8 @@ fn topics(mapping: &Mapping) -> Vec<(&'static str, String)> {
 }
 
 fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
-    let angle = format!("{:?}", stations.joint_unit).to_lowercase();
-    let pose = |position: &[String; 3], unit| {
-        format!("{} in {}", position.join(", "), format!("{unit:?}").to_lowercase())
-    };
+    let pose = |position: &[String; 3], unit| format!("{} in {unit}", position.join(", "));
+    let angle = stations.joint_unit.word();
     let mut named = vec![("joints", format!("{} in {angle}", stations.joints.join(", ")))];
     let targets = stations.target_names();
     for (own, target) in stations.measured.iter().zip(&targets) {
@@ -236,8 +231,7 @@ fn columns(stations: &StationsSettings) -> Vec<(&'static str, String)> {
         named.push(("measured", words));
     }
     for own in &stations.lengths {
-        let unit = format!("{:?}", own.unit).to_lowercase();
-        let (name, read, column) = (&own.name, own.reads.word(), &own.column);
+        let (name, read, column, unit) = (&own.name, own.reads.word(), &own.column, own.unit);
         named.push(("lengths", format!("{name}: {read} {column} in {unit}")));
     }
     if let Some(own) = &stations.commanded {

@@ -103,11 +103,14 @@ impl CsvCause {
 }
 
 impl PlanCommandError {
-    const fn exit_code(&self) -> u8 {
+    fn exit_code(&self) -> u8 {
         match self {
             Self::Exists(_) | Self::OneFile(_) => BAD_USAGE,
-            Self::Planning(error) if error.is_usage() => BAD_USAGE,
-            Self::Planning(_) | Self::Lake(_) | Self::Write { .. } => NO_RESULT,
+            Self::Planning(error) => match **error {
+                PlanningError::File(_) | PlanningError::Known(_) => BAD_USAGE,
+                _ => NO_RESULT,
+            },
+            Self::Lake(_) | Self::Write { .. } => NO_RESULT,
         }
     }
 }

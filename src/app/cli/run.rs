@@ -23,7 +23,7 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, history};
 use crate::files::store::Place;
-use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, Stage};
+use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, LakeError, Stage};
 use crate::pipeline::configuration::Overrides;
 use crate::pipeline::fleet::Fleet;
 use crate::pipeline::run::Known;
@@ -177,7 +177,10 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         let told = messages::result(work(&fleet), bars);
         return told.map_or_else(Undelivered::exit_code, |()| DONE);
     }
-    batch(&fleet, args, bars)
+    batch(&fleet, args, bars).unwrap_or_else(|error| {
+        tracing::error!("{}", Printable(&error.to_string()));
+        NO_RESULT
+    })
 }
 
 fn tell(fleet: &Fleet) {
@@ -189,29 +192,22 @@ fn tell(fleet: &Fleet) {
     }
 }
 
-fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
+fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> Result<u8, LakeError> {
     let stop = match Stop::on_signals() {
         Ok(stop) => stop,
         Err(error) => {
             tracing::error!("cannot listen for signals: {error}");
-            return NO_RESULT;
+            return Ok(NO_RESULT);
         }
     };
-    let lake = match Lake::at(&fleet.lake) {
-        Ok(lake) => lake,
-        Err(error) => return failed(&error),
-    };
+    let lake = Lake::at(&fleet.lake)?;
     let by = format!("run {}", near(&Place::of(&args.pipeline)));
     let _lock = match alone::turn(&lake, &by, args.wait, &stop) {
         Turn::Ours(lock) => lock,
-        Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
+        Turn::NotOurs => return Ok(stop.exit_code().unwrap_or(NO_RESULT)),
     };
     clean(&lake);
-    let known = if args.fresh { Ok(Known::nothing(lake)) } else { Known::read(lake) };
-    let known = match known {
-        Ok(known) => known,
-        Err(error) => return failed(&error),
-    };
+    let known = if args.fresh { Known::nothing(lake) } else { Known::read(lake)? };
     let pieces = fleet.pieces();
     let (endings, without) = work::all(&pieces, args.until, &known, jobs(args), bars, &stop);
     if let Err(error) = known.write() {
@@ -220,32 +216,25 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> u8 {
             Printable(&error.to_string())
         );
     }
-    if stop.exit_code().is_none() && has_stale_pages(known.lake(), &endings) {
-        history::refresh_pages(known.lake(), bars);
+    if stop.exit_code().is_none() && has_stale_pages(&known.lake, &endings) {
+        history::refresh_pages(&known.lake, bars);
     }
     let mut set_aside = [fleet.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
     let code = summary::exit_code(&endings, &set_aside, &stop);
     let summary = match args.format {
         Format::Text => summary::summary(fleet, &endings, &set_aside, args.until, args.verbose),
-        Format::Json => match json::document(fleet, &endings, &set_aside, code) {
-            Ok(document) => document,
-            Err(error) => return failed(&error),
-        },
+        Format::Json => json::document(fleet, &endings, &set_aside, code)?,
     };
     let written = messages::result(summary, bars);
-    after_summary(code, written, &stop)
-}
-
-fn failed(error: &impl ToString) -> u8 {
-    tracing::error!("{}", Printable(&error.to_string()));
-    NO_RESULT
+    Ok(after_summary(code, written, &stop))
 }
 
 /// Whether the pages of all nights lack what a batch did; on object storage no browser follows their links.
 fn has_stale_pages(lake: &Lake, endings: &[work::Ending]) -> bool {
     let has_result = || endings.iter().any(|own| matches!(own, work::Ending::Done(_)));
-    let is_new = || endings.iter().any(work::Ending::changes_the_current_run);
+    let is_current = |own: &work::Ending| matches!(own, work::Ending::Done(done) if !done.already_there || done.took_place.is_some());
+    let is_new = || endings.iter().any(is_current);
     lake.folder().is_some() && (is_new() || has_result() && !lake.has_pages())
 }
 

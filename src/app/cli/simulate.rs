@@ -28,7 +28,7 @@ use crate::simulate::{
 mod flags;
 mod instrument;
 
-use flags::{ErrorFlags, Five, PoseFlags, Triple, five, triple};
+use flags::{ErrorFlags, PoseFlags, five, triple};
 use instrument::InstrumentFlags;
 
 /// Make a synthetic session with known truth, as the two MCAP logs of a cell.
@@ -76,19 +76,19 @@ pub struct SimulateArgs {
     /// An instrument in logs and table that reads distances of the reflector from an anchor: its place in the base's frame and the reading
     /// at no distance, mm, and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z,OFFSET,SD", value_parser = five, allow_hyphen_values = true)]
-    distance_from: Vec<Five>,
+    distance_from: Vec<[f64; 5]>,
     /// An instrument in logs and table that reads heights of the reflector above a plane: its normal in the base's frame, its distance from
     /// the base's origin and the standard deviation, mm; may be given several times
     #[arg(long, value_name = "NX,NY,NZ,HEIGHT,SD", value_parser = five, allow_hyphen_values = true)]
-    height_above: Vec<Five>,
+    height_above: Vec<[f64; 5]>,
     /// A reference reflector on the robot's base in logs and table, read at each station, at this place in the base's frame, mm: it moves
     /// with the base, as --base-drift-mm and --bump-mm have it; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    reference: Vec<Triple>,
+    reference: Vec<[f64; 3]>,
     /// A reference reflector on the floor in logs and table, likewise, at this place in the base's frame at the session's start, mm: the
     /// tracker sees it move as --tracker-drift-mm and --tracker-bump-mm have it move itself; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    floor_reference: Vec<Triple>,
+    floor_reference: Vec<[f64; 3]>,
     #[command(flatten)]
     poses: PoseFlags,
     #[command(flatten)]
@@ -102,7 +102,7 @@ pub struct SimulateArgs {
 struct ReflectorFlags {
     /// A further reflector in logs and table, at this place in the frame of the measured one, mm; may be given several times
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    beside: Vec<Triple>,
+    beside: Vec<[f64; 3]>,
     /// Measure the reflectors one after another in each dwell, in an order that changes from dwell to dwell, instead of all at once
     #[arg(long, requires = "beside")]
     in_turn: bool,
@@ -283,15 +283,14 @@ impl SimulateArgs {
 
     /// The places of the further reflectors, mm.
     fn places_beside(&self) -> Vec<Vector3<f64>> {
-        let beside = self.reflectors.beside.iter();
-        beside.map(|Triple(at)| Vector3::from(*at)).collect()
+        self.reflectors.beside.iter().copied().map(Vector3::from).collect()
     }
 
     /// What the references stand on, and their places in the base's frame at the start, mm: those on the base first.
     fn reference_places(&self) -> Vec<(StandsOn, Point3<f64>)> {
-        let on = |on, places: &[Triple]| -> Vec<(StandsOn, Point3<f64>)> {
+        let on = |on, places: &[[f64; 3]]| -> Vec<(StandsOn, Point3<f64>)> {
             let places = places.iter();
-            places.map(|Triple(at)| (on, Point3::from(*at))).collect()
+            places.map(|at| (on, Point3::from(*at))).collect()
         };
         [on(StandsOn::Base, &self.reference), on(StandsOn::Floor, &self.floor_reference)].concat()
     }
@@ -317,17 +316,16 @@ impl SimulateArgs {
 
     /// The instruments of one length: distances first.
     fn instruments(&self) -> Vec<LengthInstrument> {
-        let distance = |Five([x, y, z, offset_mm, sd_mm]): &Five| LengthInstrument {
-            truth: LengthTruth::Distance { anchor: Point3::new(*x, *y, *z), offset_mm: *offset_mm },
-            sd_mm: *sd_mm,
+        let distance = |&[x, y, z, offset_mm, sd_mm]: &[f64; 5]| LengthInstrument {
+            truth: LengthTruth::Distance { anchor: Point3::new(x, y, z), offset_mm },
+            sd_mm,
         };
-        let height = |Five([x, y, z, height_mm, sd_mm]): &Five| LengthInstrument {
+        let height = |&[x, y, z, height_mm, sd_mm]: &[f64; 5]| LengthInstrument {
             truth: LengthTruth::Height {
-                normal: Unit::try_new(Vector3::new(*x, *y, *z), 0.0)
-                    .unwrap_or_else(Vector3::z_axis),
-                height_mm: *height_mm,
+                normal: Unit::try_new(Vector3::new(x, y, z), 0.0).unwrap_or_else(Vector3::z_axis),
+                height_mm,
             },
-            sd_mm: *sd_mm,
+            sd_mm,
         };
         let distances = self.distance_from.iter().map(distance);
         distances.chain(self.height_above.iter().map(height)).collect()

@@ -12,7 +12,7 @@ use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::{Lake, LakeError};
-use crate::pipeline::configuration::{ConfigurationError, Overrides, Why};
+use crate::pipeline::configuration::{ConfigurationError, Overrides};
 use crate::pipeline::fleet::Fleet;
 use crate::pipeline::run::Known;
 use crate::pipeline::tasks::{self, Ended, How, Task};
@@ -79,11 +79,7 @@ pub fn list(args: &TasksArgs, bars: &Bars) -> u8 {
     };
     let Some(known) = known(&fleet, Known::read) else { return FAULT };
     for aside in &fleet.set_aside {
-        let how = match aside.why {
-            Why::Waits(_) => "waits",
-            Why::Bad(_) => "failed",
-        };
-        let reason = aside.why.reason();
+        let (how, reason) = (aside.state(), aside.why.reason());
         tracing::warn!("{how} {}: {}", Printable(&aside.session), Printable(reason));
     }
     let (open, without) = tasks::open(&fleet, &known);

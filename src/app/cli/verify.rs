@@ -86,12 +86,6 @@ enum Ended {
     Undelivered(Undelivered),
 }
 
-impl From<VerifyError> for Ended {
-    fn from(error: VerifyError) -> Self {
-        Self::Unusable(error)
-    }
-}
-
 impl From<Undelivered> for Ended {
     fn from(undelivered: Undelivered) -> Self {
         Self::Undelivered(undelivered)
@@ -105,13 +99,13 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
         sample: args.sample.map(NonZeroUsize::get),
         seed: args.seed,
     };
-    let lake = Lake::at(&Place::of(&args.lake)).map_err(VerifyError::from)?;
-    let selected = select(&lake, &selection)?;
+    let lake = Lake::at(&Place::of(&args.lake)).map_err(|error| Ended::Unusable(error.into()))?;
+    let selected = select(&lake, &selection).map_err(Ended::Unusable)?;
     clean();
     let mut sought = Sought::new(&args.pipeline);
     let (verdicts, shown) = all(&selected, &mut sought, &lake, bars)?;
     let stages = all_stages(&lake, &mut sought, &shown, args, bars)?;
-    let account = account(&lake, &selected, &args.names)?;
+    let account = account(&lake, &selected, &args.names).map_err(Ended::Unusable)?;
     let lines = files::lines(&account, args.names.is_empty());
     let belongs = !account.is_mismatch() && !stages.iter().any(StageVerified::is_mismatch);
     messages::result(format!("\n{}", lines.join("\n")), bars)?;
@@ -131,7 +125,8 @@ fn all_stages(
     let progress = &bars.of("stages");
     let verifier = StageVerifier { lake, sought, names: &args.names, shown, progress };
     let mut all = Vec::new();
-    for (stage, verified) in verifier.all().map_err(VerifyError::from)? {
+    let all_verified = verifier.all().map_err(|error| Ended::Unusable(error.into()))?;
+    for (stage, verified) in all_verified {
         if !verified.is_empty() {
             messages::result(words::stage(stage, &verified, shown), bars)?;
         }

@@ -209,7 +209,7 @@ impl Report<'_> {
         let bound = figure(FigureName::Bound);
         let judged = bound.filter(|_| subject.split != Split::None).and_then(|own| own.verdict);
         let mut row = vec![
-            words::subject(subject),
+            subject.model.name_at(subject.angles),
             bound.map_or("", |own| words::evidence(own.evidence)).to_owned(),
             bound.map_or_else(String::new, |own| accuracy::stations(subject, own.evidence)),
             bound.map_or(0, |own| own.n).to_string(),

@@ -94,7 +94,7 @@ fn row(figures: &[AccuracyRow], subject: &Subject) -> Markup {
     let moment = bound.map_or(Moment::After, |bound| bound.evidence);
     html! {
         tr {
-            th.word scope="row" { (words::subject(subject)) small { (words::evidence(moment)) } }
+            th.word scope="row" { (subject.model.name_at(subject.angles)) small { (words::evidence(moment)) } }
             td.word { (stations(subject, moment)) }
             td { (bound.map_or(0, |bound| bound.n)) @if let Some(visits) = bound.and_then(|b| b.visits.filter(|&v| v > b.n)) { small { (visits) " visits" } } @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
             @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }

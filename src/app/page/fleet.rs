@@ -27,7 +27,8 @@ pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("Fleet · {}", content::how_many(content.robots.len())),
         header: header::header(content),
-        sections: shell::sections(&SECTIONS, content),
+        sections: &SECTIONS,
+        content,
         footer: html! { "posegrid " (content.version) " · fleet of " (content::how_many(content.robots.len())) },
     })
 }

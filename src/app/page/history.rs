@@ -33,7 +33,8 @@ pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("History · {}", content.robot),
         header: header::header(content),
-        sections: shell::sections(&SECTIONS, content),
+        sections: &SECTIONS,
+        content,
         footer: html! { "posegrid " (content.version) " · history of " (content.robot) },
     })
 }

@@ -73,7 +73,7 @@ fn empty<'f>(figures: &[&'f AccuracyRow], subjects: &[Of]) -> BTreeMap<&'f str, 
     for own in subjects {
         let mut reasons = figures.iter().filter(|figure| of(figure) == *own);
         let reason = reasons.find_map(|figure| figure.reason.as_deref());
-        let (model, stations) = (words::subject(&own.1), words::stations(&own.1));
+        let (model, stations) = (own.1.model.name_at(own.1.angles), words::stations(&own.1));
         let of = by_reason.entry(reason.unwrap_or("no pose was visited again")).or_default();
         of.push(format!("{model}, {stations}"));
     }
@@ -171,7 +171,8 @@ pub(super) fn whose((evidence, subject): &Of) -> String {
         Moment::After => "Predicted",
         Moment::MeasuredAfter => "Measured after",
     };
-    format!("{evidence}: {}; {}", words::subject(subject), words::stations(subject))
+    let model = subject.model.name_at(subject.angles);
+    format!("{evidence}: {model}; {}", words::stations(subject))
 }
 
 /// A symbol of the standard; the part after the underscore is a subscript.

@@ -74,7 +74,7 @@ fn slides(row: &JointErrorRow) -> bool {
 
 /// A deviation in mrad; in mm of a joint that slides.
 fn deviation(row: &JointErrorRow, value: f64) -> f64 {
-    if slides(row) { value } else { mrad(value) }
+    if slides(row) { value } else { 1e3 * value }
 }
 
 /// Angle in degrees and deviation in mrad; both in mm of a joint that slides.
@@ -88,8 +88,4 @@ fn span(row: &JointErrorRow) -> [f64; 3] {
     let [x, y] = point(row);
     let half = 2.0 * deviation(row, row.sd_rad);
     [x, y - half, y + half]
-}
-
-fn mrad(rad: f64) -> f64 {
-    1e3 * rad
 }

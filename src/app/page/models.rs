@@ -27,7 +27,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         @for calibration in ill {
             p.warning {
-                "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.fit.condition, 0))
+                "The condition of the model " q { (calibration.model_kind.about().name) } " is " (words::optional(calibration.fit.condition, 0))
                 ", above " (CONDITION_LIMIT) ": some of its parameters are hardly determined by these poses, though its predictions near them are."
             }
         }
@@ -41,7 +41,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 fn row(calibration: &CalibrationRow) -> Markup {
     html! {
         tr {
-            th.word scope="row" { (words::model(calibration.model_kind)) }
+            th.word scope="row" { (calibration.model_kind.about().name) }
             td { (calibration.stations) }
             td { (calibration.stations_downweighted) }
             td { (calibration.parameters) }

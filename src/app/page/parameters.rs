@@ -24,7 +24,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         own.iter().partition(|p| p.identifiability == Identifiability::Identifiable);
     Some(html! {
         p {
-            "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals (± two standard errors). "
+            "Parameters of the " (model.about().name) ": identified offsets from the nominal arm, with 95 % intervals (± two standard errors). "
             (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } ", where θ₁ is " code { "theta_1" } "."
         }
         div.pair {

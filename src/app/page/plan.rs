@@ -29,7 +29,8 @@ pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("Plan · {}", content.robot),
         header: promise::header(content),
-        sections: shell::sections(&SECTIONS, content),
+        sections: &SECTIONS,
+        content,
         footer: html! { "posegrid " (VERSION) " · plan " code { (content.plan) } },
     })
 }

@@ -7,34 +7,23 @@ use crate::report::chart;
 
 pub(super) const STYLE: &str = include_str!("page.css");
 
-pub(super) struct Shell {
+pub(super) struct Shell<'c, C: 'static> {
     pub(super) title: String,
     pub(super) header: Markup,
     /// The sections after the verdict.
-    pub(super) sections: Vec<Section>,
+    pub(super) sections: &'static [Maker<C>],
+    pub(super) content: &'c C,
     /// The version and the run that wrote the page.
     pub(super) footer: Markup,
-}
-
-pub(super) struct Section {
-    pub(super) id: &'static str,
-    pub(super) heading: &'static str,
-    pub(super) body: Markup,
 }
 
 /// The anchor, the heading and the content of a section; the content is `None` where there is nothing to show.
 pub(super) type Maker<C> = (&'static str, &'static str, fn(&C) -> Option<Markup>);
 
-/// The sections that `content` has something for.
-pub(super) fn sections<C>(makers: &[Maker<C>], content: &C) -> Vec<Section> {
-    let made = makers.iter().filter_map(|&(id, heading, of)| {
-        let body = of(content)?;
-        Some(Section { id, heading, body })
-    });
-    made.collect()
-}
-
-pub(super) fn page(shell: &Shell) -> String {
+pub(super) fn page<C>(shell: &Shell<'_, C>) -> String {
+    let sections = shell.sections.iter();
+    let sections: Vec<_> =
+        sections.filter_map(|&(id, heading, of)| Some((id, heading, of(shell.content)?))).collect();
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -48,10 +37,10 @@ pub(super) fn page(shell: &Shell) -> String {
                 main {
                     (shell.header)
                     nav aria-label="Sections" {
-                        @for section in &shell.sections { a href={ "#" (section.id) } { (section.heading) } " " }
+                        @for (id, heading, _) in &sections { a href={ "#" (id) } { (heading) } " " }
                     }
-                    @for section in &shell.sections {
-                        section id=(section.id) { h2 { (section.heading) } (section.body) }
+                    @for (id, heading, body) in &sections {
+                        section id=(id) { h2 { (heading) } (body) }
                     }
                     footer { p { (shell.footer) } }
                 }

@@ -64,7 +64,7 @@ fn chart(rows: &[&SemivariogramRow], space: Space) -> Markup {
 fn curve(rows: &[&SemivariogramRow], model: Model, reach: f64) -> Series {
     let own = || rows.iter().filter(|row| row.errors == model);
     let bins: Vec<[f64; 2]> = own().filter_map(|row| bin(row)).collect();
-    let mut series = Series::points(words::model(model), bins).looking(words::look(model));
+    let mut series = Series::points(model.about().name, bins).looking(model.about().look);
     let from = own().find_map(|row| bin(row)).map_or(0.0, |[h, _]| h);
     let line = own().find_map(|row| best(row, from, reach));
     series.marks.splice(0..0, line.map(crate::report::chart::Marks::Line));
@@ -112,7 +112,7 @@ fn fits(rows: &[&SemivariogramRow]) -> Markup {
         @for row in rows {
             @if let Some(Best { shape, nugget_mm2, sill_mm2, range }) = Best::of(row) {
                 tr {
-                    th.word scope="row" { (words::model(row.errors)) }
+                    th.word scope="row" { (row.errors.about().name) }
                     td.word { @if row.space == Space::Joint { "joint angles" } @else { "space" } }
                     td.word { (shape.word()) }
                     td { (words::number(nugget_mm2, 5)) }

@@ -9,20 +9,6 @@ use crate::io::tables::words::TableVerdict;
 use crate::plan::Kind;
 use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 
-pub(super) const fn model(model: Model) -> &'static str {
-    model.about().name
-}
-
-pub(super) const fn look(model: Model) -> usize {
-    model.about().look
-}
-
-/// The model of a subject, with the angles where they make a difference.
-pub(super) fn subject(subject: &Subject) -> String {
-    subject.model.name_at(subject.angles)
-}
-
-/// The stations that judged.
 pub(super) fn stations(subject: &Subject) -> String {
     let session = &subject.of_session;
     if (subject.model, subject.split) == (Model::Table, Split::Session) {
@@ -246,7 +232,6 @@ pub(super) fn whole(value: u64) -> String {
     })
 }
 
-/// A share as a percentage without needless digits.
 pub fn percent(share: f64) -> String {
     let text = format!("{:.2}", 100.0 * share);
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

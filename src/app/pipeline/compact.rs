@@ -48,7 +48,6 @@ pub struct Compacted {
     pub removed: usize,
 }
 
-/// A run that is not in the compact form.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     pub place: Place,
@@ -81,7 +80,6 @@ enum Attempt {
     Damaged(String),
 }
 
-/// Brings the compact form of a lake up to date.
 pub fn compact(lake: &Lake, progress: &dyn Progress) -> Result<Compacted> {
     let mut damaged = BTreeSet::new();
     for _ in 0..ATTEMPTS {
@@ -111,7 +109,7 @@ fn attempt(lake: &Lake, damaged: &BTreeSet<String>, progress: &dyn Progress) -> 
     compare(lake, &listed, &mut months, &mut done, progress);
     let mut files = Vec::new();
     for (month, own) in months {
-        if own.is_unchanged() {
+        if own.new.is_empty() && own.gone.is_empty() {
             let kept = state.files.iter().filter(|file| file.month == month);
             files.extend(kept.cloned());
             done.runs += runs_among(&own.keys);
@@ -137,8 +135,10 @@ fn attempt(lake: &Lake, damaged: &BTreeSet<String>, progress: &dyn Progress) -> 
 fn known(lake: &Lake, state: &CompactState, damaged: &BTreeSet<String>) -> BTreeMap<String, Month> {
     let files = state.files.par_iter();
     let files = files.filter(|file| file.table == KEYS && !damaged.contains(&file.month));
-    let read =
-        |own: &CompactFile| Some((own.month.clone(), Month::of(lake.read_compact_keys(own)?)));
+    let read = |own: &CompactFile| {
+        let keys = lake.read_compact_keys(own)?;
+        Some((own.month.clone(), Month { keys, ..Month::default() }))
+    };
     files.filter_map(read).collect()
 }
 
@@ -152,7 +152,8 @@ fn compare(
 ) {
     let there: BTreeSet<&str> = listed.iter().map(|file| file.key.as_str()).collect();
     for own in months.values_mut() {
-        own.find_gone(&there);
+        let is_gone = |key: &&String| !there.contains(key.as_str());
+        own.gone = own.keys.iter().filter(is_gone).cloned().collect();
     }
     let known = |file: &Listed| months.values().any(|own| own.keys.contains(&file.key));
     let new: Vec<Listed> = listed.iter().filter(|file| !known(file)).cloned().collect();

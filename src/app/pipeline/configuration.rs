@@ -95,7 +95,6 @@ pub struct Configuration {
 /// The reading of what sessions were recorded as.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reads {
-    /// Topics, clocks and units of the two logs.
     Logs(Box<Mapping>),
     /// Columns and units of tables of stations.
     Tables(Box<StationsSettings>),
@@ -358,10 +357,7 @@ pub(in crate::pipeline) fn several_targets(file: &PipelineFile) -> Vec<String> {
 fn remarks(file: &PipelineFile) -> Vec<String> {
     let one_point = file.commanded.as_ref().map(|section| section.target_is_tool);
     let based = file.tracker.tracker_from_base.is_some();
-    let survey = match &file.tracker.tracker_from_base {
-        Some(TrackerFromBase::Surveyed(survey)) => Some(survey),
-        Some(TrackerFromBase::Fitted) | None => None,
-    };
+    let survey = file.tracker.survey();
     let surveyed = survey.is_some();
     let remarks = [
         (
@@ -459,7 +455,12 @@ impl Placed {
         placed.flange_from_tool = tool;
         placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
         if !section.target_is_tool && tool.is_none() {
-            return Err(no_tool(path));
+            return Err(ConfigurationErrorKind::missing(
+"[commanded] flange_from_tool",
+"target_is_tool = false states that the commanded point is not the measured target, so no other key \
+    states its position at the flange; state the controller's tool",
+)
+.at(path));
         }
         Ok(placed)
     }
@@ -495,15 +496,6 @@ fn tip_at_flange(
         )
         .at(path)),
     }
-}
-
-fn no_tool(path: &Path) -> ConfigurationError {
-    ConfigurationErrorKind::missing(
-        "[commanded] flange_from_tool",
-        "target_is_tool = false states that the commanded point is not the measured target, so no other key \
-                 states its position at the flange; state the controller's tool",
-    )
-    .at(path)
 }
 
 /// Tolerance for the length of a direction, which should be 1; a larger difference is a mistake.

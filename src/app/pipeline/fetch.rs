@@ -20,9 +20,10 @@ const COPIES: &str = "posegrid-logs";
 /// A piece of work whose logs can be read.
 #[derive(Debug)]
 pub struct Fetched {
-    piece: WorkPiece,
+    /// With paths that can be read.
+    pub(super) piece: WorkPiece,
     /// Path of each copy, by the address of its original.
-    copies: BTreeMap<PathBuf, PathBuf>,
+    pub(super) copies: BTreeMap<PathBuf, PathBuf>,
     /// Folder of the copies; `None` where the logs are local.
     _folder: Option<TempDir>,
 }
@@ -56,21 +57,12 @@ impl Fetched {
         Ok(Self { piece, copies, _folder: Some(folder) })
     }
 
-    /// The piece of work, with paths that can be read.
-    pub const fn piece(&self) -> &WorkPiece {
-        &self.piece
-    }
-
     /// A message with the addresses of the originals in place of the copies' paths.
     pub fn told(&self, message: &str) -> String {
         let told = |text: String, (address, copy): (&PathBuf, &PathBuf)| {
             text.replace(&copy.display().to_string(), &address.display().to_string())
         };
         self.copies.iter().fold(message.to_owned(), told)
-    }
-
-    pub(super) fn is_copied(&self) -> bool {
-        !self.copies.is_empty()
     }
 }
 

@@ -63,12 +63,7 @@ pub struct PipelineFile {
 }
 
 impl PipelineFile {
-    /// The uncertainty of the tracker's measurements alone.
-    pub fn noise_of_tracker(&self) -> Noise {
-        Noise::of_one(self.tracker_source(), self.fit.geometric.repeatability_mm)
-    }
-
-    fn tracker_source(&self) -> Source {
+    pub fn tracker_source(&self) -> Source {
         Source {
             reads: if self.fit.geometric.orientations {
                 ReadingKind::Pose
@@ -93,7 +88,6 @@ impl PipelineFile {
         stations.map_or(1, StationsSettings::first_length)
     }
 
-    /// The measurement's uncertainty, for the fit.
     pub fn noise(&self) -> Noise {
         let tracker = self.tracker_source();
         let lengths = self.lengths().into_iter().map(|own| Source {
@@ -214,14 +208,7 @@ impl LogNames {
             Self::Several(patterns) => patterns,
         }
     }
-}
 
-/// The placeholder for a session's name in the names of its files.
-pub const SESSION_PLACE: &str = "{session}";
-/// Where the name of a robot is in names of files.
-pub const ROBOT_PLACE: &str = "{robot}";
-
-impl LogNames {
     /// The names or patterns for a session.
     #[must_use]
     pub fn of(&self, session: &str) -> Self {
@@ -229,6 +216,11 @@ impl LogNames {
         Self::Several(patterns.map(|pattern| pattern.replace(SESSION_PLACE, session)).collect())
     }
 }
+
+/// The placeholder for a session's name in the names of its files.
+pub const SESSION_PLACE: &str = "{session}";
+/// Where the name of a robot is in names of files.
+pub const ROBOT_PLACE: &str = "{robot}";
 
 impl fmt::Display for LogNames {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -294,7 +286,6 @@ impl SessionsBy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Pool {
-    /// Each session by itself.
     #[default]
     Each,
     /// All of them, in one fit named `pooled`.
@@ -332,6 +323,14 @@ fn of_log<'de, D: Deserializer<'de>, T: DeserializeOwned>(from: D) -> Result<Opt
 }
 
 impl TrackerSection {
+    /// The surveyed base; `None` of one that is fitted, or of which nothing is stated.
+    pub const fn survey(&self) -> Option<&Survey> {
+        match &self.tracker_from_base {
+            Some(TrackerFromBase::Surveyed(survey)) => Some(survey),
+            Some(TrackerFromBase::Fitted) | None => None,
+        }
+    }
+
     /// Whether the readings are of a camera on the flange.
     pub fn is_eye_in_hand(&self) -> bool {
         let camera = self.uncertainty.camera();
@@ -404,7 +403,6 @@ pub struct ToolTip {
     pub xyz_mm: [f64; 3],
 }
 
-/// Frames that a tool tip can be stated in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TipFrame {

@@ -74,7 +74,14 @@ impl Fleet {
             source.is_of(&files, robots)?;
             let tree = files.tree()?;
             let configuration = Configuration::of(path, files, tree, None, overrides)?;
-            return Ok(Self::of_one(configuration));
+            return Ok(Self {
+                is_of_several: false,
+                set_aside: configuration.set_aside.clone(),
+                left_out: configuration.left_out.clone(),
+                remarks: configuration.remarks.clone(),
+                lake: configuration.lake.clone(),
+                robots: vec![configuration],
+            });
         };
         let chosen: Vec<&StatedRobot> = if robots.is_empty() {
             known.stated.iter().collect()
@@ -84,18 +91,6 @@ impl Fleet {
         };
         let loader = Loader { source: &source, robots: known, overrides };
         loader.fleet(&chosen, robots.is_empty())
-    }
-
-    /// The fleet of a pipeline file of one robot.
-    fn of_one(configuration: Configuration) -> Self {
-        Self {
-            is_of_several: false,
-            set_aside: configuration.set_aside.clone(),
-            left_out: configuration.left_out.clone(),
-            remarks: configuration.remarks.clone(),
-            lake: configuration.lake.clone(),
-            robots: vec![configuration],
-        }
     }
 
     pub fn pieces(&self) -> Vec<FleetPiece<'_>> {
@@ -172,9 +167,12 @@ impl Loader<'_> {
             }
         }
         if let Searched::Recorded(_, by_robot) = &searched {
-            gathered.left_out.extend(by_robot.left_out());
+            gathered.left_out.extend_from_slice(&by_robot.found.left_out);
         }
-        gathered.set_aside(strangers);
+        let before = gathered.pieces;
+        let strangers =
+            strangers.into_iter().map(|(session, why)| SetAside { session, why, before });
+        gathered.set_aside.extend(strangers);
         gathered.fleet()
     }
 
@@ -262,12 +260,6 @@ impl Gathered {
         };
         self.set_aside.push(SetAside { session: robot.to_owned(), why, before: self.pieces });
         self.faults.push(error);
-    }
-
-    fn set_aside(&mut self, told: Vec<(String, Why)>) {
-        let before = self.pieces;
-        let told = told.into_iter().map(|(session, why)| SetAside { session, why, before });
-        self.set_aside.extend(told);
     }
 
     /// The fleet; the first fault where no robot has a session and none waits.

@@ -46,9 +46,7 @@ const AT_ONCE: usize = 4;
 #[derive(Debug, Clone, Default)]
 pub struct Asked {
     pub robot: Option<String>,
-    /// From this session on.
     pub since: Option<String>,
-    /// Up to this session.
     pub until: Option<String>,
     /// Whether to judge every session again, without the summary.
     pub fresh: bool,
@@ -130,7 +128,7 @@ pub fn history(
     if robots.is_empty() {
         return Err(HistoryError::NoLake(lake.root()));
     }
-    progress.begin("sessions", robots.iter().map(|own| own.len() as u64).sum());
+    progress.begin("sessions", robots.iter().map(|own| own.files.len() as u64).sum());
     let of_each = || {
         let each = robots.par_iter();
         each.map(|own| of_robot(lake, asked, own, progress)).collect()

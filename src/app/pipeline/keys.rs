@@ -26,7 +26,6 @@ pub const FILES: [&str; 2] = ["pipeline", "robot"];
 pub struct KeyReference {
     /// The kind of file, one of [`FILES`].
     pub file: String,
-    /// The purpose of such a file.
     pub about: String,
     /// The chapter of the guide that explains it.
     pub guide: String,

@@ -85,13 +85,6 @@ pub enum PlanningError {
     Lake(#[from] LakeError),
 }
 
-impl PlanningError {
-    /// Whether the pipeline file is at fault.
-    pub const fn is_usage(&self) -> bool {
-        matches!(self, Self::File(_) | Self::Known(_))
-    }
-}
-
 impl Planning {
     /// Names of the robots of the pipeline file at `path`; empty where it is of one.
     pub fn robots(path: &Path) -> Result<Vec<String>> {
@@ -140,7 +133,6 @@ impl Planning {
         Ok(Self { arm: read.arm, settings, lake, command_from_base, work })
     }
 
-    /// Makes the plan and publishes it, unless the lake has it.
     pub fn make(&self, progress: &dyn Progress) -> Result<Planned> {
         let key = self.work.key();
         let lake = Lake::at(&self.lake)?;
@@ -222,7 +214,6 @@ impl Stated {
     }
 }
 
-/// The numbers of candidates read, kept and rejected.
 fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
     let drawn = &plan.candidates;
     let rejected: BTreeMap<String, u64> =

@@ -53,16 +53,13 @@ fn text(table: &mut Table, key: &str) -> Result<Option<String>, String> {
 
 /// Puts the settings of a robot into those of the file: a key takes the place of that key of its section, and a section inside a section
 /// is such a section too.
-pub fn put(settings: &Table, into: &mut Table) {
-    put_at("", settings, into);
-}
-
-fn put_at(place: &str, settings: &Table, into: &mut Table) {
+/// `place` is the path of the section that they are of, empty for the top of the file.
+pub fn put(place: &str, settings: &Table, into: &mut Table) {
     for (key, value) in settings {
         let own = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
         match (value, into.get_mut(key)) {
             (Value::Table(inner), Some(Value::Table(there))) if is_section(&own) => {
-                put_at(&own, inner, there);
+                put(&own, inner, there);
             }
             _ => {
                 into.insert(key.clone(), value.clone());
@@ -98,7 +95,7 @@ mod tests {
              [tracker]\ntracker_from_base = { surveyed = { xyz_mm = [4, 5, 6], quaternion_xyzw = [0, 0, 0, 1] } }\n\
              [fit]\ntarget = { xyz_mm = [7, 8, 9], sd_mm = 1.0 }\nfull = { sd_mm = 0.3 }\n[tolerance]\nmm = 0.3\n",
         );
-        put(&own, &mut file);
+        put("", &own, &mut file);
         let wanted = table(
             "[robot]\nfile = 'b.toml'\nvalid_for = { tool = 'rivet', base = 'floor' }\n\
              [tracker]\ntracker_from_base = { surveyed = { xyz_mm = [4, 5, 6], quaternion_xyzw = [0, 0, 0, 1] } }\n\

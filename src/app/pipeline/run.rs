@@ -25,7 +25,7 @@ use super::{damage, driven, promise};
 use crate::files::store::Place;
 use crate::geometry::{Transform, symmetric};
 use crate::grid::Verdict;
-use crate::io::lake::{Commit, ESTIMATES, JOINED, Lake, Stage};
+use crate::io::lake::{Commit, ESTIMATES, JOINED, Lake, PAGES, Stage};
 use crate::io::rows::Row as _;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::{TableVerdict, VerdictOf};
@@ -182,15 +182,14 @@ fn with_files<T>(
     work: impl Fn(&WorkPiece) -> Result<T>,
 ) -> Result<T> {
     let fetched = Fetched::of(&configuration.tree, piece)?;
-    work(fetched.piece()).map_err(|error| {
-        if fetched.is_copied() {
-            RunError::Copied {
-                session: error.session().map(str::to_owned),
-                is_fault: error.is_fault(),
-                words: fetched.told(&error.to_string()),
-            }
-        } else {
-            error
+    work(&fetched.piece).map_err(|error| {
+        if fetched.copies.is_empty() {
+            return error;
+        }
+        RunError::Copied {
+            session: error.session().map(str::to_owned),
+            is_fault: error.is_fault(),
+            words: fetched.told(&error.to_string()),
         }
     })
 }
@@ -282,10 +281,10 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
     stated.filter_map(|(what, words)| Some((what, words?))).collect()
 }
 
-/// Place of the page of a run; `None` where it has none.
+/// Place of the page of a run; `None` where it has none, as of a version without pages.
 pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>> {
-    let page = lake.page(key)?;
-    Ok(lake.has_page(key)?.then_some(page))
+    let page = lake.place(PAGES, key)?;
+    Ok(lake.has(PAGES, key)?.then_some(page))
 }
 
 /// The result of a run that the lake has already, which becomes the current one.

@@ -14,7 +14,6 @@ use super::run::{Done, Known, Size, Took, run_piece};
 use crate::manifest::VERSION;
 use crate::progress::Progress;
 
-/// A piece of work, as it is listed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Task {
     /// The state of its inputs: another content, setting or version is another task.

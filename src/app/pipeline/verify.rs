@@ -72,7 +72,6 @@ pub enum VerifyError {
 pub struct Verified {
     pub claim: Claim,
     pub contradictions: Vec<String>,
-    /// Every file that the row names.
     pub outputs: Vec<Output>,
     /// The run that is current in its place; `None` where it is the current one.
     pub superseded_by: Option<String>,
@@ -90,7 +89,6 @@ pub enum Recomputed {
     No(String),
     /// All its files, in the row's order; those that are the same byte for byte are only counted.
     Yes {
-        /// Number of files with the same bytes.
         same: usize,
         others: Vec<ComparedFile>,
     },
@@ -124,7 +122,7 @@ pub fn verify(
         superseded_by: match lake.current(&claim.key) {
             Ok(Some(current)) => Some(current.run).filter(|run| *run != claim.key.run),
             // Rows that cannot be read are told by themselves.
-            _ => register.superseding(&claim.key).map(str::to_owned),
+            _ => register.superseding(&claim.key),
         },
         cited: cited::citations(claim, register, lake),
         inputs: Vec::new(),

@@ -1,5 +1,6 @@
 use std::io;
 
+use strsim::generic_levenshtein;
 use thiserror::Error;
 
 use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
@@ -140,27 +141,12 @@ fn nearest(columns: &[String], name: &str) -> Vec<String> {
         .map(|(place, column)| {
             let letters = folded(column);
             let begins = !wanted.is_empty() && letters.starts_with(&wanted);
-            (if begins { 0 } else { distance(&wanted, &letters) }, place)
+            (if begins { 0 } else { generic_levenshtein(&wanted, &letters) }, place)
         })
         .filter(|(distance, _)| *distance <= wanted.len().div_ceil(2))
         .collect();
     near.sort_unstable();
     near.into_iter().take(3).map(|(_, place)| columns[place].clone()).collect()
-}
-
-/// Letters to add, remove or exchange to make one text of the other (Levenshtein).
-fn distance(one: &[char], other: &[char]) -> usize {
-    let mut row: Vec<usize> = (0..=other.len()).collect();
-    for (above, a) in one.iter().enumerate() {
-        let mut diagonal = above;
-        row[0] = above + 1;
-        for (column, b) in other.iter().enumerate() {
-            let exchanged = diagonal + usize::from(a != b);
-            diagonal = row[column + 1];
-            row[column + 1] = exchanged.min(diagonal + 1).min(row[column] + 1);
-        }
-    }
-    row[other.len()]
 }
 
 #[cfg(test)]

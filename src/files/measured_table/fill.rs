@@ -7,13 +7,36 @@ use super::number::{Contrary, Numbers};
 use super::separator::Marks;
 use super::split::comment;
 use super::{
-    Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, Result, RowLeftOut,
+    Cell, Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, Result, RowLeftOut,
 };
 
 pub(super) trait Written {
     fn is_blank(&self) -> bool;
     fn number(&self, numbers: &Numbers) -> Option<f64>;
     fn text(&self) -> Cow<'_, str>;
+}
+
+impl Written for Cell<'_> {
+    fn is_blank(&self) -> bool {
+        matches!(self, Self::Blank | Self::Text(""))
+    }
+
+    fn number(&self, numbers: &Numbers) -> Option<f64> {
+        match self {
+            Self::Blank => None,
+            Self::Number(number) => Some(*number),
+            // People type numbers into cells that are formatted as text.
+            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
+        }
+    }
+
+    fn text(&self) -> Cow<'_, str> {
+        match self {
+            Self::Blank => Cow::Borrowed(""),
+            Self::Number(number) => Cow::Owned(number.to_string()),
+            Self::Text(text) => Cow::Borrowed(text.trim()),
+        }
+    }
 }
 
 /// The first number of a column in another way of writing.
@@ -40,7 +63,7 @@ pub(super) fn filled<'h, 's>(
 
 pub(super) struct Filling<'h> {
     head: &'h Head,
-    numbers: Numbers,
+    pub(super) numbers: Numbers,
     width: usize,
     cells: Cells,
     lines: Vec<u64>,
@@ -182,10 +205,6 @@ impl<'h> Filling<'h> {
             records,
             remarks,
         })
-    }
-
-    pub(super) fn numbers(&self) -> &Numbers {
-        &self.numbers
     }
 }
 

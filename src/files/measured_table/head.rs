@@ -116,7 +116,9 @@ pub(super) fn find(sample: &[SampleRow], stated: Option<u64>, is_comma: bool) ->
     }
     let first = block.first_row();
     if let Some(comment) = block.comment_above(first) {
-        return Ok(commented(sample, comment, first, width));
+        let head = below(sample, comment, width);
+        let remark = Some(format!("the comment in line {} is the header", sample[comment].line));
+        return Ok(Head { remark, above: head.above.max(first), ..head });
     }
     block.refuse_other_length(first, is_comma)?;
     Ok(Head {
@@ -124,13 +126,6 @@ pub(super) fn find(sample: &[SampleRow], stated: Option<u64>, is_comma: bool) ->
         remark: Some("it has no header: columns are named by their number, from 1".to_owned()),
         ..Head::of((1..=width).map(|number| number.to_string()).collect())
     })
-}
-
-fn commented(sample: &[SampleRow], comment: usize, first: usize, width: usize) -> Head {
-    let line = sample[comment].line;
-    let head = below(sample, comment, width);
-    let remark = Some(format!("the comment in line {line} is the header"));
-    Head { remark, above: head.above.max(first), ..head }
 }
 
 fn at_line(sample: &[SampleRow], line: u64) -> Result<Head> {
@@ -172,12 +167,10 @@ fn below(sample: &[SampleRow], header: usize, width: usize) -> Head {
     }
 }
 
-/// Records of one number of cells: numbers in them, and how many there are.
-type Weight = (usize, usize);
-
 /// The number of cells of the records that have most numbers, or of most records where there is no number.
 fn width(sample: &[SampleRow]) -> Option<usize> {
-    let mut of_width: BTreeMap<usize, Weight> = BTreeMap::new();
+    // Of the records of each number of cells: numbers in them, and how many there are.
+    let mut of_width: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
     let rows = sample.iter().filter(|row| !row.is_comment && !row.is_blank());
     for row in rows {
         let (numbers, rows) = of_width.entry(row.pieces.len()).or_default();

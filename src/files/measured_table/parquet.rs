@@ -13,10 +13,9 @@ use bytes::Bytes;
 use super::fill::Filling;
 use super::head::Head;
 use super::number::Numbers;
-use super::sheet::SheetCell;
 use super::{
-    Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
-    Result,
+    Cell, Counted, Form, LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MeasuredTable,
+    MeasuredTableErrorKind, Result,
 };
 use crate::input::Bound;
 use crate::stated;
@@ -175,7 +174,7 @@ impl Leaves {
         let head = Head::of(names.collect());
         let mut filling = Filling::new(&head, Numbers::with(form.decimal.unwrap_or('.')));
         for row in 0..self.rows {
-            let cells: Vec<SheetCell> = self.found.iter().map(|leaf| leaf.cell(row)).collect();
+            let cells: Vec<Cell> = self.found.iter().map(|leaf| leaf.cell(row)).collect();
             filling.record(row as u64 + 1, &cells)?;
         }
         filling.table(Counted::Row, self.remarks)
@@ -183,15 +182,15 @@ impl Leaves {
 }
 
 impl Leaf {
-    fn cell(&self, row: usize) -> SheetCell<'_> {
-        let Some(place) = self.places[row].get() else { return SheetCell::Blank };
+    fn cell(&self, row: usize) -> Cell<'_> {
+        let Some(place) = self.places[row].get() else { return Cell::Blank };
         match &self.values {
-            Values::Numbers(values) => SheetCell::Number(values.value(place)),
+            Values::Numbers(values) => Cell::Number(values.value(place)),
             Values::Scaled(values, factor) => {
                 let number = i128::from(values.value(place)) * i128::from(*factor);
-                SheetCell::Number(number as f64)
+                Cell::Number(number as f64)
             }
-            Values::Texts(values) => SheetCell::Text(values.value(place).into()),
+            Values::Texts(values) => Cell::Text(values.value(place).trim()),
         }
     }
 }

@@ -1,5 +1,6 @@
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::io::{self, Read as _};
 
 use zip::ZipArchive;
@@ -8,7 +9,7 @@ use super::fill::{self, Filling, Written};
 use super::head::{self, Head, Piece, PieceKind, SampleRow};
 use super::number::Numbers;
 use super::separator::{EitherMark, SAMPLE};
-use super::{Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind, Result};
+use super::{Cell, Counted, Form, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind, Result};
 use crate::input::Bound;
 
 const LETTERS: usize = 256;
@@ -27,29 +28,13 @@ pub(super) struct Sheet<'s> {
     pub(super) rows: Vec<(u64, Vec<(u32, SheetCell<'s>)>)>,
 }
 
-impl Written for SheetCell<'_> {
-    fn is_blank(&self) -> bool {
+impl SheetCell<'_> {
+    /// What it holds, of a text without the spaces around it.
+    fn cell(&self) -> Cell<'_> {
         match self {
-            Self::Blank => true,
-            Self::Number(_) => false,
-            Self::Text(text) => text.trim().is_empty(),
-        }
-    }
-
-    fn number(&self, numbers: &Numbers) -> Option<f64> {
-        match self {
-            Self::Blank => None,
-            Self::Number(number) => Some(*number),
-            // People type numbers into cells that are formatted as text.
-            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
-        }
-    }
-
-    fn text(&self) -> Cow<'_, str> {
-        match self {
-            Self::Blank => Cow::Borrowed(""),
-            Self::Number(number) => Cow::Owned(number.to_string()),
-            Self::Text(text) => Cow::Borrowed(text.trim()),
+            Self::Blank => Cell::Blank,
+            Self::Number(number) => Cell::Number(*number),
+            Self::Text(text) => Cell::Text(text.trim()),
         }
     }
 }
@@ -58,14 +43,14 @@ impl Sheet<'_> {
     /// Whether a row has two numbers, or where `as_text` two cells that are numbers as a text of any way of writing.
     pub(super) fn has_table(&self, as_text: bool) -> bool {
         let point = Numbers::with('.');
-        let is_number = |cell: &SheetCell| match cell {
-            SheetCell::Number(_) => true,
+        let is_number = |cell: Cell| match cell {
+            Cell::Number(_) => true,
             _ => {
                 as_text && (cell.number(&point).is_some() || point.contrary(&cell.text()).is_some())
             }
         };
         let numbers =
-            |row: &[(u32, SheetCell)]| row.iter().filter(|(_, cell)| is_number(cell)).count();
+            |row: &[(u32, SheetCell)]| row.iter().filter(|(_, own)| is_number(own.cell())).count();
         self.rows.iter().any(|(_, row)| numbers(row) > 1)
     }
 
@@ -127,7 +112,7 @@ impl Sheet<'_> {
     fn columns(&self, start: usize) -> Vec<u32> {
         let rows = self.rows.iter().skip(start);
         let cells = rows.flat_map(|(_, row)| row.iter());
-        let filled = cells.filter(|(_, cell)| !cell.is_blank());
+        let filled = cells.filter(|(_, own)| !own.cell().is_blank());
         let columns: BTreeSet<u32> = filled.map(|(column, _)| *column).collect();
         columns.into_iter().collect()
     }
@@ -147,27 +132,20 @@ impl Sheet<'_> {
     }
 }
 
-fn piece(cell: &SheetCell<'_>, either: &EitherMark) -> Piece {
+fn piece(cell: &Cell<'_>, either: &EitherMark) -> Piece {
     let text = cell.text();
-    if let SheetCell::Number(_) = cell {
+    if let Cell::Number(_) = cell {
         return Piece { kind: PieceKind::Number, text: text.into_owned() };
     }
     let end = text.char_indices().nth(LETTERS).map_or(text.len(), |(end, _)| end);
     Piece::new(&text[..end], either)
 }
 
-fn dense<'c, 's>(row: &'c [(u32, SheetCell<'s>)], columns: &[u32]) -> Vec<SheetCell<'c>>
-where
-    's: 'c,
-{
-    let mut cells = vec![SheetCell::Blank; columns.len()];
-    for (column, cell) in row {
+fn dense<'c>(row: &'c [(u32, SheetCell<'_>)], columns: &[u32]) -> Vec<Cell<'c>> {
+    let mut cells = vec![Cell::Blank; columns.len()];
+    for (column, own) in row {
         if let Ok(place) = columns.binary_search(column) {
-            cells[place] = match cell {
-                SheetCell::Blank => SheetCell::Blank,
-                SheetCell::Number(number) => SheetCell::Number(*number),
-                SheetCell::Text(text) => SheetCell::Text(Cow::Borrowed(text)),
-            };
+            cells[place] = own.cell();
         }
     }
     cells
@@ -195,17 +173,15 @@ const MOST_STYLES: u64 = 8 << 20;
 
 /// Checks that a packed file is not larger than the bound when it is unpacked, and holds as many texts as it states.
 pub(super) fn check_unpacked(bytes: &[u8], bound: Bound) -> Result<()> {
-    let mut archive = ZipArchive::new(io::Cursor::new(bytes)).map_err(|error| packed(&error))?;
+    let mut archive = ZipArchive::new(io::Cursor::new(bytes)).map_err(|error| wrong(&error))?;
     let (mut rest, mut unpacked) = (bound.bytes, Vec::new());
     for entry in 0..archive.len() {
-        let entry = archive.by_index(entry).map_err(|error| packed(&error))?;
+        let entry = archive.by_index(entry).map_err(|error| wrong(&error))?;
         let name = entry.name().unwrap_or_default().to_lowercase();
         unpacked.clear();
         let found = entry.take(rest.saturating_add(1)).read_to_end(&mut unpacked);
-        let found =
-            found.map_err(|error| MeasuredTableErrorKind::Spreadsheet(error.to_string()))? as u64;
         rest = rest
-            .checked_sub(found)
+            .checked_sub(found.map_err(|error| wrong(&error))? as u64)
             .ok_or(MeasuredTableErrorKind::Unpacked { limit: bound.bytes, advice: bound.advice })?;
         check_part(&name, &unpacked)?;
     }
@@ -275,7 +251,7 @@ fn stated_texts(part: &[u8]) -> Option<u64> {
     stated.max()
 }
 
-fn packed(error: &zip::result::ZipError) -> MeasuredTableErrorKind {
+pub(super) fn wrong(error: &dyn Display) -> MeasuredTableErrorKind {
     MeasuredTableErrorKind::Spreadsheet(error.to_string())
 }
 

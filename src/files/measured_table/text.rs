@@ -14,7 +14,7 @@ pub(super) fn read(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
     let head = head::find(&sample, form.header, separator == Separator::Sign(b','))?;
     let fill = |numbers| fill(text, separator, &head, numbers);
     let filled = fill::filled(form.decimal, head::texts(&sample), fill)?;
-    let mark = if filled.numbers().mark() == ',' { "comma" } else { "point" };
+    let mark = if filled.numbers.mark() == ',' { "comma" } else { "point" };
     let mut remarks = vec![format!("separator {}, decimal {mark}", separator.name())];
     remarks.extend(decoded.remark.map(str::to_owned));
     remarks.extend(head.remark.clone());

@@ -84,7 +84,10 @@ pub(super) fn table(document: &Document, form: &Form) -> Result<MeasuredTable> {
 fn rows(document: &Document, form: &Form, mut remarks: Vec<String>) -> Result<MeasuredTable> {
     let (records, counted) = match document.roots.as_slice() {
         [(_, root)] => (records(root, document.counted, &mut remarks)?, document.counted),
-        roots => (documents(roots), Counted::Line),
+        roots => {
+            let records = roots.iter().map(|(line, node)| Record { line: *line, key: None, node });
+            (records.collect(), Counted::Line)
+        }
     };
     let mut flat = Flat::default();
     for record in &records {
@@ -97,11 +100,6 @@ fn rows(document: &Document, form: &Form, mut remarks: Vec<String>) -> Result<Me
         return Err(MeasuredTableErrorKind::TooManyCells);
     }
     flat.table(&records, form, counted, remarks)
-}
-
-fn documents(roots: &[(u64, Node)]) -> Vec<Record<'_>> {
-    let records = roots.iter().map(|(line, node)| Record { line: *line, key: None, node });
-    records.collect()
 }
 
 /// The records under the value at the top.
@@ -121,7 +119,11 @@ fn records<'d>(
     };
     let mut members = map.members.iter();
     if members.all(|(_, node)| matches!(node, Node::Map(_))) {
-        return Ok(keyed(map, counted));
+        let members = map.members.iter().enumerate();
+        let record = |(number, (key, node)): (usize, &'d (Rc<str>, Node))| {
+            Record::new(number, Some(&**key), node, counted)
+        };
+        return Ok(members.map(record).collect());
     }
     match tables(map).as_slice() {
         [] => Ok(vec![Record::new(0, None, root, counted)]),
@@ -134,13 +136,6 @@ fn records<'d>(
             second: (*second).to_owned(),
         }),
     }
-}
-
-fn keyed(map: &Map, counted: Counted) -> Vec<Record<'_>> {
-    let members = map.members.iter().enumerate();
-    let records =
-        members.map(|(number, (key, node))| Record::new(number, Some(&**key), node, counted));
-    records.collect()
 }
 
 fn tables(map: &Map) -> Vec<(&str, &Node)> {

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use calamine::{DataRef, ExcelDateTime, Reader as _, SheetVisible, Xlsx, XlsxError};
 
-use super::sheet::{self, Sheet, SheetCell};
+use super::sheet::{self, Sheet, SheetCell, wrong};
 use super::tree::MOST_NODES;
 use super::{Form, MeasuredTable, MeasuredTableErrorKind, Result};
 use crate::input::Bound;
@@ -47,10 +47,6 @@ fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {
         }
     }
     Err(MeasuredTableErrorKind::NoTable(hidden))
-}
-
-fn wrong(error: &XlsxError) -> MeasuredTableErrorKind {
-    MeasuredTableErrorKind::Spreadsheet(error.to_string())
 }
 
 type Rows<'b> = Vec<(u64, Vec<(u32, SheetCell<'b>)>)>;

@@ -55,11 +55,6 @@ impl Open {
     }
 }
 
-struct Anchored {
-    node: Node,
-    size: Size,
-}
-
 /// Number of values, and levels, of a value.
 #[derive(Clone, Copy)]
 struct Size {
@@ -88,7 +83,7 @@ impl Size {
 struct Builder {
     roots: Vec<(u64, Node)>,
     open: Vec<Open>,
-    anchors: HashMap<usize, Anchored>,
+    anchors: HashMap<usize, (Node, Size)>,
     keys: Keys,
     numbers: Numbers,
     nodes: usize,
@@ -173,8 +168,7 @@ impl Builder {
         if anchor > 0 {
             let size = Size::of(&node);
             self.count(size.nodes)?;
-            let node = node.clone();
-            self.anchors.insert(anchor, Anchored { node, size });
+            self.anchors.insert(anchor, (node.clone(), size));
         }
         let Some(open) = self.open.last_mut() else {
             self.roots.push((line, node));
@@ -203,7 +197,7 @@ impl Builder {
         if self.takes_key() {
             return Err(wrong(line, "an alias stands for a key"));
         }
-        let Some(Anchored { node, size }) = self.anchors.get(&anchor) else {
+        let Some((node, size)) = self.anchors.get(&anchor) else {
             return Err(wrong(line, "an alias stands for no value above it"));
         };
         if self.open.len() + size.levels > MOST_LEVELS {

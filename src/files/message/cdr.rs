@@ -62,13 +62,13 @@ impl CdrReader {
     }
 
     fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Decoded<()> {
-        let (steps, mut cursor) = self.begin(message, wide, row.take_layout())?;
+        let (steps, mut cursor) = self.begin(message, wide, std::mem::take(&mut row.layout))?;
         cursor.run(steps, row)?;
         cursor.finish()?;
-        if !self.wide && !row.has_lists() {
+        if !self.wide && !row.listed {
             cursor.layout.keep(&self.identity, message, cursor.big_endian);
         }
-        row.put_layout(cursor.layout);
+        row.layout = cursor.layout;
         Ok(())
     }
 

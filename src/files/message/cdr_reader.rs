@@ -126,12 +126,7 @@ impl Unfolding<'_> {
                 if let Some(want) = wants.iter().find(|want| want.rest.is_empty()) {
                     return Err(self.wrong_type(want, field));
                 }
-                let inner = self.nested(inner, wants)?;
-                if self.delimited && inner.1 != Extensibility::Final {
-                    steps.push(Step::Delimited(inner.0));
-                } else {
-                    steps.extend(inner.0);
-                }
+                steps.extend(self.nested(inner, wants)?);
             }
             (FieldType::Message(inner), shape) => {
                 let repeat = self.repeat(inner, fixed_count(shape), field, wants)?;
@@ -159,9 +154,10 @@ impl Unfolding<'_> {
         Ok(())
     }
 
-    fn nested(&mut self, index: usize, wants: &[Want<'_>]) -> Parsed<(Vec<Step>, Extensibility)> {
+    fn nested(&mut self, index: usize, wants: &[Want<'_>]) -> Parsed<Vec<Step>> {
         let steps = self.message(index, wants)?;
-        Ok((steps, self.definition.types[index].extensibility))
+        let is_final = self.definition.types[index].extensibility == Extensibility::Final;
+        Ok(if self.delimited && !is_final { vec![Step::Delimited(steps)] } else { steps })
     }
 
     /// An array of nested messages: some elements may be wanted, or a field of each of them.
@@ -172,14 +168,6 @@ impl Unfolding<'_> {
         field: &Field,
         wants: &[Want<'_>],
     ) -> Parsed<Repeat> {
-        let element = |unfolding: &mut Self, wants: &[Want<'_>]| {
-            let (steps, extensibility) = unfolding.nested(inner, wants)?;
-            Ok(if unfolding.delimited && extensibility != Extensibility::Final {
-                vec![Step::Delimited(steps)]
-            } else {
-                steps
-            })
-        };
         let mut each = Vec::new();
         let mut indices = Vec::new();
         for want in wants {
@@ -192,10 +180,10 @@ impl Unfolding<'_> {
                 _ => return Err(self.wrong_type(want, field)),
             }
         }
-        let steps = element(self, &each)?;
+        let steps = self.nested(inner, &each)?;
         let mut picked = Vec::new();
         for (index, here) in by_element(indices, &each, wants) {
-            picked.push((index, element(self, &here)?));
+            picked.push((index, self.nested(inner, &here)?));
         }
         Ok(Repeat { count, steps, picked, lists: each.iter().map(|want| want.slot).collect() })
     }

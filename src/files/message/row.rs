@@ -13,13 +13,12 @@ use super::{Decoded, MessageFault, Numbers, Primitive, Texts, Value};
 pub struct Row {
     cells: Vec<Cell>,
     lists: Vec<List>,
-    listed: bool,
+    pub(super) listed: bool,
     filled: u64,
-    layout: Layout,
+    pub(super) layout: Layout,
     pub(super) template: Template,
 }
 
-/// The place of a single value in a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     slot: usize,
@@ -89,14 +88,6 @@ impl Row {
         *other = Self { filled, ..self };
     }
 
-    pub(super) fn take_layout(&mut self) -> Layout {
-        std::mem::take(&mut self.layout)
-    }
-
-    pub(super) fn put_layout(&mut self, layout: Layout) {
-        self.layout = layout;
-    }
-
     /// Records for the template the last value of the slot, or of the list in it; it was read up to `end`.
     #[inline]
     pub(super) fn taken(&mut self, slot: usize, end: usize) {
@@ -109,10 +100,6 @@ impl Row {
             (cell, element) = (self.lists[slot].element(last), Some(last));
         }
         self.template.taken(cell, end, Place { slot, element });
-    }
-
-    pub(super) const fn has_lists(&self) -> bool {
-        self.listed
     }
 
     pub(super) fn says_same(&self, other: &Self) -> bool {

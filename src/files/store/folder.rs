@@ -126,13 +126,21 @@ impl Folder {
         Ok(Listed { key, tag: None, bytes: metadata.len(), modified: metadata.modified().ok() })
     }
 
+    /// The keys of the entries of this kind in the folders; none where there is no such folder.
     fn names_in(
         &self,
         folders: &[String],
         is_wanted: fn(&Path) -> bool,
     ) -> Result<Vec<String>, StoreError> {
-        let names = folders.iter().map(|folder| self.names(folder, is_wanted));
-        Ok(names.collect::<Result<Vec<_>, _>>()?.concat())
+        let mut keys = Vec::new();
+        for folder in folders {
+            let entries = self.entries(folder)?;
+            let wanted = entries.iter().filter(|entry| is_wanted(&entry.path()));
+            // A lake's names are ASCII; other entries are not the lake's.
+            let names = wanted.filter_map(|entry| entry.file_name().into_string().ok());
+            keys.extend(names.map(|name| format!("{folder}/{name}")));
+        }
+        Ok(keys)
     }
 
     /// The entries of a folder; none where there is no such folder.
@@ -143,15 +151,6 @@ impl Folder {
             entries => entries.and_then(Iterator::collect::<io::Result<Vec<_>>>),
         };
         entries.map_err(StoreError::folder("list", &folder))
-    }
-
-    /// The keys of the entries of this kind in a folder; none where there is no such folder.
-    fn names(&self, key: &str, is_wanted: fn(&Path) -> bool) -> Result<Vec<String>, StoreError> {
-        let entries = self.entries(key)?;
-        let names = entries.iter().filter(|entry| is_wanted(&entry.path()));
-        // A lake's names are ASCII; other entries are not the lake's.
-        let names = names.filter_map(|entry| entry.file_name().into_string().ok());
-        Ok(names.map(|name| format!("{key}/{name}")).collect())
     }
 }
 

@@ -62,7 +62,6 @@ impl TableFile<'_> {
         Ok([nx, ny, nz])
     }
 
-    /// The nodes in the lattice's order.
     pub(super) fn nodes(&self) -> Result<Vec<Result<Known, Refusal>>, CompensationTableError> {
         let nodes = self.rows.iter().enumerate();
         nodes.map(|(row, node)| self.node(row, node)).collect()

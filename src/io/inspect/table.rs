@@ -59,12 +59,12 @@ pub fn inspect(
 
 fn of_table(table: &MeasuredTable, arms: &Arms) -> TableInspection {
     let columns = columns::summaries(table);
-    let left_out = table.left_out().iter().map(|row| (row.line, row.reason.to_string()));
+    let left_out = table.left_out.iter().map(|row| (row.line, row.reason.to_string()));
     TableInspection {
         rows: table.row_count(),
-        remarks: table.remarks().to_vec(),
+        remarks: table.remarks.clone(),
         left_out: left_out.collect(),
-        counted: table.counted().word(),
+        counted: table.counted.word(),
         guess: guess::guess(table, &columns, arms),
         columns,
     }

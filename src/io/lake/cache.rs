@@ -10,7 +10,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{Read as _, Write as _};
+use std::io::Read as _;
 
 use super::error::folder_error;
 use super::{ASKED, FLEET, Lake, OVER_TIME, RUNS, Result, encoded, session_key};
@@ -72,10 +72,7 @@ impl Lake {
 
     /// Writes a file beside the tables, completely or not at all.
     pub(super) fn put_whole(&self, key: &str, bytes: &[u8]) -> Result<()> {
-        let mut temporary = self.store.temporary(key)?;
-        let written = temporary.write_all(bytes);
-        let written = written.and_then(|()| temporary.sync());
-        written.map_err(folder_error("write", &self.written_at(key)))?;
+        let (temporary, _) = self.written(key, bytes)?;
         self.store.put(key, temporary)?;
         Ok(())
     }

@@ -191,7 +191,8 @@ impl Lake {
         Ok(files.map(|own: CompactFile| own.file).collect())
     }
 
-    fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String)> {
+    /// A file under a temporary name, synced to the disk, and its digest.
+    pub(super) fn written(&self, key: &str, bytes: &[u8]) -> Result<(Temporary, String)> {
         let mut temporary = self.store.temporary(key)?;
         let written = temporary.write_all(bytes);
         let digest = written.and_then(|()| temporary.sync());

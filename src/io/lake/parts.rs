@@ -48,7 +48,7 @@ impl<'r> OpenTable<'r> {
             Some(begun) => begun,
             none => none.insert(Begun::with(self.run, part)?),
         };
-        let encoded = begun.encode(part)?;
+        let encoded = begun.encoder.encode(part).map_err(|error| begun.wrong(error))?;
         begun.file.digest_here(part);
         begun.append(&encoded)
     }
@@ -100,7 +100,7 @@ impl<'r> OpenTable<'r> {
 impl Begun {
     fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self> {
         let key = run.file_key(first)?;
-        let path = run.lake().written_at(&key);
+        let path = run.lake.written_at(&key);
         let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
         let encoder = Encoder::of(first).map_err(wrong)?;
         let file = PartsFile::new(&encoder, run.temporary(&key)?).map_err(wrong)?;
@@ -116,10 +116,6 @@ impl Begun {
             encoder,
             file,
         })
-    }
-
-    fn encode(&self, part: &Table) -> Result<RowGroups> {
-        self.encoder.encode(part).map_err(|error| self.wrong(error))
     }
 
     fn append(&mut self, part: &RowGroups) -> Result<()> {

@@ -1,6 +1,6 @@
 //! A run being written: its tables one by one, then the row with which it begins to exist.
 
-use std::io::{self, Write as _};
+use std::io;
 
 use parquet::errors::ParquetError;
 
@@ -14,8 +14,8 @@ use crate::temporary::Temporary;
 
 #[derive(Debug)]
 pub struct OpenRun<'a> {
-    lake: &'a Lake,
-    key: RunKey,
+    pub lake: &'a Lake,
+    pub key: RunKey,
     rows: &'static str,
     written: Vec<Written>,
     tags: Vec<Tag>,
@@ -42,14 +42,6 @@ impl<'a> OpenRun<'a> {
         }
     }
 
-    pub const fn lake(&self) -> &Lake {
-        self.lake
-    }
-
-    pub const fn key(&self) -> &RunKey {
-        &self.key
-    }
-
     pub fn written(&self) -> &[Written] {
         &self.written
     }
@@ -69,10 +61,7 @@ impl<'a> OpenRun<'a> {
 
     pub fn publish_page(&mut self, html: &str) -> Result<()> {
         let key = file_key(PAGES, &self.key)?;
-        let mut temporary = self.lake.store.temporary(&key)?;
-        let written = temporary.write_all(html.as_bytes());
-        let digest = written.and_then(|()| temporary.sync());
-        let digest = digest.map_err(folder_error("write", &self.lake.written_at(&key)))?;
+        let (temporary, digest) = self.lake.written(&key, html.as_bytes())?;
         let written =
             Written { table: PAGES.to_owned(), session: self.key.session.clone(), rows: 0, digest };
         self.put_file(&key, temporary, written)

@@ -90,10 +90,6 @@ impl Lake {
         file.rewind().map_err(&wrong)?;
         Ok(table::open(file, &named, schema::find(table)?)?.believed(&named)?)
     }
-
-    fn has_rows(&self) -> Result<bool> {
-        Ok(!self.store.list("runs", 2..=2)?.is_empty())
-    }
 }
 
 /// Reads a published table by its path, as the user gives it; a table without evidence is logged.
@@ -163,5 +159,6 @@ fn lake_of(path: &Path, schema: &TableSchema) -> Option<Lake> {
         return None;
     }
     let lake = Lake::new(folder.parent()?);
-    lake.has_rows().unwrap_or(true).then_some(lake)
+    let rows = lake.store.list("runs", 2..=2);
+    rows.map_or(true, |rows| !rows.is_empty()).then_some(lake)
 }

@@ -18,9 +18,9 @@ use std::io;
 use super::Limits;
 use super::record::{ChunkRecord, op};
 use super::source::Source;
-use judge::Judged;
-
 pub use indexed::indexed_behind;
+use judge::Judged;
+pub(super) use judge::belongs_to_summary;
 pub use loss::{Loss, Lost};
 pub use records::Records;
 
@@ -39,26 +39,29 @@ pub enum Piece {
 }
 
 pub struct Frames<'s> {
-    source: &'s mut Source,
+    pub(super) source: &'s mut Source,
     limits: Limits,
-    at: u64,
+    pub(super) at: u64,
     probes_left: u32,
     /// Start of the record before, if it ends where the walk is and may contain the start of another record.
     before: Option<u64>,
     ended: bool,
-    log: LogSoFar,
+    pub(super) log: LogSoFar,
 }
 
+/// The log that is walked.
 #[derive(Debug, Default)]
-struct LogSoFar {
-    start: u64,
+pub(super) struct LogSoFar {
+    pub(super) start: u64,
     chunked: bool,
     /// Data records were found after a mark that data ends.
     went_on: bool,
-    data_crc: Option<(u64, u32)>,
-    data_end: Option<u64>,
+    /// The end of its data section and its checksum; `None` where no end record was found or it has no checksum.
+    pub(super) data_crc: Option<(u64, u32)>,
+    /// One past the record that ends the data section; `None` where none was found.
+    pub(super) data_end: Option<u64>,
     /// One past its closing mark; `None` until that is found.
-    end: Option<u64>,
+    pub(super) end: Option<u64>,
 }
 
 impl<'s> Frames<'s> {
@@ -79,33 +82,6 @@ impl<'s> Frames<'s> {
         self.at = at;
         self.before = None;
         self.log = LogSoFar { start, ..LogSoFar::default() };
-    }
-
-    pub const fn at(&self) -> u64 {
-        self.at
-    }
-
-    pub const fn source(&mut self) -> &mut Source {
-        self.source
-    }
-
-    /// The end of the data section and its checksum; `None` where no end record was found or it has no checksum.
-    pub const fn data_crc(&self) -> Option<(u64, u32)> {
-        self.log.data_crc
-    }
-
-    /// One past the record that ends the data section; `None` where none was found.
-    pub const fn data_end(&self) -> Option<u64> {
-        self.log.data_end
-    }
-
-    pub(super) const fn log_start(&self) -> u64 {
-        self.log.start
-    }
-
-    /// One past the closing mark of the log that is walked; `None` where none was found.
-    pub(super) const fn log_end(&self) -> Option<u64> {
-        self.log.end
     }
 
     /// The next part of the file's data; `None` after its end.

@@ -147,15 +147,11 @@ impl<'s> SessionStreams<'s> {
     /// Takes the rows of a block, and leaves buffers for those of another.
     pub fn take(&mut self, part: &mut Part, extent: &Extent) {
         self.joints.take(&mut part.joints, extent);
-        if let Some(stream) = &mut self.commands {
-            stream.take(&mut part.commands, extent);
-        }
+        self.commands.iter_mut().for_each(|own| own.take(&mut part.commands, extent));
         for (stream, rows) in self.readings.iter_mut().zip(&mut part.readings) {
             stream.take(rows, extent);
         }
-        if let Some(stream) = &mut self.temperatures {
-            stream.take(&mut part.temperatures, extent);
-        }
+        self.temperatures.iter_mut().for_each(|own| own.take(&mut part.temperatures, extent));
         for (stream, rows) in self.lengths.iter_mut().zip(&mut part.lengths) {
             stream.take(rows, extent);
         }
@@ -163,13 +159,9 @@ impl<'s> SessionStreams<'s> {
 
     pub fn work(&mut self) {
         self.joints.work();
-        if let Some(stream) = &mut self.commands {
-            stream.work();
-        }
+        self.commands.iter_mut().for_each(OrderedStream::work);
         self.readings.iter_mut().for_each(OrderedStream::work);
-        if let Some(stream) = &mut self.temperatures {
-            stream.work();
-        }
+        self.temperatures.iter_mut().for_each(OrderedStream::work);
         self.lengths.iter_mut().for_each(OrderedStream::work);
     }
 

@@ -6,7 +6,7 @@ use super::packed::Packed;
 use super::record::ChunkRecord;
 use super::registry::Channel;
 use super::summary::Ending;
-use crate::ingest::LogReject;
+use crate::ingest::{LogReject, LossKind, SpanClock};
 
 /// Most rejects of one log that are listed one by one; the rest become one reject.
 const MOST_REJECTS: usize = 10_000;
@@ -80,6 +80,26 @@ impl ReadSummary {
         lost
     }
 
+    /// A reject of these bytes, without a topic, times and a number of messages.
+    pub(super) fn of_bytes(
+        &self,
+        (byte_start, byte_end): (u64, u64),
+        loss: LossKind,
+        reason: String,
+    ) -> LogReject {
+        LogReject {
+            file: self.file.clone(),
+            topic: None,
+            byte_start,
+            byte_end,
+            time_span_ns: None,
+            clock: SpanClock::Log,
+            messages: None,
+            loss,
+            reason,
+        }
+    }
+
     /// Adds a reject; neighbours with the same reason become one, and past a limit all further ones do.
     pub(super) fn reject(&mut self, reject: LogReject) {
         let full = self.rejects.len() >= MOST_REJECTS;
@@ -107,7 +127,6 @@ impl ReadSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ingest::{LossKind, SpanClock};
 
     #[test]
     fn lost_bytes_are_counted_once_and_notes_are_not_losses() {

@@ -21,10 +21,6 @@ impl<'a> Fields<'a> {
         Self { rest: bytes }
     }
 
-    pub const fn rest(&self) -> &'a [u8] {
-        self.rest
-    }
-
     /// Except for an extension: a record much longer than its fields has a damaged length.
     fn end(&self) -> Option<()> {
         (self.rest.len() as u64 <= MOST_EXTENSION).then_some(())
@@ -162,7 +158,7 @@ impl<'a> MessageRecord<'a> {
             sequence: fields.u32()?,
             log_time: fields.u64()?,
             publish_time: fields.u64()?,
-            payload: fields.rest(),
+            payload: fields.rest,
         })
     }
 }

@@ -23,7 +23,7 @@ use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::summary::Definitions;
 use super::{FileError, FileFault, Limits};
-use crate::ingest::{LogReject, LossKind, SpanClock};
+use crate::ingest::{LogReject, LossKind};
 use crate::progress::Progress;
 use blocks::{Run, settle};
 use counts::Counts;
@@ -217,16 +217,16 @@ where
                 }
             };
         }
-        let end = self.frames.log_end();
+        let end = self.frames.log.end;
         self.end_log(end.unwrap_or(self.read_summary.bytes))?;
         self.note_what_follows(end);
         Ok(())
     }
 
     fn next_log(&mut self, start: u64) -> Result<(), E> {
-        self.end_log(self.frames.log_end().unwrap_or(start).min(start))?;
+        self.end_log(self.frames.log.end.unwrap_or(start).min(start))?;
         self.note((start, start), ANOTHER_LOG.to_owned());
-        let at = read_header(self.frames.source(), start, &mut self.read_summary);
+        let at = read_header(self.frames.source, start, &mut self.read_summary);
         let at = at.map_err(|source| self.io(source))?;
         self.frames.begin(start, at);
         self.summary = None;
@@ -305,7 +305,7 @@ where
     fn flush(&mut self) -> Result<(), E> {
         let blocks = &mut self.batch[..self.filled];
         let (visitor, registry) = (&*self.visitor, &self.registry);
-        let (source, limit) = (&*self.frames.source(), self.limits.chunk_bytes);
+        let (source, limit) = (&*self.frames.source, self.limits.chunk_bytes);
         let open = |block: &mut Block<V::Part>| {
             block.read(source, limit)?;
             block.open(visitor, registry, limit);
@@ -326,7 +326,7 @@ where
             self.batch[place] = block;
         }
         // The walk goes back where a record turns out to have been cut.
-        let reached = self.frames.at().max(self.reported);
+        let reached = self.frames.at.max(self.reported);
         self.progress.advance(reached - self.reported);
         self.reported = reached;
         self.filled = 0;
@@ -381,8 +381,8 @@ where
 
     /// The definitions in the summary of the log that is read, if the log ends at byte `end`.
     fn definitions(&mut self, end: u64) -> Result<Definitions, E> {
-        let log = self.frames.log_start()..end;
-        let found = Definitions::read(self.frames.source(), log);
+        let log = self.frames.log.start..end;
+        let found = Definitions::read(self.frames.source, log);
         found.map_err(|source| self.io(source))
     }
 
@@ -390,7 +390,7 @@ where
     fn count(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
         let is_lost = matches!(block.outcome, Outcome::Rejected(_));
         if is_lost && block.extent.chunk.is_some() {
-            let indexed = indexed_behind(self.frames.source(), block.extent.end);
+            let indexed = indexed_behind(self.frames.source, block.extent.end);
             let indexed = indexed.map_err(|source| self.io(source))?;
             block.indexed = indexed.as_ref().map(|of| of.values().sum());
             for (channel, messages) in indexed.into_iter().flatten() {
@@ -412,36 +412,20 @@ where
         }
     }
 
-    fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
-        let file = self.read_summary.file.clone();
-        self.read_summary.reject(LogReject {
-            file,
-            topic: None,
-            byte_start,
-            byte_end,
-            time_span_ns: None,
-            clock: SpanClock::Log,
-            messages: Some(0),
-            loss: LossKind::Nothing,
-            reason,
-        });
+    fn note(&mut self, place: (u64, u64), reason: String) {
+        let reject = self.read_summary.of_bytes(place, LossKind::Nothing, reason);
+        self.read_summary.reject(LogReject { messages: Some(0), ..reject });
     }
 
     fn lose(&mut self, lost: &Lost) {
-        let times = lost.times.map(|(first, last)| (ns(first), ns(last)));
         let nothing = lost.why == Loss::NoDataEnd;
-        let reject = LogReject {
-            file: self.read_summary.file.clone(),
-            topic: None,
-            byte_start: lost.start,
-            byte_end: lost.end,
-            time_span_ns: times,
-            clock: SpanClock::Log,
+        let loss = if nothing { LossKind::Nothing } else { LossKind::Bytes };
+        let place = (lost.start, lost.end);
+        self.read_summary.reject(LogReject {
+            time_span_ns: lost.times.map(|(first, last)| (ns(first), ns(last))),
             messages: nothing.then_some(0),
-            loss: if nothing { LossKind::Nothing } else { LossKind::Bytes },
-            reason: lost.why.to_string(),
-        };
-        self.read_summary.reject(reject);
+            ..self.read_summary.of_bytes(place, loss, lost.why.to_string())
+        });
     }
 
     fn io(&self, source: std::io::Error) -> E {

@@ -152,9 +152,7 @@ impl<'m, 's> Streams<'m, 's> {
             time: wanted.time,
             targets: match wanted.stream {
                 Stream::Readings => self.targets_of(&channel.topic),
-                Stream::Joints | Stream::Commands | Stream::Temperatures | Stream::Lengths => {
-                    Vec::new()
-                }
+                _ => Vec::new(),
             },
             lengths: match wanted.stream {
                 Stream::Lengths => self.mapping.tracker.lengths_on(&channel.topic),
@@ -202,9 +200,6 @@ impl<'m, 's> Streams<'m, 's> {
             other => other.to_string(),
         }
     }
-}
-
-impl Streams<'_, '_> {
     fn frame(&self, stream: Stream) -> &str {
         let commanded = self.mapping.commanded.as_ref();
         let frame = match stream {

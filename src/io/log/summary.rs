@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use mcap::MAGIC;
 
-use super::frames::Records;
+use super::frames::{Records, belongs_to_summary};
 use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord, op};
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
@@ -136,18 +136,8 @@ fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
     Ok(found)
 }
 
-const fn of_summary(opcode: u8) -> bool {
-    matches!(
-        opcode,
-        op::SCHEMA
-            | op::CHANNEL
-            | op::CHUNK_INDEX
-            | op::ATTACHMENT_INDEX
-            | op::STATISTICS
-            | op::METADATA_INDEX
-            | op::SUMMARY_OFFSET
-            | op::FIRST_PRIVATE..
-    )
+pub const fn of_summary(opcode: u8) -> bool {
+    matches!(opcode, op::SCHEMA | op::CHANNEL | op::FIRST_PRIVATE..) || belongs_to_summary(opcode)
 }
 
 /// Opcode and end of the frame at `at`; `None` where none ends by `end`.

@@ -67,6 +67,7 @@ impl Columns {
         let references = settings.references.iter();
         let references = references.filter_map(|own| own.position.as_ref());
         let references = references.map(|own| sums(table, "references.position", own));
+        let lengths = settings.lengths.iter().map(|own| Length::find(table, own));
         let commanded = settings.commanded.as_ref();
         let temperature = settings.temperature.as_ref();
         Ok(Self {
@@ -80,11 +81,7 @@ impl Columns {
                 .transpose()?,
             measured: measured.collect::<Found<_>>()?,
             references: references.collect::<Found<_>>()?,
-            lengths: settings
-                .lengths
-                .iter()
-                .map(|own| Length::find(table, own))
-                .collect::<Found<_>>()?,
+            lengths: lengths.collect::<Found<_>>()?,
         })
     }
 }

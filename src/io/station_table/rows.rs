@@ -103,7 +103,7 @@ pub(super) fn rows(
 /// Rows with too few or too many cells, by line; where rows name their sessions, these name none. Repeated headers and
 /// comments are no rows at all.
 fn broken(table: &MeasuredTable, settings: &StationsSettings) -> Vec<RowLeftOut> {
-    let left_out = table.left_out().iter().filter(|_| settings.session.is_none());
+    let left_out = table.left_out.iter().filter(|_| settings.session.is_none());
     let is_row =
         |row: &&RowLeftOut| matches!(row.reason, LeftOutFor::Cells { .. } | LeftOutFor::NoObject);
     left_out.filter(is_row).copied().collect()
@@ -217,24 +217,22 @@ impl Reader<'_> {
         let named = name(self.table.cell(row, column))
             .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
         let place = self.settings.targets.iter().position(|target| *target == named);
-        let unknown = || {
+        place.map(TargetId).ok_or_else(|| {
             let problem = format!("its target {named:?} is none of [stations] targets");
             Fault::in_column(Some(column), &problem)
-        };
-        place.map(TargetId).ok_or_else(unknown)
+        })
     }
 
     fn same_joints(&self, row: usize, station: &Row) -> Result<(), Fault> {
         let joints = self.joints(row)?;
         let mut pairs = joints.iter().zip(&station.joints);
-        let same = pairs.all(|(own, other)| (own - other).abs() <= 1e-9);
-        let differ = || {
-            Fault::of(format!(
-                "its joint angles are not those of line {}, which is of the same station",
-                station.line
-            ))
-        };
-        same.then_some(()).ok_or_else(differ)
+        if pairs.all(|(own, other)| (own - other).abs() <= 1e-9) {
+            return Ok(());
+        }
+        Err(Fault::of(format!(
+            "its joint angles are not those of line {}, which is of the same station",
+            station.line
+        )))
     }
 
     fn once(&self, row: usize, named: &mut BTreeMap<String, u64>) -> Result<(), Fault> {

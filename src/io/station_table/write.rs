@@ -201,10 +201,10 @@ fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<Str
             .measured()
             .iter()
             .find(|reading| reading.target == target && reading.value.point().is_some());
-        cells.extend(reading.map_or_else(|| std::array::from_fn(|_| String::new()), measured));
+        cells.extend(reading.map(measured).unwrap_or_default());
         if parts.turned {
             let turn = reading.and_then(|reading| reading.value.turn());
-            cells.extend(turn.map_or_else(|| std::array::from_fn(|_| String::new()), orientation));
+            cells.extend(turn.map(orientation).unwrap_or_default());
         }
         cells.extend(parts.covariance(reading));
     }
@@ -219,19 +219,16 @@ fn row(station: &Station, arm: &Arm, parts: &[Parts], lengths: usize) -> Vec<Str
 
 /// Position and quaternion of the command; blank where there is none.
 fn command(station: &Station) -> [String; 7] {
-    let Some(command) = &station.command else { return std::array::from_fn(|_| String::new()) };
+    let Some(command) = &station.command else { return Default::default() };
     let [x, y, z] = command.position.coords.into();
-    let turn = command.orientation.map(|turn| turn.coords.into());
-    let quaternion: [String; 4] = turn.map_or_else(
-        || std::array::from_fn(|_| String::new()),
-        |turn: [f64; 4]| turn.map(|component| format!("{component:.9}")),
-    );
-    let [qx, qy, qz, qw] = quaternion;
+    let turn = command.orientation.map(|turn| <[f64; 4]>::from(turn.coords));
+    let quaternion = turn.map(|turn| turn.map(|component| format!("{component:.9}")));
+    let [qx, qy, qz, qw] = quaternion.unwrap_or_default();
     [number(x), number(y), number(z), qx, qy, qz, qw]
 }
 
 fn measured(reading: &Reading) -> [String; 7] {
-    let Some(point) = reading.value.point() else { return std::array::from_fn(|_| String::new()) };
+    let Some(point) = reading.value.point() else { return Default::default() };
     let [x, y, z] = point.position.coords.into();
     let [sd_x, sd_y, sd_z] = point.scatter_mm.map(number);
     [number(x), number(y), number(z), sd_x, sd_y, sd_z, reading.kept.to_string()]

@@ -46,7 +46,6 @@ row! {
     }
 }
 
-/// Before or after compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BeforeAfter {
     Before,

@@ -251,7 +251,6 @@ impl<'a> Identified<'a> {
         }
     }
 
-    /// Parts that were kept, or those that were dropped.
     fn parts(&self, kept: bool) -> Vec<&'static str> {
         let model = self.model();
         let always = model.parts().iter().copied().filter(|_| kept);

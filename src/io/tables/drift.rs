@@ -42,7 +42,6 @@ pub enum HypothesisKind {
     JointOffset,
     /// A joint's offset and error curve.
     JointCurve,
-    /// A link's lengths and angles.
     Link,
 }
 

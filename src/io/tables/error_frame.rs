@@ -5,7 +5,6 @@ use nalgebra::{Isometry3, UnitQuaternion};
 use crate::report::frame::StatedFrame;
 use crate::rows::{columns, words};
 
-/// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorFrameName {
     /// The base of base + target: the program's base has to be set to it.

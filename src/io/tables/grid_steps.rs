@@ -68,22 +68,21 @@ row! {
 }
 
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<StepRow> {
-    let row = |(place, judged): (usize, &Judged)| {
-        let choice = &outcome.grids.choice;
-        let why = |picked: &Option<Picked>| {
-            let own = picked.as_ref().filter(|picked| picked.row == place)?;
-            Some(own.words.clone())
-        };
-        StepRow {
-            choice_within: why(&choice.within),
-            choice_fewest_nodes: why(&choice.fewest_nodes),
-            ..row(judged, outcome, context)
-        }
-    };
-    outcome.grids.judged.iter().enumerate().map(row).collect()
+    let judged = outcome.grids.judged.iter().enumerate();
+    judged.map(|(place, judged)| row(place, judged, outcome, context)).collect()
 }
 
-fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> StepRow {
+fn row(
+    place: usize,
+    judged: &Judged,
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+) -> StepRow {
+    let choice = &outcome.grids.choice;
+    let why = |picked: &Option<Picked>| {
+        let own = picked.as_ref().filter(|picked| picked.row == place)?;
+        Some(own.words.clone())
+    };
     let is_table = judged.judgement == Judgement::Table;
     let (verdict, reason) = verdict(judged, outcome);
     let (coverage, figures) = (context.tolerance.coverage(), judged.figures.as_ref());
@@ -145,8 +144,8 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         verdict,
         reason,
         chosen: judged.chosen,
-        choice_within: None,
-        choice_fewest_nodes: None,
+        choice_within: why(&choice.within),
+        choice_fewest_nodes: why(&choice.fewest_nodes),
         excess_mm: excess.map(|(mm, _)| mm),
         excess_se_mm: excess.map(|(_, se_mm)| se_mm),
     }

@@ -14,7 +14,6 @@ use crate::manifest::{Input, RunKey, Work, Written};
 use crate::rows::{Row as _, row};
 use crate::table::Table;
 
-/// The name of the estimate among the inputs of grids.
 pub const ESTIMATE: &str = "estimate";
 
 row! {
@@ -86,7 +85,6 @@ fn name(step_mm: f64, source: Source, by: Interpolation, judgement: Judgement) -
     (step_mm.to_bits(), source.name(), by.name(), is_table)
 }
 
-/// Reads the steps of grids back from a lake.
 pub fn restored(lake: &Lake, key: &RunKey) -> Result<Vec<StepAnswers>, NotRestored> {
     let row: GridsRow = stage_results::row(lake, key)?;
     let mut steps: Vec<StepAnswers> = serde_json::from_str(&row.steps)?;

@@ -26,7 +26,6 @@ row! {
     }
 }
 
-/// Whether a charted figure is within its limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Control {
     InControl,

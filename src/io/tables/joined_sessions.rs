@@ -54,7 +54,6 @@ pub struct AsJoined {
     sampling_plan: Option<String>,
 }
 
-/// The result of ingest and join, read back.
 #[derive(Debug, Clone)]
 pub struct Restored {
     pub inputs: Vec<Input>,

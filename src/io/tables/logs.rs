@@ -36,14 +36,12 @@ const TURN_COVARIANCE: [&str; 2] =
 
 type Rows = std::ops::Range<usize>;
 
-/// A part of the table: some samples of one source.
 #[derive(Debug, Clone)]
 struct Part {
     source: Behind,
     rows: Rows,
 }
 
-/// Sources that are written behind the joint samples.
 #[derive(Debug, Clone, Copy)]
 enum Behind {
     Command,
@@ -76,9 +74,8 @@ pub struct LogTable<'r> {
 }
 
 impl<'r> LogTable<'r> {
-    /// The table before anything is written.
     pub fn new(run: &'r OpenRun<'r>, session: &str) -> Self {
-        let (key, table) = (run.key().of_session(session), Ok(OpenTable::new(run)));
+        let (key, table) = (run.key.of_session(session), Ok(OpenTable::new(run)));
         Self { run, key, joints: 0, like: None, table }
     }
 

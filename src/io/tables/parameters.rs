@@ -60,11 +60,8 @@ pub enum ParameterQuantity {
     X,
     Y,
     Z,
-    /// A turn about x.
     Rx,
-    /// A turn about y.
     Ry,
-    /// A turn about z.
     Rz,
     /// Command–feedback weight: the share of the way from reported to commanded angle.
     CommandWeight,

@@ -43,7 +43,6 @@ pub enum Kind {
     /// The change of base, target or a joint's offset since the first session.
     SinceFirst,
     Parameter,
-    /// A point of a joint's error curve.
     JointCurve,
     /// Distance of a reference from its place in the base frame at the segment's first session that has it.
     Reference,

@@ -52,9 +52,7 @@ pub enum FigureStudy {
 /// The correction of commands in a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CorrectedBy {
-    /// Node values as measured.
     Measured,
-    /// Node values of the geometric model.
     Model,
     /// Predictions of the identified arm, without a grid.
     IdentifiedArm,

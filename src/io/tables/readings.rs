@@ -13,7 +13,6 @@ use crate::rows::row;
 use crate::units::Stamp;
 
 row! {
-    /// A reading of a dwell, or a dwell without readings.
     #[derive(Default)]
     pub struct ReadingRow of "readings" {
         dwell: DwellColumns,
@@ -34,7 +33,6 @@ row! {
 /// Rows that are no dwells.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum NoStations {
-    /// A value that a row of its kind has is null.
     #[error("reading {reading} of station {station} has no {column}")]
     Absent {
         station: usize,
@@ -42,7 +40,6 @@ pub enum NoStations {
         /// The column, or the first of several that belong together.
         column: &'static str,
     },
-    /// Dwells that are not numbered in order.
     #[error(
         "row {row} is reading {reading} of station {station}, which does not follow the row before it"
     )]
@@ -54,7 +51,6 @@ pub enum NoStations {
     },
 }
 
-/// The rows of a session's dwells as joined, in order.
 pub fn rows(stations: &[Station]) -> Vec<ReadingRow> {
     stations.iter().flat_map(of_dwell).collect()
 }
@@ -110,7 +106,6 @@ pub fn stations(rows: &[ReadingRow]) -> Result<Vec<Station>, NoStations> {
     Ok(stations)
 }
 
-/// A dwell without its readings.
 fn dwell(row: &DwellColumns) -> Station {
     let command = row.command.map(|position| Command {
         position: Point3::from(position),

@@ -28,7 +28,6 @@ row! {
 }
 
 row! {
-    /// The references of floor or base at one look.
     pub struct MotionRow of "reference_motion" {
         stands_on: StandsOn,
         line: u64,
@@ -46,7 +45,6 @@ row! {
     }
 }
 
-/// What happened at a look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MotionEvent {
     /// All references jumped together since the look before.

@@ -7,8 +7,8 @@ use crate::judgement::JoinedSession;
 use crate::rows::{Word, row, words};
 
 row! {
-    /// Items left out for one reason at one place.
-    pub struct RejectRow of "rejects" {
+#[derive(Default)]
+pub struct RejectRow of "rejects" {
         reject: usize,
         stage: Stage,
         kind: RejectKind,
@@ -28,17 +28,16 @@ row! {
     }
 }
 
-/// Stages that leave items out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Stage {
-    /// Reading logs.
+    #[default]
     Ingest,
     Join,
 }
 
-/// The kind of items left out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum RejectKind {
+    #[default]
     Bytes,
     Messages,
     Readings,
@@ -81,7 +80,6 @@ words! {
     }
 }
 
-/// The rows of one session's rejects, in the order of the stages.
 pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
     let logs = session.log_rejects.iter().map(of_log);
     let readings = session.joined.rejects.iter().map(of_readings);
@@ -93,24 +91,8 @@ pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
 
 /// A row with this number of items, without its own number and place.
 fn of(stage: Stage, kind: RejectKind, number: u64, code: RejectCode, reason: &str) -> RejectRow {
-    RejectRow {
-        reject: 0,
-        stage,
-        kind,
-        number,
-        code: Some(code),
-        reason: reason.to_owned(),
-        file: None,
-        topic: None,
-        byte_start: None,
-        byte_end: None,
-        clock: None,
-        start_ns: None,
-        end_ns: None,
-        station: None,
-        line: None,
-        column: None,
-    }
+    let reason = reason.to_owned();
+    RejectRow { stage, kind, number, code: Some(code), reason, ..RejectRow::default() }
 }
 
 /// Messages where their number is known, otherwise the bytes they were lost with.

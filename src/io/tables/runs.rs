@@ -58,7 +58,6 @@ impl Ending {
     }
 }
 
-/// The table of the run's row.
 pub fn table(
     work: &Work,
     counts: &[StageCount],

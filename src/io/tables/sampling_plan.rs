@@ -13,7 +13,6 @@ use crate::report::promise::{PlanPromise, Promise};
 use crate::rows::{row, words};
 
 row! {
-    /// A planned visit, with the promise of the whole plan.
     pub struct VisitRow of "sampling_plan" {
         pose: usize,
         target: String,

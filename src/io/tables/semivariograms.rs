@@ -30,7 +30,6 @@ row! {
     }
 }
 
-/// The subject of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
     Bin,
@@ -105,7 +104,6 @@ fn number(bin: &Bin) -> i64 {
     (bin.from / (bin.to - bin.from)).round() as i64
 }
 
-/// Number of axes that a quantity sums over.
 const fn axes(quantity: Quantity) -> f64 {
     match quantity {
         Quantity::X | Quantity::Y | Quantity::Z => 1.0,

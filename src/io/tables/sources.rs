@@ -8,7 +8,6 @@ use crate::report::Model;
 use crate::rows::{row, words};
 
 row! {
-    /// The part of one source in one model.
     pub struct SourceRow of "sources" {
         model: Model,
         source_index: usize,

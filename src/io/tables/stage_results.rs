@@ -8,7 +8,6 @@ use crate::manifest::{Input, RunKey, VERSION, Work, Written, cpu_features, platf
 use crate::rows::{Row, columns, row};
 use crate::table::{Table, TableError};
 
-/// The reason why the result of a stage cannot be read back.
 #[derive(Debug, Error)]
 pub enum NotRestored {
     #[error(transparent)]

@@ -93,7 +93,6 @@ impl From<&Reading> for ReadColumns {
     }
 }
 
-/// Whether a dwell has a measurement of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PairingVerdict {
     Paired,

@@ -186,7 +186,6 @@ impl Unit {
     }
 }
 
-/// The reason why a verdict is not shown.
 pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
     match verdict {
         Verdict::NotShown(reason) => Some(reason),
@@ -210,7 +209,6 @@ pub(crate) fn counted(units: Option<&[String]>) -> Vec<f64> {
     units.unwrap_or_default().iter().map(of_unit).collect()
 }
 
-/// The quaternion x y z w.
 pub(crate) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     rotation.coords.into()
 }

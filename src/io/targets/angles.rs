@@ -1,6 +1,7 @@
 //! The columns of joint angles in a CSV file: `q1_rad` or `q1_deg`, and `q1_mm` for a joint that slides, in the arm's
 //! order.
 
+use super::RowProblem;
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::kinematics::Arm;
@@ -101,6 +102,23 @@ impl AngleColumns {
         let places = found.into_iter().map(|(_, place)| place).collect();
         let slides = if slides.contains(&true) { slides } else { Vec::new() };
         Ok(Some(Self { units: JointUnits::new(angle, slides), places }))
+    }
+
+    /// The joint angles by the value at each place; `None` where no value is given, an error where only some are.
+    pub(super) fn joints(
+        &self,
+        names: &[String],
+        mut value: impl FnMut(usize) -> Result<Option<f64>, RowProblem>,
+    ) -> Result<Option<TargetJoints>, RowProblem> {
+        let found = self.places.iter().map(|&place| Ok(value(place)?.ok_or(place)));
+        let found = found.collect::<Result<Vec<_>, RowProblem>>()?;
+        if found.iter().all(Result::is_err) {
+            return Ok(None);
+        }
+        let angles: Result<Vec<f64>, usize> = found.into_iter().collect();
+        let angles =
+            angles.map_err(|place| RowProblem::PartOfJoints { missing: names[place].clone() })?;
+        Ok(Some(self.units.joints(&angles)))
     }
 }
 

@@ -154,23 +154,15 @@ pub fn corrected(
     let rows = targets.iter().zip(outcomes).enumerate();
     let rows = rows.map(|(place, (target, outcome))| {
         let (table_id, joint_names) = (Arc::clone(&table_id), names.clone());
-        let done = outcome.as_ref().ok();
-        let of_target =
-            CorrectedRow { row: place, corrected_by: by.table, ..of_target(target, done) };
-        let row = CorrectedRow { table_id, joint_names, ..of_target };
-        match outcome {
-            Ok(_) => row,
-            Err(refused) => {
-                let (refused, reason) = ((&refused.reason).into(), refused.to_string());
-                CorrectedRow { refused: Some(refused), reason: Some(reason), ..row }
-            }
-        }
+        let (row, corrected_by) = (place, by.table);
+        CorrectedRow { row, table_id, corrected_by, joint_names, ..of_target(target, outcome) }
     });
     Ok(CorrectedRow::table(rows.collect(), by.key)?.table)
 }
 
 /// The row of a target, with the command where there is one: by how much it differs, how sure that is, and how it was found.
-fn of_target(target: &Target, done: Option<&Corrected>) -> CorrectedRow {
+fn of_target(target: &Target, outcome: &Result<Corrected, Refused>) -> CorrectedRow {
+    let (done, refused) = (outcome.as_ref().ok(), outcome.as_ref().err());
     let joints = done.and_then(|own| own.joints.as_ref());
     let (stated, asked) = (target.position.as_ref(), target.orientation.as_ref());
     CorrectedRow {
@@ -198,7 +190,7 @@ fn of_target(target: &Target, done: Option<&Corrected>) -> CorrectedRow {
             .flat_map(|own| &own.allowed)
             .map(|own| own.word().to_owned())
             .collect(),
-        refused: None,
-        reason: None,
+        refused: refused.map(|own| (&own.reason).into()),
+        reason: refused.map(ToString::to_string),
     }
 }

@@ -165,20 +165,10 @@ impl Cells<'_> {
         }
     }
 
-    /// The joint angles; an error where only some are given.
     fn joints(self) -> Result<Option<TargetJoints>, RowProblem> {
-        let Some(AngleColumns { units, places }) = &self.header.angles else { return Ok(None) };
-        let angle = |&place: &usize| Ok(self.number_at(place)?.ok_or(place));
-        let found = places.iter().map(angle);
-        let found = found.collect::<Result<Vec<_>, RowProblem>>()?;
-        if found.iter().all(Result::is_err) {
-            return Ok(None);
-        }
-        let angles: Result<Vec<f64>, usize> = found.into_iter().collect();
-        let angles = angles.map_err(|place| RowProblem::PartOfJoints {
-            missing: self.header.columns[place].clone(),
-        })?;
-        Ok(Some(units.joints(&angles)))
+        let angles = self.header.angles.as_ref();
+        angles
+            .map_or(Ok(None), |own| own.joints(&self.header.columns, |place| self.number_at(place)))
     }
 }
 

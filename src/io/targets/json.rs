@@ -82,19 +82,9 @@ impl Found {
     fn joints(&mut self, keys: &mut Keys) -> Result<Option<TargetJoints>, RowProblem> {
         let names: Vec<String> = keys.0.iter().map(|(key, _)| key.clone()).collect();
         let columns = AngleColumns::of(&names).map_err(RowProblem::Angles)?;
-        let Some(AngleColumns { units, places }) = columns else { return Ok(None) };
-        self.units.get_or_insert_with(|| units.clone());
-        let mut angles = Vec::with_capacity(places.len());
-        for &place in &places {
-            angles.push(keys.number(&names[place])?.ok_or(place));
-        }
-        if angles.iter().all(Result::is_err) {
-            return Ok(None);
-        }
-        let angles: Result<Vec<f64>, usize> = angles.into_iter().collect();
-        let angles =
-            angles.map_err(|place| RowProblem::PartOfJoints { missing: names[place].clone() })?;
-        Ok(Some(units.joints(&angles)))
+        let Some(columns) = columns else { return Ok(None) };
+        self.units.get_or_insert_with(|| columns.units.clone());
+        columns.joints(&names, |place| keys.number(&names[place]))
     }
 }
 

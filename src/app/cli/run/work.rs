@@ -24,13 +24,6 @@ pub enum Ending {
     NotStarted,
 }
 
-impl Ending {
-    /// Whether another run is current now than before.
-    pub(super) fn changes_the_current_run(&self) -> bool {
-        matches!(self, Self::Done(done) if !done.already_there || done.took_place.is_some())
-    }
-}
-
 #[derive(Debug)]
 pub struct Failure {
     pub reason: String,

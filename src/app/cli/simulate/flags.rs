@@ -18,10 +18,10 @@ pub(super) struct PoseFlags {
     home: List,
     /// Size of the box to measure in, mm.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "600,600,600")]
-    size: Triple,
+    size: [f64; 3],
     /// Centre of the box in the base frame, mm; where the target is at home when not given.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    centre: Option<Triple>,
+    centre: Option<[f64; 3]>,
     /// Measure on a uniform grid of this step, mm, in the orientation that the target has at home (the default, at 100).
     #[arg(long, value_name = "MM", value_parser = finite, conflicts_with_all = ["random", "random_joints"])]
     grid_step: Option<f64>,
@@ -91,9 +91,8 @@ impl PoseFlags {
     /// A grid or random poses in the box about where the target is at home.
     fn boxed(&self, at_home: &Isometry3<f64>) -> Poses {
         // Home gives whole millimetres, to keep the number short.
-        let centre =
-            self.centre.map_or(at_home.translation.vector.map(f64::round), |Triple(c)| c.into());
-        let half = Vector3::from(self.size.0) / 2.0;
+        let centre = self.centre.map_or(at_home.translation.vector.map(f64::round), Into::into);
+        let half = Vector3::from(self.size) / 2.0;
         let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
         let orientation_rpy = rpy(&at_home.rotation);
         let (cone_rad, step_mm) = (self.cone_deg.to_radians(), self.grid_step.unwrap_or(100.0));
@@ -268,12 +267,6 @@ fn set(setting: &mut f64, flag: Option<f64>, unit: f64) {
 #[derive(Debug, Clone)]
 struct List(Vec<f64>);
 
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Triple(pub(super) [f64; 3]);
-
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Five(pub(super) [f64; 5]);
-
 pub(super) fn finite(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
@@ -286,17 +279,17 @@ fn list(text: &str) -> Result<List, String> {
     numbers.map(List)
 }
 
-pub(super) fn five(text: &str) -> Result<Five, String> {
-    let five = numbers(text, "five")?;
+pub(super) fn five(text: &str) -> Result<[f64; 5], String> {
+    let five: [f64; 5] = numbers(text, "five")?;
     if five[4] > 0.0 {
-        Ok(Five(five))
+        Ok(five)
     } else {
         Err("the last number is a standard deviation: above zero".to_owned())
     }
 }
 
-pub(super) fn triple(text: &str) -> Result<Triple, String> {
-    numbers(text, "three").map(Triple)
+pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "three")
 }
 
 /// `N` numbers, separated by commas; `wanted` is N as the message says it.

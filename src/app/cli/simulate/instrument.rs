@@ -11,11 +11,11 @@ pub(super) struct InstrumentFlags {
     /// A stationary scanner (structured light, a laser line) that reads points and states their covariances: standard deviations along and
     /// across the line of sight at 1 m, mm; the first grows with the square of the distance, the other with the distance
     #[arg(long, value_name = "ALONG,ACROSS", value_parser = scanner, group = "instrument", conflicts_with_all = OF_TRACKERS)]
-    scanner: Option<Scanner>,
+    scanner: Option<[f64; 2]>,
     /// A camera that sees a flat, square target and states its pose's covariance: focal length and noise of a corner, pixels, edge of the
     /// target, mm, and corners along it
     #[arg(long, value_name = "FOCAL,NOISE,EDGE,CORNERS", value_parser = camera, group = "instrument", conflicts_with_all = OF_TRACKERS)]
-    camera: Option<Camera>,
+    camera: Option<([f64; 3], u32)>,
     /// The camera is on the flange and the target in the cell
     #[arg(long, requires = "camera")]
     on_flange: bool,
@@ -38,18 +38,21 @@ impl InstrumentFlags {
     pub(super) fn change(&self, settings: &mut SimulateSettings) {
         let distance_mm = self.instrument_distance_mm;
         settings.instrument = match (self.scanner, self.camera) {
-            (Some(Scanner([along_mm, across_mm])), _) => {
+            (Some([along_mm, across_mm]), _) => {
                 Instrument::Scanner(ScannerSettings { along_mm, across_mm, distance_mm })
             }
-            (None, Some(own)) => Instrument::Camera(CameraSettings {
-                focal_px: own.focal_px,
-                noise_px: own.noise_px,
-                target_mm: own.edge_mm,
-                corners: own.corners,
-                on_flange: self.on_flange,
-                distance_mm,
-                flipped_share: self.flipped_share,
-            }),
+            (None, Some(([focal_px, noise_px, target_mm], corners))) => {
+                let (on_flange, flipped_share) = (self.on_flange, self.flipped_share);
+                Instrument::Camera(CameraSettings {
+                    focal_px,
+                    noise_px,
+                    target_mm,
+                    corners,
+                    on_flange,
+                    distance_mm,
+                    flipped_share,
+                })
+            }
             (None, None) => return,
         };
         settings.understated = self.understated;
@@ -59,24 +62,14 @@ impl InstrumentFlags {
 }
 
 /// Standard deviations of a scanner along and across the line of sight at 1 m, mm.
-#[derive(Debug, Clone, Copy)]
-struct Scanner([f64; 2]);
-
-fn scanner(text: &str) -> Result<Scanner, String> {
-    numbers(text, "2").map(Scanner)
+fn scanner(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, "2")
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Camera {
-    focal_px: f64,
-    noise_px: f64,
-    edge_mm: f64,
-    corners: u32,
-}
-
-fn camera(text: &str) -> Result<Camera, String> {
+/// Focal length, noise and edge of a camera, px, px and mm, and the corners along the edge.
+fn camera(text: &str) -> Result<([f64; 3], u32), String> {
     let [focal_px, noise_px, edge_mm, _] = numbers(text, "4")?;
     let corners = text.rsplit(',').next().unwrap_or_default().trim();
     let corners = corners.parse().map_err(|_| format!("{corners} corners: give a whole number"))?;
-    Ok(Camera { focal_px, noise_px, edge_mm, corners })
+    Ok(([focal_px, noise_px, edge_mm], corners))
 }

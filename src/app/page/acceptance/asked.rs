@@ -42,7 +42,6 @@ fn held(is_as_asked: bool, text: &str) -> String {
     format!("{}: {text}", if is_as_asked { "as asked" } else { "not as asked" })
 }
 
-/// Figures that have a value, of a characteristic.
 fn figures<'r>(of: &'r Report<'_>, own: Characteristic) -> impl Iterator<Item = &'r AccuracyRow> {
     of.iso_9283().filter(move |row| row.name == FigureName::Iso(own) && row.value.is_some())
 }

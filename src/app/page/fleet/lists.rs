@@ -6,6 +6,7 @@ use super::content::{Content, Newest, Robot, how_many};
 use crate::io::tables::words::TableVerdict;
 use crate::page::history::figure_name;
 use crate::page::shell::{address, table};
+use crate::page::verdict::capital;
 use crate::page::words::{mark, number, optional, verdict};
 
 const WORST: usize = 10;
@@ -160,9 +161,4 @@ fn link(robot: &Robot) -> Markup {
 
 fn began(newest: &Newest) -> String {
     newest.started.map_or_else(|| "no date".to_owned(), |time| time.to_string())
-}
-
-fn capital(word: &str) -> String {
-    let mut letters = word.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::content::{Content, Point, Series};
-use crate::page::words::{fixed, model};
+use crate::page::words::fixed;
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series as Drawn};
 
@@ -37,7 +37,7 @@ pub(in crate::page) fn named(name: &str) -> String {
     let words: Vec<&str> = name.split(' ').collect();
     match words[..] {
         [moment, of, figure] => {
-            let of = Model::of_word(of).map_or_else(|| of.to_owned(), |of| model(of).to_owned());
+            let of = Model::of_word(of).map_or(of, |of| of.about().name);
             format!("{moment}, {of}: {figure}")
         }
         _ => name.to_owned(),

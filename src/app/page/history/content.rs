@@ -20,7 +20,6 @@ pub struct Content {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
     pub name: String,
-    pub run: String,
     /// Address of the page of its run, relative to this one; `None` where this one stands outside the lake.
     pub page: Option<String>,
     /// Its start; `None` where no clock has an epoch.
@@ -49,8 +48,6 @@ pub struct Session {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     pub name: String,
-    /// `mm` or `rad`.
-    pub unit: &'static str,
     pub is_accuracy: bool,
     pub points: Vec<Point>,
 }

@@ -7,7 +7,6 @@ use crate::io::tables::words::TableVerdict;
 fn session(name: &str, moved: Option<&str>, lasting: Option<bool>) -> Session {
     Session {
         name: name.to_owned(),
-        run: "00ff".to_owned(),
         page: Some(format!("../report/ur10%20b/{name}/00ff.html")),
         started: None,
         verdict: TableVerdict::Met,
@@ -33,7 +32,6 @@ fn content() -> Content {
     };
     let series = |name: &str, is_accuracy| Series {
         name: name.to_owned(),
-        unit: "mm",
         is_accuracy,
         points: (1..4).map(point).collect(),
     };

@@ -89,7 +89,6 @@ fn early_end(visits: &[VisitRow]) -> Markup {
     .svg()
 }
 
-/// Numbers of candidates read, kept and rejected.
 fn counts(content: &Content) -> Markup {
     html! {
         @for count in &content.counts {

@@ -33,7 +33,7 @@ pub(super) struct Month {
     /// Paths of the rows that the earlier state has.
     pub(super) keys: BTreeSet<String>,
     /// Those of them that are no longer there.
-    gone: BTreeSet<String>,
+    pub(super) gone: BTreeSet<String>,
     pub(super) new: Vec<NewRun>,
 }
 
@@ -41,21 +41,6 @@ pub(super) struct Month {
 type RunTables = [Vec<Table>; TABLES.len()];
 
 impl Month {
-    /// A month with these rows in the earlier state.
-    pub(super) fn of(keys: BTreeSet<String>) -> Self {
-        Self { keys, ..Self::default() }
-    }
-
-    pub(super) fn find_gone(&mut self, there: &BTreeSet<&str>) {
-        let is_gone = |key: &&String| !there.contains(key.as_str());
-        self.gone = self.keys.iter().filter(is_gone).cloned().collect();
-    }
-
-    /// Whether it has the rows of the earlier state.
-    pub(super) fn is_unchanged(&self) -> bool {
-        self.new.is_empty() && self.gone.is_empty()
-    }
-
     /// The files of the month, written anew; `None` where those of the earlier state are damaged.
     pub(super) fn rewritten(
         mut self,
@@ -77,9 +62,9 @@ impl Month {
         };
         done.gone += runs_among(&self.gone);
         self.keys = &self.keys - &self.gone;
-        for mut some in in_parts(std::mem::take(&mut self.new)) {
+        for some in std::mem::take(&mut self.new).chunks_mut(AT_ONCE) {
             let read: Vec<_> = some.par_iter_mut().map(|run| run.tables(lake)).collect();
-            self.take(lake, &some, read, &mut parts, done)?;
+            self.take(lake, some, read, &mut parts, done)?;
             progress.advance(some.len() as u64);
         }
         done.runs += runs_among(&self.keys);
@@ -138,7 +123,12 @@ impl Month {
                 }
             }
         }
-        add(parts, new)
+        for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
+            if !new.is_empty() {
+                parts.push(together(schema(name), &new)?);
+            }
+        }
+        Ok(())
     }
 
     fn written(&self, lake: &Lake, month: &str, parts: &RunTables) -> Result<Vec<CompactFile>> {
@@ -149,7 +139,10 @@ impl Month {
         for (parts, name) in parts.iter().zip(TABLES) {
             if parts.iter().any(|own| own.rows() > 0) {
                 let table = together(schema(name), parts)?;
-                files.push(lake.put_compact(&table, month, runs_in(&table))?);
+                // Its rows are in the order of runs.
+                let mut runs = table.keys();
+                runs.dedup();
+                files.push(lake.put_compact(&table, month, runs.len() as u64)?);
             }
         }
         Ok(files)
@@ -220,29 +213,6 @@ pub(super) fn of(row: &Table) -> String {
     };
     // Its text begins with year and month: 2020-11-09 12:34:56.
     started.map_or_else(|| UNDATED.to_owned(), |time| time.to_string().chars().take(7).collect())
-}
-
-fn in_parts(mut runs: Vec<NewRun>) -> impl Iterator<Item = Vec<NewRun>> {
-    std::iter::from_fn(move || {
-        let some = runs.len().min(AT_ONCE);
-        (some > 0).then(|| runs.drain(..some).collect())
-    })
-}
-
-/// Number of runs with rows in a table whose rows are in the order of runs.
-fn runs_in(table: &Table) -> u64 {
-    let mut keys = table.keys();
-    keys.dedup();
-    keys.len() as u64
-}
-
-fn add(parts: &mut RunTables, new: RunTables) -> Result<()> {
-    for ((parts, new), name) in parts.iter_mut().zip(new).zip(TABLES) {
-        if !new.is_empty() {
-            parts.push(together(schema(name), &new)?);
-        }
-    }
-    Ok(())
 }
 
 fn schema(name: &str) -> &'static TableSchema {

@@ -121,7 +121,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
             "a direction, for example [0, 0, 1]",
         )?;
     }
-    each(&file.fit.full.repaired, |repair| {
+    file.fit.full.repaired.iter().try_for_each(|repair| {
         wrong_unless(
             (1..=joints).contains(&repair.joint),
             "[[fit.full.repaired]] joint",
@@ -227,7 +227,7 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
 fn references(stations: &StationsSettings) -> Check {
     let is_long = stations.target.is_some();
     let targets = stations.target_names();
-    each(stations.references.iter().enumerate(), |(place, own)| {
+    stations.references.iter().enumerate().try_for_each(|(place, own)| {
         let earlier = stations.references[..place].iter().map(|other| &other.name);
         wrong_unless(
             !targets.iter().chain(earlier).any(|name| *name == own.name),
@@ -249,7 +249,7 @@ fn references(stations: &StationsSettings) -> Check {
 }
 
 pub(super) fn paths(key: &str, paths: &[&str]) -> Check {
-    each(paths.iter(), |path| {
+    paths.iter().try_for_each(|path| {
         wrong_unless(
             message::FieldPath::parse(path).is_ok(),
             key,
@@ -286,13 +286,6 @@ fn work_box(bounds: &WorkBox) -> Check {
         format!("{x} × {y} × {z} mm"),
         "a box whose high_mm is above its low_mm along each axis, by a millimetre at least",
     )
-}
-
-pub(in crate::pipeline) fn each<T>(
-    values: impl IntoIterator<Item = T>,
-    check: impl Fn(T) -> Check,
-) -> Check {
-    values.into_iter().try_for_each(check)
 }
 
 pub(in crate::pipeline) fn wrong_unless(

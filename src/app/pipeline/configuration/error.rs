@@ -15,19 +15,15 @@ use crate::pipeline::robot_file::NoRobotFile;
 
 pub(in crate::pipeline) type Result<T, E = ConfigurationError> = std::result::Result<T, E>;
 
-/// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
 pub enum ConfigurationError {
-    /// A fault in the pipeline file, or in what it names.
     #[error("{}", kind.message(path))]
     At { path: PathBuf, kind: ConfigurationErrorKind },
-    /// A fault in the settings of one of several robots.
     #[error("robot {robot:?} ({place}): {source}")]
     OfRobot { robot: String, place: String, source: Box<Self> },
     /// The robot file is no robot file, or its arm is invalid.
     #[error(transparent)]
     RobotParse(#[from] Box<At<NoRobotFile>>),
-    /// A session is missing or incomplete.
     #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
     Session {
         session: String,
@@ -36,12 +32,10 @@ pub enum ConfigurationError {
         /// The sessions there.
         found: Vec<String>,
     },
-    /// A session is named twice, or both to learn from and to judge.
     #[error(
         "session {session:?} is named {how}: a session is learnt from or judges, once; take one out"
     )]
     NamedTwice { session: String, how: &'static str },
-    /// A robot has no folder with sessions.
     #[error("there is no folder {} yet", .0.display())]
     NoFolder(PathBuf),
     #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
@@ -55,23 +49,26 @@ pub enum ConfigurationError {
     #[error(transparent)]
     Manifest(#[from] ManifestError),
     #[error(transparent)]
-    Lake(Box<LakeError>),
+    Lake(#[from] LakeError),
     /// The place of the tables, or of the sessions, cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-/// The fault in a pipeline file, or in what it names.
 #[derive(Debug)]
 pub enum ConfigurationErrorKind {
-    /// The pipeline file cannot be read.
     Read(io::Error),
     /// A value that the file states is wrong, or contradicts another; the words say which.
     Fault(String),
-    /// The robot file cannot be read.
-    Robot { robot: PathBuf, source: io::Error },
+    Robot {
+        robot: PathBuf,
+        source: io::Error,
+    },
     /// The folder with the sessions cannot be read.
-    Folder { folder: PathBuf, source: io::Error },
+    Folder {
+        folder: PathBuf,
+        source: io::Error,
+    },
 }
 
 impl ConfigurationErrorKind {
@@ -102,7 +99,6 @@ impl ConfigurationErrorKind {
         })
     }
 
-    /// The fault that a file has several robots where one is needed.
     pub(in crate::pipeline) fn several_robots(known: &[String]) -> Self {
         let known = some_of(known);
         Self::Fault(format!("it is of several robots: name one of them with --robot: {known}"))
@@ -113,7 +109,6 @@ impl ConfigurationErrorKind {
         ConfigurationError::At { path: path.to_owned(), kind: self }
     }
 
-    /// The message for a person, with the file's path.
     fn message(&self, path: &Path) -> String {
         let path = path.display();
         match self {
@@ -160,12 +155,6 @@ impl ConfigurationError {
             Self::OfRobot { source, .. } => source.is_worth_a_retry(),
             _ => false,
         }
-    }
-}
-
-impl From<LakeError> for ConfigurationError {
-    fn from(error: LakeError) -> Self {
-        Self::Lake(Box::new(error))
     }
 }
 

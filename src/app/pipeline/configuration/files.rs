@@ -59,7 +59,6 @@ impl Source {
         Ok(Self { robots: Robots::of(path, &base, &values)?, path: path.to_owned(), base, text })
     }
 
-    /// The files of the only robot.
     pub fn alone(&self) -> Result<Files> {
         self.keys(&self.text, true)?;
         let file = toml::from_str(&self.text).map_err(|source| unread(&self.path, &source))?;

@@ -1,6 +1,6 @@
 //! `[[stations.lengths]]` and `[[tracker.lengths]]`: what can be wrong with instruments of one length before a file is opened.
 
-use super::checks::{Check, each, paths, wrong_unless};
+use super::checks::{Check, paths, wrong_unless};
 use crate::ingest::{
     LengthColumns, LengthRead, LengthSource, LoggedLength, StandsOn, StationsSettings,
     TrackerSettings,
@@ -37,7 +37,7 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
     let others = tracker.topics();
     let others = others.into_iter().chain(tracker.temperature.as_deref());
     let others: Vec<&str> = others.collect();
-    each(tracker.lengths.iter(), |own| {
+    tracker.lengths.iter().try_for_each(|own| {
         wrong_unless(
             !others.contains(&own.topic.as_str()),
             "[[tracker.lengths]] topic",
@@ -81,7 +81,7 @@ fn sources(
         twice.map_or_else(String::new, |(_, length)| format!("{:?} twice", length.name)),
         "names, each of one instrument",
     )?;
-    each(own.iter(), |length| {
+    own.iter().try_for_each(|length| {
         let name = length.name;
         let is_anchored = length.place.is_some() || length.offset.is_some();
         wrong_unless(

@@ -15,7 +15,6 @@ use crate::pipeline::robot_entry::{RobotEntry, put};
 /// The keys of `[input]` that name files, in which `{robot}` stands for the robot.
 const FILES: [&str; 4] = ["controller", "tracker", "stations", "corrected_targets"];
 
-/// The robots of a pipeline file with several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robots {
     /// The way in which sessions belong to them.
@@ -79,7 +78,7 @@ impl Robots {
     /// The pipeline file of one robot: the file with the robot's settings put into it, and its own folder or file names.
     pub fn file_of(&self, entry: &RobotEntry) -> Table {
         let mut file = self.common.clone();
-        put(&entry.settings, &mut file);
+        put("", &entry.settings, &mut file);
         let robot = file.entry("robot").or_insert_with(|| Value::Table(Table::new()));
         if let Some(robot) = robot.as_table_mut() {
             robot.insert("name".to_owned(), Value::String(entry.name.clone()));
@@ -107,7 +106,7 @@ impl Robots {
     /// The pipeline file with the sessions of every robot: `*` stands for the robot in file names. Its other settings are those of `entry`.
     pub fn file_of_any(&self, entry: &RobotEntry) -> Table {
         let mut file = self.common.clone();
-        put(&entry.settings, &mut file);
+        put("", &entry.settings, &mut file);
         if let Some(robot) = file.get_mut("robot").and_then(Value::as_table_mut) {
             robot.remove("name");
         }

@@ -32,7 +32,6 @@ pub const POOLED: &str = "pooled";
 /// The files that a session was recorded into.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Recorded {
-    /// The logs of its two sides.
     Logs(SessionLogs),
     Table(SessionTable),
     /// No files: the lake has it as joined.
@@ -48,7 +47,6 @@ impl Recorded {
         }
     }
 
-    /// The path of each file, for changes.
     pub fn paths_mut(&mut self) -> Vec<&mut PathBuf> {
         match self {
             Self::Logs(logs) => logs.controller.iter_mut().chain(&mut logs.tracker).collect(),
@@ -58,7 +56,6 @@ impl Recorded {
     }
 }
 
-/// A session that the lake has as joined.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JoinedBefore {
     /// Its robot, name and result.
@@ -111,6 +108,10 @@ pub struct SetAside {
 }
 
 impl SetAside {
+    fn new(session: &str, why: Why, before: usize) -> Self {
+        Self { session: session.to_owned(), why, before }
+    }
+
     pub const fn state(&self) -> &'static str {
         match self.why {
             Why::Waits(_) => "waits",
@@ -278,9 +279,11 @@ impl Candidates<'_> {
         named_once(named.as_deref().unwrap_or_default(), &test)?;
         named_once(&test, &[])?;
         let of_name = |name: &String| (self.named)(name);
-        let training = match &named {
-            Some(names) => names.iter().map(of_name).collect(),
-            None => all_but(self.sessions, &test),
+        let training: Vec<Session> = if let Some(names) = &named {
+            names.iter().map(of_name).collect()
+        } else {
+            let others = self.sessions.iter().filter(|own| !test.contains(&own.name));
+            others.cloned().collect()
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
         let latest = input.pool_latest.unwrap_or(usize::MAX);
@@ -371,11 +374,6 @@ fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Re
     Err(ConfigurationErrorKind::setting(key, found, wanted).at(path))
 }
 
-fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {
-    let others = sessions.iter().filter(|s| !test.contains(&s.name));
-    others.cloned().collect()
-}
-
 /// The pieces of the sessions that are ready, pools of at most the `latest` so many of them, and the other sessions.
 fn pieces(
     pool: Pool,
@@ -385,7 +383,14 @@ fn pieces(
 ) -> (Vec<WorkPiece>, Vec<SetAside>) {
     let (mut pieces, mut set_aside) = (Vec::new(), Vec::new());
     let mut ready: Vec<SessionFiles> = Vec::new();
-    let test: Result<Vec<SessionFiles>, Why> = judges.iter().map(judge).collect();
+    // Those that a session would judge which is not ready have no work.
+    let test: Result<Vec<SessionFiles>, Why> = judges
+        .iter()
+        .map(|own| {
+            let not_yet = |why: &Why| why.map(|reason| format!("{} judges it: {reason}", own.name));
+            own.files().map_err(not_yet)
+        })
+        .collect();
     let mut add = |name: &str, training: &[SessionFiles], aside: &mut Vec<SetAside>| match &test {
         Ok(test) => pieces.push(WorkPiece {
             session: name.to_owned(),
@@ -425,12 +430,6 @@ fn last<T>(all: &[T], most: usize) -> &[T] {
     &all[all.len().saturating_sub(most)..]
 }
 
-/// A session that judges; an error states why those that it would judge have no work.
-fn judge(session: &Session) -> Result<SessionFiles, Why> {
-    let not_yet = |why: &Why| why.map(|reason| format!("{} judges it: {reason}", session.name));
-    session.files().map_err(not_yet)
-}
-
 impl Session {
     fn files(&self) -> Result<SessionFiles, &Why> {
         let files = |recorded: &Recorded| SessionFiles {
@@ -454,12 +453,6 @@ impl WorkPiece {
             test: Vec::new(),
         };
         sessions.map(piece).collect()
-    }
-}
-
-impl SetAside {
-    fn new(session: &str, why: Why, before: usize) -> Self {
-        Self { session: session.to_owned(), why, before }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::geometry::Placement;
 use crate::ingest::{AngleUnit, LengthUnit, OrientationColumns};
 use crate::io::robot::{self, ready};
 use crate::kinematics::{Arm, Convention, RobotFile};
-use crate::pipeline::file::{PipelineFile, TrackerFromBase};
+use crate::pipeline::file::{PipelineFile, Survey};
 use crate::setup::{Alternatives, FrameKey, KnownArm, OtherReading, SetUp, UnitKeys, Units};
 
 /// The stated set-up, and what it may have been taken for.
@@ -90,10 +90,7 @@ fn other_table(robot_file: &Path) -> Option<KnownArm> {
 /// The stated placements under other conventions.
 fn other_conventions(file: &PipelineFile) -> Vec<OtherReading> {
     let commanded = file.commanded.as_ref();
-    let survey = match &file.tracker.tracker_from_base {
-        Some(TrackerFromBase::Surveyed(survey)) => Some(survey.placement()),
-        Some(TrackerFromBase::Fitted) | None => None,
-    };
+    let survey = file.tracker.survey().map(Survey::placement);
     let stated: [(FrameKey, Option<Placement>); 3] = [
         (FrameKey::Commands, commanded.map(|section| section.base_from_command)),
         (FrameKey::Tool, commanded.and_then(|section| section.flange_from_tool)),

@@ -15,7 +15,6 @@ use crate::files::store::{self, Listed, Place, Store, StoreError};
 /// Depth of a log: in its session's folder, or a few folders below it.
 const LEVELS: RangeInclusive<usize> = 1..=8;
 
-/// Files and folders.
 #[derive(Debug, Clone)]
 pub enum Tree {
     /// Those of this machine's file system.
@@ -39,7 +38,6 @@ impl Tree {
         Ok(Self::Listed { files: Arc::new(files.collect()), store })
     }
 
-    /// Whether there is such a folder.
     pub fn is_dir(&self, path: &Path) -> bool {
         match self {
             Self::Folder => path.is_dir(),

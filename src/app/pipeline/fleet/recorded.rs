@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::configuration::{
-    ConfigurationError, ConfigurationErrorKind, FoundSessions, LeftOut, Recorded, Result, Robots,
-    Session, Tree, Why, logs, look,
+    ConfigurationError, ConfigurationErrorKind, FoundSessions, Recorded, Result, Robots, Session,
+    Tree, Why, logs, look,
 };
 use crate::pipeline::file::{PipelineFile, ROBOT_PLACE, RobotsBy, SESSION_PLACE, SessionsBy};
 
 #[derive(Debug, Clone)]
 pub struct ByRobot {
-    found: FoundSessions,
+    pub found: FoundSessions,
     sessions: BTreeMap<String, Vec<Session>>,
 }
 
@@ -46,10 +46,6 @@ impl ByRobot {
     pub fn of(&self, robot: &str) -> FoundSessions {
         let own = self.sessions.get(robot);
         self.found.only(own.cloned().unwrap_or_default())
-    }
-
-    pub fn left_out(&self) -> Vec<LeftOut> {
-        self.found.left_out.clone()
     }
 }
 

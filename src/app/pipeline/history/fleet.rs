@@ -31,20 +31,17 @@ fn robot(own: &RobotHistory, page: &str) -> Robot {
         name: own.robot.clone(),
         page: page.to_owned(),
         sessions: own.sessions.len(),
-        newest: newest.map(|(session, result)| Newest {
-            usual_days: usual_days(&own.results),
-            ..newest_of(session, result)
-        }),
+        newest: newest.map(|(session, result)| newest_of(session, result, &own.results)),
         unreadable: unreadable.count(),
     }
 }
 
-fn newest_of(session: &PastSession, result: &RunResult) -> Newest {
+fn newest_of(session: &PastSession, result: &RunResult, results: &[RunResult]) -> Newest {
     let out = session.judged.out_of_control();
     Newest {
         session: session.key.session.clone(),
         started: result.started_us.map(WallTime::of_us),
-        usual_days: None,
+        usual_days: usual_days(results),
         verdict: TableVerdict::of_word(&result.verdict).unwrap_or(TableVerdict::NotShown),
         bound_mm: result.bound_mm,
         tolerance_mm: result.tolerance_mm,

@@ -24,7 +24,7 @@ use crate::pipeline::verify::Claim;
 
 pub(super) struct RobotRows {
     pub(super) folder: String,
-    files: Vec<Listed>,
+    pub(super) files: Vec<Listed>,
 }
 
 pub(super) struct Row {
@@ -106,10 +106,6 @@ impl RobotRows {
         Lake::name_of(&self.folder)
     }
 
-    pub(super) const fn len(&self) -> usize {
-        self.files.len()
-    }
-
     /// Every row, in the order of session and run.
     pub(super) fn read(&self, lake: &Lake, summary: &Summary) -> Vec<Row> {
         let files = self.files.par_iter();
@@ -152,7 +148,7 @@ fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String>
     let schema = schema::find("runs").map_err(|error| error.to_string())?;
     let row = table::read_open(file, place, schema).map_err(|error| error.to_string())?;
     let claim = Claim::of(&row).map_err(told)?;
-    let expected = lake.path(schema, &claim.key);
+    let expected = lake.place("runs", &claim.key);
     let expected = expected.map_err(|error| error.to_string())?;
     if expected.named() != place {
         let reason = format!("its content is that of {}", expected.display());

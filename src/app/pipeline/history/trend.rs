@@ -39,7 +39,6 @@ fn sessions(robot: &RobotHistory, linked: Option<&Lake>) -> Result<Vec<Session>,
         Ok(Session {
             means: result.before_and_after(),
             name: past.key.session.clone(),
-            run: past.key.run.clone(),
             page: page.map(|key| format!("../{key}")),
             started: result.started_us.map(WallTime::of_us),
             verdict: TableVerdict::of_word(&result.verdict).unwrap_or(TableVerdict::NotShown),
@@ -64,7 +63,6 @@ fn series(figures: &[Vec<Figure>]) -> Vec<Series> {
         let Some(charted) = &figure.charted else { continue };
         let own = series.entry(&figure.name).or_insert_with(|| Series {
             name: figure.name.clone(),
-            unit: figure.unit.word(),
             is_accuracy: figure.kind == Kind::Accuracy,
             points: Vec::new(),
         });

@@ -127,7 +127,8 @@ impl Door<'_, '_> {
             let line = found.at.map(|at| self.line(at)).unwrap_or_default();
             faults.push(format!("{heading}{line} needs {}", needed(&missing)));
         }
-        let names = found.table.keys().filter(|key| !self.is_known(section, place, key.get_ref()));
+        let is_known = |name: &str| self.known(section, place).any(|known| known == name);
+        let names = found.table.keys().filter(|key| !is_known(key.get_ref()));
         let keys: Vec<&str> = section.keys.iter().map(|key| key.key.as_str()).collect();
         let keys = if keys.is_empty() {
             String::new()
@@ -158,10 +159,6 @@ impl Door<'_, '_> {
             && !joint.contains_key("mimic");
         let convention = text_of(self.file, "convention").unwrap_or("standard-dh");
         turns && key.conventions.iter().any(|own| own == convention)
-    }
-
-    fn is_known(&self, section: &KeySection, place: &str, name: &str) -> bool {
-        self.known(section, place).any(|known| known == name)
     }
 
     /// The names that a section may have: its keys, and the sections inside it.

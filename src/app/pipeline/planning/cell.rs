@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::fit::{CameraUncertainty, FitSettings, TrackerUncertainty, Uncertainty};
+use crate::fit::{CameraUncertainty, FitSettings, Noise, TrackerUncertainty, Uncertainty};
 use crate::geometry::rpy;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::configuration::{
@@ -96,7 +96,7 @@ impl<'p> Placed<'p> {
                 up.unwrap_or([0.0, 0.0, 1.0]),
             ),
             known: None,
-            noise: file.noise_of_tracker(),
+            noise: Noise::of_one(file.tracker_source(), fit.repeatability_mm),
             fit,
             full: file.fit.full.clone(),
             up: up.map(|up| upwards(self.path, up)).transpose()?,

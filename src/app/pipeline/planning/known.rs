@@ -6,7 +6,6 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::compensation::IdentifiedArm;
-use crate::files::schema::{self, SchemaError};
 use crate::files::store::Place;
 use crate::fit::full::FullModel;
 use crate::fit::full::next::{Mounted, Mounting, Placed};
@@ -47,8 +46,6 @@ pub enum KnownError {
     Table(#[from] CalibrationsTableError),
     #[error("[plan.known]: {0}")]
     Lake(#[from] LakeError),
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
     #[error("[plan.known]: {}", kind.message(path))]
     Misfit { path: PathBuf, kind: KnownMisfit },
 }
@@ -69,11 +66,10 @@ pub enum KnownMisfit {
 }
 
 impl KnownMisfit {
-    fn at(self, path: &Path) -> KnownError {
+    pub(super) fn at(self, path: &Path) -> KnownError {
         KnownError::Misfit { path: path.to_owned(), kind: self }
     }
 
-    /// The message for a person, with the table's path.
     fn message(&self, path: &Path) -> String {
         let path = path.display();
         match self {
@@ -138,7 +134,7 @@ fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownEr
 
 /// The file of table `calibrations` of a run.
 pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
-    let table = lake.path(schema::find("calibrations")?, key)?;
+    let table = lake.place("calibrations", key)?;
     let path = table.as_path().map(Path::to_owned);
     path.ok_or(KnownError::Remote { table })
 }
@@ -159,11 +155,6 @@ pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullM
     model.ok_or_else(|| KnownMisfit::GeometryAlone.at(path))
 }
 
-/// The error of a covariance that rounding made indefinite.
-pub(super) fn not_positive(path: &Path) -> KnownError {
-    KnownMisfit::NotPositive.at(path)
-}
-
 /// The arm in the table at `path`, in the planned session.
 pub(super) fn read(
     path: &Path,
@@ -179,7 +170,7 @@ pub(super) fn read(
     let most = settings.poses.iter().copied().max().unwrap_or(0);
     let stations = 2 * most + settings.verify_poses;
     let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
-    known.map(Arc::new).ok_or_else(|| not_positive(path))
+    known.map(Arc::new).ok_or_else(|| KnownMisfit::NotPositive.at(path))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {

@@ -25,7 +25,7 @@ use crate::manifest::RunKey;
 use crate::pipeline::configuration::{Configuration, Overrides};
 use crate::pipeline::run;
 use crate::plan::enough::{self, Next};
-use crate::plan::{Outcomes, Placer, PlanError, compare};
+use crate::plan::{Outcomes, Placer, compare};
 use crate::progress::Progress;
 use crate::report::promise::is_same_pose;
 
@@ -37,7 +37,6 @@ pub struct SoFar {
     pub identify: usize,
     /// Number of stations at verification poses: they take no part.
     pub verify: usize,
-    /// Dwells without a measurement.
     pub unmeasured: usize,
     pub planned: usize,
     /// The promise if no more poses were measured.
@@ -85,7 +84,8 @@ impl Planning {
         let verify = stations.iter().filter(measured).filter(|s| is_verify(s)).count();
         let taken: Vec<Station> = stations.iter().filter(|s| !is_verify(s)).cloned().collect();
         let model = self.model_of(&joined, &taken, &stages)?;
-        let region = self.region()?;
+        let placer = Placer::new(&self.arm, &self.settings)?;
+        let region = compare::region_axes(&self.arm, &placer, &self.settings)?;
         let promise = enough::promised(&model, 0, &region, &self.settings);
         let left: Vec<&VisitRow> = poses
             .iter()
@@ -158,12 +158,6 @@ impl Planning {
         };
         let found = &fit::start::frames(&self.arm, observations, 1, &stages.fit)?[0];
         Ok(known.learned_from_all(&self.arm, observations, found, &train))
-    }
-
-    /// Axis variables of fresh poses of the region.
-    fn region(&self) -> Result<Vec<Vec<f64>>, PlanError> {
-        let placer = Placer::new(&self.arm, &self.settings)?;
-        compare::region_axes(&self.arm, &placer, &self.settings)
     }
 
     /// The poses to measure next, from the planned poses that are left.

@@ -19,7 +19,6 @@ use crate::setup::Finding;
 
 pub(super) type Result<T, E = RunError> = std::result::Result<T, E>;
 
-/// The reason why a piece of work has no result.
 #[derive(Debug, Error)]
 pub enum RunError {
     #[error("cannot read {}: {source}", path.display())]
@@ -82,11 +81,6 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// Whether readings and the stated set-up contradict each other.
-    pub(super) const fn is_of_set_up(&self) -> bool {
-        matches!(self, Self::SetUp { .. } | Self::Join { .. } | Self::Unexplained { .. })
-    }
-
     /// Whether the machine or the storage failed, so that the same work may have a result later.
     pub fn is_fault(&self) -> bool {
         use std::io::ErrorKind::{InvalidInput, IsADirectory, NotFound, PermissionDenied};

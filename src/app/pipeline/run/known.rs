@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::{Done, Took};
 use crate::files::input::{self, Bound};
 use crate::files::store::Listed;
-use crate::io::lake::{INDEX, Lake, LakeError, alone_key, request_key};
+use crate::io::lake::{INDEX, Lake, LakeError, PAGES, alone_key, request_key};
 use crate::io::rows::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
@@ -30,7 +30,7 @@ const SETTLED: Duration = Duration::from_secs(2);
 /// Work that was done before, and what is added to it.
 #[derive(Debug)]
 pub struct Known {
-    lake: Lake,
+    pub lake: Lake,
     /// What was told, by the state that led to it.
     before: BTreeMap<String, Told>,
     /// What the lake holds; `None` where it is asked for each piece of work.
@@ -85,10 +85,6 @@ impl Known {
     /// know, so that the index is not read.
     pub fn one_by_one(lake: Lake) -> Self {
         Self { listed: None, ..Self::nothing(lake) }
-    }
-
-    pub const fn lake(&self) -> &Lake {
-        &self.lake
     }
 
     pub fn nothing(lake: Lake) -> Self {
@@ -307,7 +303,7 @@ impl Told {
             asked: self.asked,
             verdict_of: of.map_or(Some(None), |of| of.map(Some))?,
             rejected: self.rejected.clone(),
-            page: if self.has_page { Some(lake.page(key).ok()?) } else { None },
+            page: if self.has_page { Some(lake.place(PAGES, key).ok()?) } else { None },
             ..Done::before(lake, key, self.met, self.reason.clone())
         })
     }

@@ -21,7 +21,7 @@ pub fn publish(
     work: &Work,
     said: &Statements,
 ) -> Result<Commit, PublishError> {
-    let key = run.key().clone();
+    let key = run.key.clone();
     run.publish_kept()?;
     let sessions = outcome.training.iter().chain(&outcome.test);
     let sessions: Vec<SessionRows> = sessions
@@ -52,7 +52,7 @@ pub fn publish(
     let ending = Ending { warnings, ..ending(outcome, context) };
     let row = runs::table(work, &counts, run.written(), &ending)?;
     if let Some(kept) = kept {
-        kept.write(run.lake(), &key)?;
+        kept.write(run.lake, &key)?;
     }
     Ok(run.commit(&row)?)
 }

@@ -87,7 +87,11 @@ impl OwnLogs<'_> {
 
     /// The error of logs that contradict the stated set-up: of a camera's, that it is mounted otherwise, where they can be joined so.
     fn mounted_otherwise(&self, error: RunError, progress: &dyn Progress) -> RunError {
-        let (true, Some(stated)) = (error.is_of_set_up(), mounted(self.configuration)) else {
+        let is_of_set_up = matches!(
+            error,
+            RunError::SetUp { .. } | RunError::Join { .. } | RunError::Unexplained { .. }
+        );
+        let (true, Some(stated)) = (is_of_set_up, mounted(self.configuration)) else {
             return error;
         };
         let mut mapping = self.mapping.clone();

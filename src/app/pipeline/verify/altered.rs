@@ -1,11 +1,9 @@
 //! Files compared with their digests: those that a run wrote, and those that it read.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-
 use super::claim::Claim;
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::Lake;
 use crate::manifest::{Input, RunKey, Written, digest};
+use std::collections::BTreeMap;
 
 /// A file that a run wrote, and its present state.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,7 +35,6 @@ pub struct ChangedInput {
 }
 
 impl Output {
-    /// Whether the file has the digest in the row.
     pub fn is_sound(&self) -> bool {
         self.digest() == Some(&self.claimed)
     }
@@ -55,10 +52,6 @@ impl Output {
     }
 }
 
-pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, LakeError> {
-    lake.open(&file.table, &key.of_session(&file.session))
-}
-
 /// Every file that the row names, digested.
 pub(super) fn outputs(claim: &Claim, lake: &Lake) -> Vec<Output> {
     let output = |file: &Written| Output {
@@ -71,8 +64,9 @@ pub(super) fn outputs(claim: &Claim, lake: &Lake) -> Vec<Output> {
 
 fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
     let digested = || -> Result<String, String> {
-        let opened = open(lake, &claim.key, file).map_err(|error| error.to_string())?;
-        let digested = digest(opened).map_err(|error| error.to_string())?;
+        let opened = lake.open(&file.table, &claim.key.of_session(&file.session));
+        let digested = digest(opened.map_err(|error| error.to_string())?);
+        let digested = digested.map_err(|error| error.to_string())?;
         Ok(digested.0)
     };
     match digested() {
@@ -89,23 +83,32 @@ pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
 
 /// Inputs that differ by name, size or digest.
 pub(super) fn inputs(claimed: &[Input], found: &[Input]) -> Vec<ChangedInput> {
-    type Sides<'a> = (Option<&'a Input>, Option<&'a Input>);
-    let mut names: BTreeMap<&str, Sides<'_>> = BTreeMap::new();
-    for input in claimed {
-        names.entry(&input.name).or_default().0 = Some(input);
-    }
-    for input in found {
-        names.entry(&input.name).or_default().1 = Some(input);
-    }
     let file = |input: &Input| (input.bytes, input.digest.clone());
+    let names = by_name(claimed, found, |input| input.name.clone());
     let changed = names.into_iter().filter(|(_, (claimed, found))| claimed != found);
     changed
         .map(|(name, (claimed, found))| ChangedInput {
-            name: name.to_owned(),
+            name,
             claimed: claimed.map(file),
             found: found.map(file).ok_or_else(|| "there is no such file".to_owned()),
         })
         .collect()
+}
+
+/// The files of the row and those found, or computed, by name.
+pub(super) fn by_name<'f, T>(
+    claimed: &'f [T],
+    found: &'f [T],
+    name: impl Fn(&T) -> String,
+) -> BTreeMap<String, (Option<&'f T>, Option<&'f T>)> {
+    let mut files: BTreeMap<_, (Option<&T>, Option<&T>)> = BTreeMap::new();
+    for file in claimed {
+        files.entry(name(file)).or_default().0 = Some(file);
+    }
+    for file in found {
+        files.entry(name(file)).or_default().1 = Some(file);
+    }
+    files
 }
 
 /// The inputs of a whole session or run that is missing.

@@ -15,7 +15,6 @@ use crate::io::rows::Row as _;
 use crate::io::tables::stations::StationRow;
 use crate::manifest::{RunKey, Written};
 
-/// Another run that a run depends on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Citation {
     pub role: Role,
@@ -23,13 +22,11 @@ pub struct Citation {
     pub left: Left,
 }
 
-/// The reason why a run is cited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     Replaced,
     /// Its table drove the session.
     Drove,
-    /// It is the plan that the session was measured by.
     Planned,
     /// It identified the arm that a plan starts from.
     KnownArm,
@@ -63,7 +60,6 @@ impl Role {
 }
 
 impl Citation {
-    /// Whether a cited part is missing.
     pub fn is_lost(&self) -> bool {
         !matches!(self.left, Left::Whole(_))
     }
@@ -80,7 +76,7 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
     let gone = of_role.filter(|file| is_gone(&cited.key, file, lake));
     let gone: Vec<String> = gone.map(Written::name).collect();
     if gone.is_empty() {
-        Left::Whole(register.superseding(&cited.key).map(str::to_owned))
+        Left::Whole(register.superseding(&cited.key))
     } else {
         Left::Without(gone)
     }

@@ -64,7 +64,6 @@ impl Claim {
         self.table_version >= WITH_DIGEST
     }
 
-    /// Whether another version computed it.
     pub(super) fn is_other_version(&self) -> bool {
         self.run.made.version != VERSION
     }
@@ -115,10 +114,9 @@ fn together(
     Ok(together.map(|((name, number), digest)| (name, number, digest)))
 }
 
-/// Every run that the lake has a readable row of.
 #[derive(Debug, Clone, Default)]
 pub struct Register {
-    runs: Vec<Registered>,
+    pub(super) runs: Vec<Registered>,
 }
 
 /// A run of the lake, with the parts that others cite.
@@ -144,10 +142,6 @@ impl Register {
         Self { runs: claims.map(registered).collect() }
     }
 
-    pub(super) fn all(&self) -> impl Iterator<Item = &Registered> {
-        self.runs.iter()
-    }
-
     /// The run of this name; no two runs have one.
     pub(super) fn run(&self, name: &str) -> Option<&Registered> {
         self.runs.iter().find(|own| own.key.run == name)
@@ -160,22 +154,16 @@ impl Register {
     }
 
     /// The name of the run that replaced another; `None` without one.
-    pub(super) fn superseding(&self, key: &RunKey) -> Option<&str> {
-        let later = self.runs.iter().find(|own| own.took_the_place_of(key))?;
-        Some(&later.key.run)
+    pub(super) fn superseding(&self, key: &RunKey) -> Option<String> {
+        Some(self.later(key).next()?.key.run.clone())
     }
 
     /// The runs that replaced another: two where two machines wrote at once.
     pub(super) fn later<'r>(&'r self, key: &'r RunKey) -> impl Iterator<Item = &'r Registered> {
-        let runs = self.runs.iter();
-        runs.filter(|own| own.took_the_place_of(key))
-    }
-}
-
-impl Registered {
-    fn took_the_place_of(&self, key: &RunKey) -> bool {
-        let of_session = (&self.key.robot, &self.key.session) == (&key.robot, &key.session);
-        of_session && self.replaces.as_ref() == Some(&key.run)
+        self.runs.iter().filter(|own| {
+            let of_session = (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
+            of_session && own.replaces.as_ref() == Some(&key.run)
+        })
     }
 }
 
@@ -204,7 +192,7 @@ mod tests {
             vec![run("mon", "a", None), run("mon", "b", Some("a")), run("tue", "c", Some("b"))];
         let register = Register { runs };
         let by = |session, name| register.superseding(&RunKey::new("r", session, name));
-        assert_eq!(by("mon", "a"), Some("b"));
+        assert_eq!(by("mon", "a").as_deref(), Some("b"));
         assert_eq!(by("mon", "b"), None, "c is of another session");
         let known = register.with_file("calibrations", "digest of b");
         assert_eq!(known.expect("there").0.key.run, "b");

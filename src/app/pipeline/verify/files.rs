@@ -26,7 +26,6 @@ pub struct FilesOfLake {
     pub of_runs: usize,
     /// Number of files of runs whose rows cannot be read.
     pub of_unread: usize,
-    /// Number of the lake's own files.
     pub own: usize,
     /// Temporaries: of a process that writes, or left over by one that was stopped; the next run removes these.
     pub temporaries: Vec<Place>,

@@ -1,10 +1,10 @@
 //! A run recomputed into a temporary lake, and all its files compared with the published ones.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use tempfile::TempDir;
 
+use super::altered::by_name;
 use super::cited::DRIVING;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
@@ -42,7 +42,6 @@ const ROW_ONLY: [&str; 15] = [
 
 const TEMPORARY: &str = "posegrid-verify";
 
-/// A file whose published and computed bytes differ.
 #[derive(Debug, Clone)]
 pub struct ComparedFile {
     /// TABLE/SESSION.
@@ -52,7 +51,6 @@ pub struct ComparedFile {
     pub outcome: FileOutcome,
 }
 
-/// The difference of a published file and a computed one.
 #[derive(Debug, Clone)]
 pub enum FileOutcome {
     Values(Comparison),
@@ -131,7 +129,7 @@ impl Sides<'_> {
         let row = self.computed.read("runs", self.key)?;
         let computed = Claim::of(&row).expect("a row just written");
         let (mut same, mut others) = (0, Vec::new());
-        for (name, sides) in by_name(&self.verified.claim.files, &computed.files) {
+        for (name, sides) in by_name(&self.verified.claim.files, &computed.files, Written::name) {
             match self.file(sides, &computed)? {
                 None => same += 1,
                 Some(outcome) => others.push(ComparedFile {
@@ -142,7 +140,9 @@ impl Sides<'_> {
             }
         }
         others.extend(self.of_stages(&row)?);
-        others.extend(self.row(&row)?);
+        let published = self.lake.read_as_it_is("runs", &self.verified.claim.key)?.table;
+        // The columns of the row that have to agree.
+        others.extend(self.difference(&published, &row, &ROW_ONLY));
         Ok(Recomputed::Yes { same, others })
     }
 
@@ -234,12 +234,6 @@ impl Sides<'_> {
         Ok(differences)
     }
 
-    /// The difference of the rows of `runs`, in the columns that have to agree.
-    fn row(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
-        let published = self.lake.read_as_it_is("runs", &self.verified.claim.key)?.table;
-        Ok(self.difference(&published, computed, &ROW_ONLY))
-    }
-
     fn difference(&self, own: &Table, other: &Table, ignored: &[&str]) -> Option<ComparedFile> {
         let comparison = self.values(own, other, ignored);
         (comparison.same_values() != Some(0.0)).then(|| ComparedFile {
@@ -248,19 +242,4 @@ impl Sides<'_> {
             outcome: FileOutcome::Values(comparison),
         })
     }
-}
-
-/// Files of two runs by name: as published, and as computed.
-fn by_name<'w>(
-    published: &'w [Written],
-    computed: &'w [Written],
-) -> BTreeMap<String, (Option<&'w Written>, Option<&'w Written>)> {
-    let mut files: BTreeMap<_, (Option<&Written>, Option<&Written>)> = BTreeMap::new();
-    for file in published {
-        files.entry(file.name()).or_default().0 = Some(file);
-    }
-    for file in computed {
-        files.entry(file.name()).or_default().1 = Some(file);
-    }
-    files
 }

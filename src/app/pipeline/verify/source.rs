@@ -89,7 +89,7 @@ impl Source {
     /// The plan that the last session's logs name.
     pub(super) fn sampling_plan(&self) -> Option<String> {
         let Self::Sessions(configuration, fetched) = self else { return None };
-        let session = fetched.piece().training.last()?;
+        let session = fetched.piece.training.last()?;
         let mut metadata =
             read_metadata(session.recorded.logs()?, configuration.file.limits).ok()?;
         metadata.remove("session.plan")
@@ -105,7 +105,7 @@ impl Source {
                     robot: Some(claim.key.robot.clone()),
                     ..(**configuration).clone()
                 };
-                let work = work(&named, fetched.piece());
+                let work = work(&named, &fetched.piece);
                 work.map_err(|error| other(fetched.told(&error.to_string())))
             }
         }
@@ -114,7 +114,7 @@ impl Source {
     /// The run whose table drove the last session, and with which that session is compared.
     pub(super) fn driven_by(&self) -> Option<RunKey> {
         let Self::Sessions(configuration, fetched) = self else { return None };
-        let path = fetched.piece().training.last()?.corrected.as_ref()?;
+        let path = fetched.piece.training.last()?.corrected.as_ref()?;
         // The run itself reports a file that cannot be read.
         Some(driving::read(path, Bound::of(configuration.file.limits)).ok()?.key)
     }
@@ -124,7 +124,7 @@ impl Source {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
             Self::Sessions(configuration, fetched) => {
-                let done = run_piece(configuration, fetched.piece(), progress);
+                let done = run_piece(configuration, &fetched.piece, progress);
                 let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
                 Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
             }

@@ -49,7 +49,7 @@ fn numbers_texts_and_times_of_every_type() {
         ("image", Arc::new(BinaryArray::from(vec![&b"a"[..], b"b"]))),
     ]);
     assert_eq!(table.columns(), ["f32", "u64", "decimal", "time", "flag", "name"]);
-    assert_eq!(table.remarks(), ["column \"image\" holds Binary and is no column of the table"]);
+    assert_eq!(table.remarks, ["column \"image\" holds Binary and is no column of the table"]);
     let first = [
         Number(0.5),
         Number(u64::MAX as f64),
@@ -66,7 +66,7 @@ fn numbers_texts_and_times_of_every_type() {
     };
     assert!(infinite.is_nan());
     assert_eq!(Number(time), Number(-1e6));
-    assert_eq!((table.line(1), table.counted()), (2, Counted::Row));
+    assert_eq!((table.line(1), table.counted), (2, Counted::Row));
 }
 
 #[test]

@@ -112,13 +112,13 @@ fn the_first_sheet_with_a_table_is_read_below_its_title() {
     let bytes = workbook(&[("Notes", &notes), ("Data", &data), ("More", &data)]);
     let table = read(&bytes, &Form::default()).unwrap();
     assert_eq!(table.columns(), ["station", "x", "y", "version"]);
-    assert_eq!(table.units().unwrap(), ["", "mm", "mm", ""]);
+    assert_eq!(table.units.as_deref().unwrap(), ["", "mm", "mm", ""]);
     assert_eq!(row(&table, 0), [Text("P1"), Number(1.5), Number(2.0), Number(5.9)]);
     assert_eq!(row(&table, 1), [Text("P2"), Number(-1e-3), Blank, Number(5.9)]);
     assert_eq!(row(&table, 2)[1..3], [Text("n/a"), Text("'7'")]);
-    assert_eq!((table.line(1), table.counted()), (7, Counted::Row));
-    assert_eq!(table.remarks(), ["sheet \"Data\"", "it has other sheets: Notes, More"]);
-    let records = table.records();
+    assert_eq!((table.line(1), table.counted), (7, Counted::Row));
+    assert_eq!(table.remarks, ["sheet \"Data\"", "it has other sheets: Notes, More"]);
+    let records = table.records;
     assert_eq!((records.rows, records.before, records.blank, records.left_out), (3, 3, 2, 0));
 }
 
@@ -129,7 +129,7 @@ fn a_sheet_and_a_header_are_stated() {
     let form = Form { sheet: Some("Two".to_owned()), header: Some(4), ..Form::default() };
     let table = read(&bytes, &form).unwrap();
     assert_eq!((table.columns()[0].as_str(), table.row_count()), ("c", 1));
-    assert_eq!(table.remarks(), ["sheet \"Two\""]);
+    assert_eq!(table.remarks, ["sheet \"Two\""]);
     let form = Form { sheet: Some("Tow".to_owned()), ..Form::default() };
     let told = read(&bytes, &form).unwrap_err();
     assert_eq!(told, "it has no sheet \"Tow\"; its sheets are \"One\", \"Two\"");
@@ -204,7 +204,7 @@ fn cells_far_away_and_packed_bombs_take_no_memory() {
                <row r=\"1048576\"><c r=\"XFD1048576\"><v>1</v></c></row>";
     let table = read(&workbook(&[("S", far)]), &Form::default()).unwrap();
     assert_eq!((table.columns().len(), table.row_count()), (3, 2));
-    assert_eq!(table.records().blank, 1_048_574);
+    assert_eq!(table.records.blank, 1_048_574);
     let bomb = workbook(&[("S", &" ".repeat(1 << 23))]);
     assert!(bomb.len() < 1 << 17, "it is packed");
     let told = read(&bomb, &Form::default()).unwrap_err();

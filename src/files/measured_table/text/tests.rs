@@ -11,9 +11,9 @@ fn form(text: &str, form: &Form) -> Result<MeasuredTable, String> {
 /// A table, with every line of its text counted.
 fn table(text: &str) -> MeasuredTable {
     let table = form(text, &Form::default()).unwrap();
-    let records = table.records();
+    let records = table.records;
     assert_eq!(records.rows, table.row_count());
-    assert_eq!(records.left_out, table.left_out().len());
+    assert_eq!(records.left_out, table.left_out.len());
     let all = records.rows + records.left_out + records.before + records.blank;
     assert_eq!(all, text.lines().count());
     table
@@ -37,8 +37,8 @@ fn a_table_of_a_spreadsheet_with_decimal_commas() {
     assert_eq!(row(&table, 0), [Number(2.020_11e13), Number(-0.8), Blank, Text("ok")]);
     assert_eq!(row(&table, 1), [Number(1.0), Number(0.5), Number(-1.5), Text("a; b")]);
     assert_eq!((table.line(0), table.line(1)), (2, 3));
-    assert_eq!(table.remarks(), ["separator ';', decimal comma"]);
-    assert_eq!(table.units(), None);
+    assert_eq!(table.remarks, ["separator ';', decimal comma"]);
+    assert_eq!(table.units.as_deref(), None);
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn a_title_units_repeated_headers_and_wrong_rows() {
          station;x;y;z\n;[mm];[mm];(mm)\nP3;1;2;3;4\n// a remark\nP4;N/A;nan;-\n;;;\nMean;1,5\n",
     );
     assert_eq!(table.columns(), ["station", "x", "y", "z"]);
-    assert_eq!(table.units().unwrap(), ["", "mm", "mm", "mm"]);
+    assert_eq!(table.units.as_deref().unwrap(), ["", "mm", "mm", "mm"]);
     assert_eq!(table.row_count(), 2);
     assert_eq!(row(&table, 0), [Text("P1"), Number(1.5), Number(2.0), Number(3.0)]);
     let [Text("P4"), Text("N/A"), Number(nan), Text("-")] = row(&table, 1)[..] else {
@@ -65,9 +65,9 @@ fn a_title_units_repeated_headers_and_wrong_rows() {
         (14, cells(2)),
     ];
     let left_out = left_out.map(|(line, reason)| RowLeftOut { line, reason });
-    assert_eq!(table.left_out(), left_out);
-    assert_eq!(table.left_out()[0].reason.to_string(), "it has 3 cells, and the table 4 columns");
-    assert_eq!((table.records().before, table.records().blank), (4, 2));
+    assert_eq!(table.left_out, left_out);
+    assert_eq!(table.left_out[0].reason.to_string(), "it has 3 cells, and the table 4 columns");
+    assert_eq!((table.records.before, table.records.blank), (4, 2));
 }
 
 #[test]
@@ -78,8 +78,8 @@ fn one_cell_too_few_in_row_734() {
     }
     let table = table(&text);
     assert_eq!(table.row_count(), 1997);
-    assert_eq!(table.left_out().len(), 1);
-    assert_eq!(table.left_out()[0].line, 734);
+    assert_eq!(table.left_out.len(), 1);
+    assert_eq!(table.left_out[0].line, 734);
     assert_eq!((table.line(731), table.line(732)), (733, 735));
 }
 
@@ -87,10 +87,10 @@ fn one_cell_too_few_in_row_734() {
 fn headers_in_comments_absent_and_stated() {
     let commented = table("# measured on Monday\n# station x y z\n1 1.5 2.5 3.5\n2 1 2 3\n");
     assert_eq!(commented.columns(), ["station", "x", "y", "z"]);
-    assert_eq!(commented.remarks()[1], "the comment in line 2 is the header");
+    assert_eq!(commented.remarks[1], "the comment in line 2 is the header");
     let absent = table("// SA export\nA::p1, 1.0, 2.0, 3.0\nA::p2, 1.5, 2.0, 2.5\n");
     assert_eq!(absent.columns(), ["1", "2", "3", "4"]);
-    assert!(absent.remarks()[1].contains("it has no header"));
+    assert!(absent.remarks[1].contains("it has no header"));
     assert_eq!(row(&absent, 1)[..2], [Text("A::p2"), Number(1.5)]);
     let numbered = table("station;1;2;3;x;y\n1;.1;.2;.3;4;5\n");
     assert_eq!(numbered.columns(), ["station", "1", "2", "3", "x", "y"]);
@@ -99,7 +99,10 @@ fn headers_in_comments_absent_and_stated() {
     let sign = table("#;x\n1;2\n2;3\n");
     assert_eq!(sign.columns(), ["#", "x"]);
     let units = table("m;s\n1;2\n");
-    assert_eq!((units.columns(), units.units()), (&["m".to_owned(), "s".to_owned()][..], None));
+    assert_eq!(
+        (units.columns(), units.units.as_deref()),
+        (&["m".to_owned(), "s".to_owned()][..], None)
+    );
 }
 
 #[test]
@@ -137,7 +140,7 @@ fn commas_that_separate_and_are_decimal_marks() {
     let quoted = table("x,y\n\"1,5\",\"2,5\"\n\"3,5\",\"4\"\n");
     assert_eq!(row(&quoted, 1), [Number(3.5), Number(4.0)]);
     let one = table("x,y\n1,2\n1,2,3\n");
-    assert_eq!((one.row_count(), one.left_out().len()), (1, 1));
+    assert_eq!((one.row_count(), one.left_out.len()), (1, 1));
 }
 
 #[test]

@@ -1,32 +1,24 @@
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use super::{Node, Record};
-use crate::measured_table::fill::{self, Filling, Written};
+use crate::measured_table::fill::{self, Filling};
 use crate::measured_table::head::Head;
 use crate::measured_table::number::Numbers;
 use crate::measured_table::{
-    Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable, MeasuredTableErrorKind,
-    Result,
+    Cell, Counted, Form, LONGEST_NAME, LeftOutFor, MOST_COLUMNS, MeasuredTable,
+    MeasuredTableErrorKind, Result,
 };
 
 #[derive(Default)]
 pub(super) struct Flat<'d> {
     pub(super) names: Vec<String>,
     places: HashMap<String, usize>,
-    values: Vec<(usize, Value<'d>)>,
+    values: Vec<(usize, Cell<'d>)>,
     /// The end of each record among the values; `None` for one that is no object.
     ends: Vec<Option<usize>>,
     /// The record that each column was given a value in last, from 1.
     given: Vec<usize>,
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Value<'d> {
-    Blank,
-    Number(f64),
-    Text(&'d str),
 }
 
 impl<'d> Flat<'d> {
@@ -36,7 +28,7 @@ impl<'d> Flat<'d> {
             return Ok(());
         }
         let mut path = String::new();
-        let key = record.key.map_or(Ok(()), |key| self.value("key", Value::Text(key)));
+        let key = record.key.map_or(Ok(()), |key| self.value("key", Cell::Text(key)));
         let flat = key.and_then(|()| self.flatten(&mut path, record.node));
         self.ends.push(Some(self.values.len()));
         flat.map_err(|problem| problem.at(counted.word(), record.line))
@@ -45,9 +37,9 @@ impl<'d> Flat<'d> {
     fn flatten(&mut self, path: &mut String, node: &'d Node) -> Result<(), Flattened> {
         let stem = path.len();
         match node {
-            Node::Blank => return self.value(path, Value::Blank),
-            Node::Number(number) => return self.value(path, Value::Number(*number)),
-            Node::Text(text) => return self.value(path, Value::Text(text)),
+            Node::Blank => return self.value(path, Cell::Blank),
+            Node::Number(number) => return self.value(path, Cell::Number(*number)),
+            Node::Text(text) => return self.value(path, Cell::Text(text)),
             Node::List(list) => {
                 for (index, node) in list.iter().enumerate() {
                     let _ = write!(path, "[{index}]");
@@ -69,7 +61,7 @@ impl<'d> Flat<'d> {
         Ok(())
     }
 
-    fn value(&mut self, path: &str, value: Value<'d>) -> Result<(), Flattened> {
+    fn value(&mut self, path: &str, value: Cell<'d>) -> Result<(), Flattened> {
         if path.len() > LONGEST_NAME {
             return Err(Flattened::Name);
         }
@@ -101,7 +93,7 @@ impl<'d> Flat<'d> {
     ) -> Result<MeasuredTable> {
         let head = Head::of(self.names.iter().map(|name| name.trim().to_owned()).collect());
         let texts = self.values.iter().filter_map(|(_, value)| match value {
-            Value::Text(text) => Some(*text),
+            Cell::Text(text) => Some(*text),
             _ => None,
         });
         let fill = |numbers| self.fill(&head, records, numbers);
@@ -115,7 +107,7 @@ impl<'d> Flat<'d> {
         numbers: Numbers,
     ) -> Result<Filling<'h>> {
         let mut filling = Filling::new(head, numbers);
-        let mut row = vec![Value::Blank; self.names.len()];
+        let mut row = vec![Cell::Blank; self.names.len()];
         let mut start = 0;
         for (record, end) in records.iter().zip(&self.ends) {
             let Some(end) = *end else {
@@ -129,7 +121,7 @@ impl<'d> Flat<'d> {
             }
             filling.record(record.line, &row)?;
             for &(place, _) in own {
-                row[place] = Value::Blank;
+                row[place] = Cell::Blank;
             }
         }
         Ok(filling)
@@ -148,28 +140,6 @@ impl Flattened {
             Self::Twice(key) => MeasuredTableErrorKind::KeyTwice { counted, line, key },
             Self::Name => MeasuredTableErrorKind::LongName { counted, line },
             Self::Columns => MeasuredTableErrorKind::TooManyColumns { found: MOST_COLUMNS + 1 },
-        }
-    }
-}
-
-impl Written for Value<'_> {
-    fn is_blank(&self) -> bool {
-        matches!(self, Self::Blank | Self::Text(""))
-    }
-
-    fn number(&self, numbers: &Numbers) -> Option<f64> {
-        match self {
-            Self::Blank => None,
-            Self::Number(number) => Some(*number),
-            Self::Text(text) => numbers.parse(text.trim().as_bytes()),
-        }
-    }
-
-    fn text(&self) -> Cow<'_, str> {
-        match self {
-            Self::Blank => Cow::Borrowed(""),
-            Self::Number(number) => Cow::Owned(number.to_string()),
-            Self::Text(text) => Cow::Borrowed(text.trim()),
         }
     }
 }

@@ -34,17 +34,17 @@ fn records_are_flattened_in_every_order_that_people_write_them() {
         assert_eq!(row(&table, 1), [Number(-1000.0), Blank, Number(3.0), Number(4.0)]);
     }
     let wrapped = json(&wrapped).unwrap();
-    assert_eq!(wrapped.remarks(), ["its records are those of \"stations\""]);
+    assert_eq!(wrapped.remarks, ["its records are those of \"stations\""]);
 }
 
 #[test]
 fn rows_are_told_by_line_or_by_number() {
     let lines = json("{\"a\": 1}\n\n{\"a\": 2}\n").unwrap();
-    assert_eq!((lines.counted(), lines.line(1)), (Counted::Line, 3));
+    assert_eq!((lines.counted, lines.line(1)), (Counted::Line, 3));
     let records = json("[{\"a\": 1},\n {\"a\": 2}]").unwrap();
-    assert_eq!((records.counted(), records.line(1)), (Counted::Record, 2));
+    assert_eq!((records.counted, records.line(1)), (Counted::Record, 2));
     let keyed = yaml("'7':\n  a: 1\n# between\n'8':\n  a: 2\n").unwrap();
-    assert_eq!((keyed.counted(), keyed.line(0), keyed.line(1)), (Counted::Line, 1, 4));
+    assert_eq!((keyed.counted, keyed.line(0), keyed.line(1)), (Counted::Line, 1, 4));
     assert_eq!(keyed.columns(), ["key", "a"]);
     assert_eq!(row(&keyed, 1), [Number(8.0), Number(2.0)]);
     let documents = yaml("a: 1\n---\na: 2\n").unwrap();
@@ -74,7 +74,7 @@ fn lists_of_lists_have_their_names_in_the_first_or_beside_them() {
     assert_eq!(row(&split, 1), [Number(3.0), Blank]);
     let bare = yaml("- [1.5, 2]\n- [3, 4]\n").unwrap();
     assert_eq!(bare.columns(), ["1", "2"]);
-    assert_eq!(bare.remarks(), ["its records are lists"]);
+    assert_eq!(bare.remarks, ["its records are lists"]);
 }
 
 #[test]
@@ -119,11 +119,11 @@ fn numbers_that_are_text_are_read_as_those_of_a_csv() {
 #[test]
 fn records_that_are_none_are_left_out_and_empty_ones_counted() {
     let table = json(r#"[{"a": 1}, 5, null, {"a": null}, [1], {"a": 2}]"#).unwrap();
-    let left_out: Vec<u64> = table.left_out().iter().map(|row| row.line).collect();
+    let left_out: Vec<u64> = table.left_out.iter().map(|row| row.line).collect();
     assert_eq!(left_out, [2, 3, 5]);
     let reason = LeftOutFor::NoObject;
-    assert_eq!(table.left_out()[0], RowLeftOut { line: 2, reason });
-    let records = table.records();
+    assert_eq!(table.left_out[0], RowLeftOut { line: 2, reason });
+    let records = table.records;
     assert_eq!((records.rows, records.left_out, records.blank, records.before), (2, 3, 1, 0));
     assert_eq!(table.line(1), 6);
 }

@@ -47,6 +47,13 @@ pub struct Choice {
     pub doubt: Option<String>,
 }
 
+impl Choice {
+    /// The columns of its positions.
+    pub fn placed(&self) -> impl Iterator<Item = usize> {
+        self.targets.iter().flat_map(|target| &target.position).flat_map(Sum::columns)
+    }
+}
+
 pub fn choices(
     columns: &[ColumnSummary],
     roles: &Roles,
@@ -64,8 +71,7 @@ pub fn choices(
     }
     let mut all = Vec::new();
     for own in &targets {
-        let positions = own.targets.iter().flat_map(|target| &target.position);
-        let used: Vec<usize> = positions.flat_map(Sum::columns).collect();
+        let used: Vec<usize> = own.placed().collect();
         let left: Vec<usize> =
             free.iter().copied().filter(|column| !used.contains(column)).collect();
         for joints in joint_sets(columns, roles, &left, counts) {

@@ -27,7 +27,7 @@ pub struct ColumnSummary {
 impl ColumnSummary {
     fn of(table: &MeasuredTable, column: usize) -> Self {
         let name = table.columns()[column].clone();
-        let unit_line = table.units().and_then(|units| units.get(column));
+        let unit_line = table.units.as_ref().and_then(|units| units.get(column));
         let named = Named::of(&name, unit_line.map(String::as_str));
         let mut summary = Self { name, named, ..Self::default() };
         for row in 0..table.row_count() {
@@ -91,6 +91,11 @@ impl ColumnSummary {
     pub fn varies(&self) -> bool {
         self.range.is_some_and(|(low, high)| low < high)
     }
+}
+
+/// The largest absolute value in several columns.
+pub fn largest(columns: &[ColumnSummary], of: impl IntoIterator<Item = usize>) -> f64 {
+    of.into_iter().map(|column| columns[column].largest()).fold(0.0, f64::max)
 }
 
 pub fn summaries(table: &MeasuredTable) -> Vec<ColumnSummary> {

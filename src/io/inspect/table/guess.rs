@@ -7,18 +7,20 @@ use nalgebra::{DVector, Isometry3, Vector3};
 
 use super::by_arm::{self, Arms, Verdict, joints_from_columns};
 use super::choices::{self, Choice, Part, Target};
-use super::columns::{ColumnSummary, number};
+use super::columns::{ColumnSummary, largest, number};
 use super::commands::{Commands, commands};
 use super::long::{self, Long};
+use super::names::StatedUnit;
 use super::roles::{Placed, Roles, Whose};
-use super::sum::{Sum, position};
-use super::uses::{self, Time};
+use super::sum::position;
+use super::uses;
 use crate::ingest::{
     AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,
     StationsSettings,
 };
 use crate::join::placement::{Placement, ReadingAtFlange};
 use crate::measured_table::MeasuredTable;
+use crate::station_table::name;
 
 /// The most stations at which orientations and commands are held against the arm.
 const MOST_STATIONS: usize = 250;
@@ -178,13 +180,12 @@ fn lacking(roles: &Roles) -> String {
 
 /// The rows of the session with most rows, and in a long table of the target with most.
 fn main_rows(table: &MeasuredTable, session: Option<usize>, long: Option<&Long>) -> Vec<usize> {
-    let first = session.and_then(|column| {
-        (0..table.row_count()).find_map(|row| long::name(table.cell(row, column)))
-    });
+    let first = session
+        .and_then(|column| (0..table.row_count()).find_map(|row| name(table.cell(row, column))));
     let is_own = |row: &usize| {
-        let of_session = session.is_none_or(|column| long::name(table.cell(*row, column)) == first);
+        let of_session = session.is_none_or(|column| name(table.cell(*row, column)) == first);
         let of_target = long.is_none_or(|long| {
-            long::name(table.cell(*row, long.target)).as_ref() == long.targets.first()
+            name(table.cell(*row, long.target)).as_ref() == long.targets.first()
         });
         of_session && of_target
     };
@@ -285,7 +286,11 @@ impl<'t> Work<'t> {
             (uses::time(self.table, self.columns, &used), uses::temperature(self.columns, &used));
         let references = self.references(roles, &mut doubts);
         let mut notes = self.notes(roles, commands.is_some());
-        let time = time.and_then(|time| usable(time, &mut doubts, &mut notes));
+        let time = time.and_then(|time| time.map_err(|note| notes.push(note)).ok());
+        let time = time.map(|(column, doubt)| {
+            doubts.extend(doubt.map(|words| Doubt { key: Key::Time, words }));
+            column
+        });
         let (angle, slide, _) = self.units;
         let slides =
             self.verdict.as_ref().is_some_and(|own| arms.known[own.best.arm].arm.has_slides());
@@ -324,11 +329,8 @@ impl<'t> Work<'t> {
     }
 
     fn used(&self, roles: &Roles) -> Vec<usize> {
-        let positions = self.choice.targets.iter().flat_map(|target| {
-            target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
-        });
-        let joints = self.choice.joints.columns.clone();
-        roles.used().into_iter().chain(positions).chain(joints).collect()
+        let joints = self.choice.joints.columns.iter().copied();
+        roles.used().into_iter().chain(self.choice.placed()).chain(joints).collect()
     }
 
     /// Positions that stand still while the arm moves.
@@ -354,12 +356,7 @@ impl<'t> Work<'t> {
 
     fn commands(&self, roles: &Roles) -> Option<Commands> {
         let of_command = roles.positions.iter().find(|own| own.whose == Whose::Command)?;
-        let is_measured = self.choice.targets.iter().any(|target| {
-            target
-                .position
-                .iter()
-                .any(|sum| sum.columns().any(|column| of_command.columns.contains(&column)))
-        });
+        let is_measured = self.choice.placed().any(|column| of_command.columns.contains(&column));
         if is_measured || self.flanges.is_empty() {
             return None;
         }
@@ -384,8 +381,7 @@ impl<'t> Work<'t> {
     /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
         let mut notes = roles.notes.clone();
-        let sums = self.choice.targets.iter().flat_map(|target| &target.position);
-        let chosen: Vec<usize> = sums.flat_map(Sum::columns).collect();
+        let chosen: Vec<usize> = self.choice.placed().collect();
         let is_chosen = |columns: &[usize; 3]| columns.iter().any(|own| chosen.contains(own));
         for own in roles.positions.iter().filter(|own| own.moves && !is_chosen(&own.columns)) {
             let why = match own.whose {
@@ -399,26 +395,6 @@ impl<'t> Work<'t> {
             notes.push(format!("{} {why}: it is not used", self.three(own.columns).join(", ")));
         }
         notes
-    }
-}
-
-/// The time where it can be used; otherwise a note that says why not.
-fn usable(
-    time: Time,
-    doubts: &mut Vec<Doubt>,
-    notes: &mut Vec<String>,
-) -> Option<crate::ingest::TimeColumn> {
-    match time {
-        Time::Usable(column, doubt) => {
-            doubts.extend(doubt.map(|words| Doubt { key: Key::Time, words }));
-            Some(column)
-        }
-        Time::Unusable(column, reason) => {
-            notes.push(format!(
-                "{column} is named as a time, but {reason}; stations are in the order of the rows"
-            ));
-            None
-        }
     }
 }
 
@@ -448,26 +424,32 @@ fn in_words(choice: &Choice, names: &[String]) -> String {
 }
 
 fn angle_by_size(columns: &[ColumnSummary], choice: &Choice) -> AngleUnit {
-    let largest =
-        choice.joints.columns.iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
-    let stated =
-        choice.joints.columns.iter().find_map(|&column| match columns[column].named.unit {
-            Some(super::StatedUnit::Angle(unit)) => Some(unit),
-            _ => None,
-        });
-    stated.unwrap_or(if largest > LARGEST_RAD { AngleUnit::Deg } else { AngleUnit::Rad })
+    let largest = largest(columns, choice.joints.columns.iter().copied());
+    stated_angle(columns, choice).unwrap_or(if largest > LARGEST_RAD {
+        AngleUnit::Deg
+    } else {
+        AngleUnit::Rad
+    })
 }
 
 /// The unit of positions by the size of their numbers.
 fn length_by_size(columns: &[ColumnSummary], choice: &Choice) -> LengthUnit {
-    let own = choice.targets.iter().flat_map(|target| {
-        target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
-    });
-    let own: Vec<usize> = own.collect();
-    let stated = own.iter().find_map(|&column| match columns[column].named.unit {
-        Some(super::StatedUnit::Length(unit)) => Some(unit),
+    let largest = largest(columns, choice.placed());
+    let by_size = if largest > LARGEST_M { LengthUnit::Mm } else { LengthUnit::M };
+    stated_length(columns, choice).unwrap_or(by_size)
+}
+
+/// The unit that the name of a joint's column states.
+fn stated_angle(columns: &[ColumnSummary], choice: &Choice) -> Option<AngleUnit> {
+    choice.joints.columns.iter().find_map(|&column| match columns[column].named.unit {
+        Some(StatedUnit::Angle(unit)) => Some(unit),
         _ => None,
-    });
-    let largest = own.iter().map(|&column| columns[column].largest()).fold(0.0, f64::max);
-    stated.unwrap_or(if largest > LARGEST_M { LengthUnit::Mm } else { LengthUnit::M })
+    })
+}
+
+fn stated_length(columns: &[ColumnSummary], choice: &Choice) -> Option<LengthUnit> {
+    choice.placed().find_map(|column| match columns[column].named.unit {
+        Some(StatedUnit::Length(unit)) => Some(unit),
+        _ => None,
+    })
 }

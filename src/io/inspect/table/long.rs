@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{ColumnSummary, number};
 use super::names::Sense;
-use crate::measured_table::{Cell, MeasuredTable};
+use crate::measured_table::MeasuredTable;
+use crate::station_table::name;
 
 const MOST_TARGETS: usize = 12;
 /// A table is long where it has fewer different joint vectors than this share of its rows.
@@ -27,15 +28,6 @@ impl Long {
             .filter_map(|row| name(table.cell(row, self.target)))
             .collect();
         self.targets.retain(|own| placed.is_empty() || placed.contains(own));
-    }
-}
-
-/// A cell as the name of a station or target; `None` where it is blank.
-pub fn name(cell: Cell<'_>) -> Option<String> {
-    match cell {
-        Cell::Blank => None,
-        Cell::Number(number) => Some(number.to_string()),
-        Cell::Text(text) => Some(text.trim().to_owned()).filter(|text| !text.is_empty()),
     }
 }
 
@@ -97,25 +89,10 @@ fn targets(
 /// Whether a column has one name for each pose, and another for every other pose.
 fn names_poses(table: &MeasuredTable, column: usize, poses: &[Vec<u64>]) -> bool {
     let mut of_name: BTreeMap<String, &Vec<u64>> = BTreeMap::new();
-    let same = |row: usize, pose| {
-        let name = name(table.cell(row, column))?;
-        Some(*of_name.entry(name).or_insert(pose) == pose)
-    };
-    let is_one: Option<Vec<bool>> = poses
-        .iter()
-        .enumerate()
-        .map({
-            let mut same = same;
-            move |(row, pose)| same(row, pose)
-        })
-        .collect();
+    let is_one = poses.iter().enumerate().all(|(row, pose)| {
+        let name = name(table.cell(row, column));
+        name.is_some_and(|name| *of_name.entry(name).or_insert(pose) == pose)
+    });
     let different: BTreeSet<&Vec<u64>> = poses.iter().collect();
-    is_one.is_some_and(|all| all.iter().all(|own| *own))
-        && of_count(table, column) == different.len()
-}
-
-fn of_count(table: &MeasuredTable, column: usize) -> usize {
-    let names: BTreeSet<Option<String>> =
-        (0..table.row_count()).map(|row| name(table.cell(row, column))).collect();
-    names.len()
+    is_one && of_name.len() == different.len()
 }

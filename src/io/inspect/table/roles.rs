@@ -2,12 +2,12 @@
 
 use nalgebra::Point3;
 
-use super::columns::{ColumnSummary, number};
+use super::columns::{ColumnSummary, largest, number};
 use super::groups::{self, AxisGroup, NumberedGroup};
 use super::matrices::Matrices;
 use super::names::{Sense, any_has, has_sense};
 use super::spread::spread;
-use super::sum::{self, Position, position};
+use super::sum::{Position, Sum, position};
 use crate::figures::median;
 use crate::geometry::align;
 use crate::measured_table::MeasuredTable;
@@ -53,7 +53,7 @@ pub struct Placed {
 
 impl Placed {
     pub fn position(&self) -> Position {
-        sum::of_columns(self.columns)
+        self.columns.map(Sum::of)
     }
 }
 
@@ -205,7 +205,7 @@ impl TurnColumns {
 
 fn kind(columns: &[ColumnSummary], group: &AxisGroup) -> Kind {
     let has = |sense| any_has(&group.words, sense);
-    let largest = group.all().map(|column| columns[column].largest()).fold(0.0, f64::max);
+    let largest = largest(columns, group.all());
     let least =
         group.columns.iter().filter_map(|&column| columns[column].range).map(|(low, _)| low);
     let is_positive = least.fold(f64::INFINITY, f64::min) >= 0.0;

@@ -49,7 +49,3 @@ pub fn position(sums: &Position, table: &MeasuredTable, row: usize) -> Option<[f
     let at = [x.value(table, row)?, y.value(table, row)?, z.value(table, row)?];
     at.iter().any(|value| *value != 0.0).then_some(at)
 }
-
-pub fn of_columns(columns: [usize; 3]) -> Position {
-    columns.map(Sum::of)
-}

@@ -3,32 +3,29 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{ColumnSummary, number};
-use super::long;
 use super::names::Sense;
 use crate::ingest::{TableTime, TimeColumn};
 use crate::measured_table::{Cell, MeasuredTable};
-use crate::station_table::date_ns;
+use crate::station_table::{date_ns, name};
 
 const MOST_SESSIONS: usize = 100;
 /// Temperatures of places where people measure, °C.
 const TEMPERATURES: (f64, f64) = (-30.0, 80.0);
 
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Time {
-    /// It can be used; the second says why its unit is unsure.
-    Usable(TimeColumn, Option<String>),
-    /// It cannot, for this reason.
-    Unusable(String, String),
-}
-
-/// The column of times; `None` where no name says it.
-pub fn time(table: &MeasuredTable, columns: &[ColumnSummary], used: &[usize]) -> Option<Time> {
+/// The column of times, and why its unit is unsure; a note where it cannot be used, and `None` where no name says it.
+pub fn time(
+    table: &MeasuredTable,
+    columns: &[ColumnSummary],
+    used: &[usize],
+) -> Option<Result<(TimeColumn, Option<String>), String>> {
     let named = |column: &usize| columns[*column].named.has(Sense::Time) && !used.contains(column);
     let column = (0..columns.len()).find(named)?;
     let name = columns[column].name.clone();
     Some(match unit(table, &columns[column], column) {
-        Ok((unit, doubt)) => Time::Usable(TimeColumn { column: name, unit }, doubt),
-        Err(reason) => Time::Unusable(name, reason),
+        Ok((unit, doubt)) => Ok((TimeColumn { column: name, unit }, doubt)),
+        Err(reason) => Err(format!(
+            "{name} is named as a time, but {reason}; stations are in the order of the rows"
+        )),
     })
 }
 
@@ -108,7 +105,7 @@ pub fn session(
         |column: &usize| columns[*column].named.has(Sense::Session) && !used.contains(column);
     (0..columns.len()).filter(named).find_map(|column| {
         let names: Option<Vec<String>> =
-            (0..table.row_count()).map(|row| long::name(table.cell(row, column))).collect();
+            (0..table.row_count()).map(|row| name(table.cell(row, column))).collect();
         let names = names?;
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for name in &names {

@@ -6,7 +6,7 @@ use std::io;
 use mcap::MAGIC;
 
 use super::again::Among;
-use super::judge::{Judged, belongs_to_summary, is_private};
+use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece, lost};
 use crate::log::record::{FRAME_HEADER, op};
 use crate::log::summary::{self, Ending};
@@ -105,10 +105,7 @@ impl Frames<'_> {
                 }
                 _ => false,
             };
-            let is_summary = matches!(opcode, op::SCHEMA | op::CHANNEL)
-                || belongs_to_summary(opcode)
-                || is_private(opcode)
-                || is_damaged;
+            let is_summary = summary::of_summary(opcode) || is_damaged;
             match (is_data, is_summary && follows) {
                 (true, _) => return Ok(Behind::Data),
                 (false, true) => at = end,

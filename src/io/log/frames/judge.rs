@@ -31,7 +31,8 @@ impl Frames<'_> {
             return Ok(Judged::Broken(if known { Loss::Truncated } else { Loss::Framing(start) }));
         };
         let of_summary = belongs_to_summary(opcode) && self.log.went_on;
-        if (is_private(opcode) && !self.was_a_chunk(start, length)?) || of_summary {
+        let is_private = opcode >= op::FIRST_PRIVATE;
+        if (is_private && !self.was_a_chunk(start, length)?) || of_summary {
             // The record itself cannot be checked, but the one after it can.
             return Ok(if self.could_follow(end)? {
                 Judged::Sound { end, opcode }
@@ -144,12 +145,8 @@ impl Frames<'_> {
     }
 }
 
-pub(super) const fn is_private(opcode: u8) -> bool {
-    opcode >= op::FIRST_PRIVATE
-}
-
 /// Records that only a summary has; in the data section they are other records with a damaged opcode.
-pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
+pub(in crate::log) const fn belongs_to_summary(opcode: u8) -> bool {
     matches!(
         opcode,
         op::CHUNK_INDEX

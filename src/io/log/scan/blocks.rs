@@ -1,7 +1,7 @@
 use super::super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::super::frames::{Loss, Lost};
 use super::super::read_summary::ReadSummary;
-use super::{LogReject, LossKind, SpanClock, Visitor, ns};
+use super::{LogReject, LossKind, Visitor, ns};
 
 /// Merges a block that was walked, and adds a reject for one that was not.
 pub(super) fn settle<V: Visitor>(
@@ -11,15 +11,9 @@ pub(super) fn settle<V: Visitor>(
 ) {
     let Extent { start, end, ref chunk } = block.extent;
     let reject = |fault: &BlockFault, tally: &Tally| LogReject {
-        file: read_summary.file.clone(),
-        topic: None,
-        byte_start: start,
-        byte_end: end,
         time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
-        clock: SpanClock::Log,
         messages: tally.messages,
-        loss: LossKind::Bytes,
-        reason: fault.to_string(),
+        ..read_summary.of_bytes((start, end), LossKind::Bytes, fault.to_string())
     };
     let mut rejects: Vec<_> =
         block.faults.iter().map(|(fault, tally)| reject(fault, tally)).collect();

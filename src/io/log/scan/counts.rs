@@ -29,8 +29,7 @@ impl Counts {
     }
 
     pub(super) fn by_channel(&self) -> BTreeMap<u16, u64> {
-        let of_channels = self.met.iter().map(|&channel| (channel, self.of(channel)));
-        of_channels.collect()
+        self.met.iter().map(|&channel| (channel, self.of(channel))).collect()
     }
 
     pub fn clear(&mut self) {

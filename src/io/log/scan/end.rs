@@ -2,7 +2,7 @@
 
 use super::super::packed::Packed;
 use super::super::summary::{self, Ending};
-use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
+use super::{FileError, LogReject, LossKind, Scan, Visitor};
 
 const AFTER_DATA_CUT: &str = "the file ends after its data, without the closing mark: it was cut, or its recorder was \
      stopped hard; no message is lost, but readers that need the summary will refuse it";
@@ -19,8 +19,8 @@ where
     /// Judges what is known only at the end of a log, which is at byte `end`.
     pub(super) fn end_log(&mut self, end: u64) -> Result<(), E> {
         self.flush()?;
-        let log = self.frames.log_start()..end;
-        let ending = summary::ending(self.frames.source(), log.clone());
+        let log = self.frames.log.start..end;
+        let ending = summary::ending(self.frames.source, log.clone());
         let (ending, range) = ending.map_err(|source| self.io(source))?;
         self.check_records()?;
         if end < self.read_summary.bytes {
@@ -28,7 +28,7 @@ where
             self.summary = None;
         }
         self.compare(end, range.filter(|_| ending == Ending::Sound))?;
-        match (self.frames.data_end(), ending) {
+        match (self.frames.log.data_end, ending) {
             (Some(from), Ending::Cut) => self.note((from, end), AFTER_DATA_CUT.to_owned()),
             (Some(from), Ending::Damaged) => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
             _ => {}
@@ -43,7 +43,7 @@ where
 
     /// Messages and application-specific records outside chunks have only the checksum of the data section.
     fn check_records(&mut self) -> Result<(), E> {
-        let Some((data_end, stated)) = self.frames.data_crc() else { return Ok(()) };
+        let Some((data_end, stated)) = self.frames.log.data_crc else { return Ok(()) };
         // Where bytes are lost the checksum is wrong anyway. A message that cannot be used does not make it wrong.
         let rejects = self.read_summary.rejects.get(self.rejects..);
         let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));
@@ -52,8 +52,8 @@ where
         if damaged || !unchecked {
             return Ok(());
         }
-        let start = self.frames.log_start();
-        let found = self.frames.source().checksum(start..data_end);
+        let start = self.frames.log.start;
+        let found = self.frames.source.checksum(start..data_end);
         let found = found.map_err(|source| self.io(source))?;
         if found == stated {
             return Ok(());
@@ -64,21 +64,12 @@ where
             let places = std::mem::take(&mut self.private);
             (places, "where chunks are sound, in application-specific records")
         };
-        for (byte_start, byte_end) in places {
-            let reject = LogReject {
-                file: self.read_summary.file.clone(),
-                topic: None,
-                byte_start,
-                byte_end,
-                time_span_ns: None,
-                clock: SpanClock::Log,
-                messages: None,
-                loss: LossKind::Bytes,
-                reason: format!(
-                    "the checksum of all records is {found:08x} where the log states {stated:08x}: bytes are damaged, and \
-                     {what} it is not known which; they were kept"
-                ),
-            };
+        let reason = format!(
+            "the checksum of all records is {found:08x} where the log states {stated:08x}: bytes are damaged, and \
+             {what} it is not known which; they were kept"
+        );
+        for place in places {
+            let reject = self.read_summary.of_bytes(place, LossKind::Bytes, reason.clone());
             self.read_summary.reject(reject);
         }
         Ok(())
@@ -104,21 +95,13 @@ where
         } else {
             (bytes, "what follows cannot be decompressed")
         };
-        let reject = LogReject {
-            file: self.read_summary.file.clone(),
-            topic: None,
-            byte_start: start,
-            byte_end: bytes.saturating_add(lost),
-            time_span_ns: None,
-            clock: SpanClock::Log,
-            messages: None,
-            loss: LossKind::Bytes,
-            reason: format!(
-                "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
-                fault.at, packed.bytes, fault.why
-            ),
-        };
-        self.read_summary.bytes = bytes.saturating_add(lost);
+        let reason = format!(
+            "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
+            fault.at, packed.bytes, fault.why
+        );
+        let end = bytes.saturating_add(lost);
+        let reject = self.read_summary.of_bytes((start, end), LossKind::Bytes, reason);
+        self.read_summary.bytes = end;
         self.read_summary.reject(reject);
     }
 }

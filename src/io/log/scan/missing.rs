@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::super::summary::Statistics;
-use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
+use super::{FileError, LogReject, LossKind, Scan, Visitor};
 
 /// More messages than any recorder can have written: a count above it is not trusted.
 const MOST_MESSAGES: u64 = 1 << 48;
@@ -61,10 +61,9 @@ where
 {
     /// Adds rejects for those that no damage explains; `summary` is the place of a sound summary.
     pub(super) fn compare(&mut self, end: u64, summary: Option<Range<u64>>) -> Result<(), E> {
-        let source = self.frames.source();
+        let source = &mut *self.frames.source;
         let stated = summary.map(|range| Statistics::read(source, range));
-        let stated = stated.transpose().map_err(|source| self.io(source))?;
-        let stated = stated.flatten();
+        let stated = stated.transpose().map_err(|source| self.io(source))?.flatten();
         let missing =
             Missing::new(stated.as_ref(), &self.read.by_channel(), &self.lost.by_channel());
         self.note_undercount(stated.as_ref());
@@ -111,18 +110,10 @@ where
     }
 
     fn miss(&mut self, topic: Option<&str>, messages: u64, end: u64, reason: String) {
-        let reject = LogReject {
-            file: self.read_summary.file.clone(),
-            topic: topic.map(str::to_owned),
-            byte_start: self.frames.log_start(),
-            byte_end: end,
-            time_span_ns: None,
-            clock: SpanClock::Log,
-            messages: Some(messages),
-            loss: LossKind::Missing,
-            reason,
-        };
-        self.read_summary.reject(reject);
+        let place = (self.frames.log.start, end);
+        let reject = self.read_summary.of_bytes(place, LossKind::Missing, reason);
+        let topic = topic.map(str::to_owned);
+        self.read_summary.reject(LogReject { topic, messages: Some(messages), ..reject });
     }
 
     /// Fewer messages are counted than there are: nothing is lost, but the summary is wrong.

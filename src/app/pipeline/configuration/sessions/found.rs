@@ -47,7 +47,6 @@ pub struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// Searches the folder.
     pub fn look(
         tree: &'a Tree,
         folder: &'a Path,

@@ -22,13 +22,8 @@ pub struct Wanted<'a> {
     pub settings: &'a str,
 }
 
-/// A result of ingest and join.
-struct Before {
-    key: RunKey,
-    inputs: Vec<Input>,
-    /// Why it cannot be used; `None` where it can.
-    unusable: Option<&'static str>,
-}
+/// A result of ingest and join, and why it cannot be used; `None` where it can.
+type Before = (JoinedBefore, Option<&'static str>);
 
 /// The sessions of a lake as joined, by name, and rows that cannot be read.
 pub(super) fn sessions(
@@ -46,8 +41,8 @@ pub(super) fn sessions(
             before(key, row, wanted).ok_or_else(|| "its lists of files differ in length".to_owned())
         });
         match before {
-            Ok(before) if wanted.robot.is_some_and(|own| own != before.key.robot) => {}
-            Ok(before) => by_name.entry(before.key.session.clone()).or_default().push(before),
+            Ok((own, _)) if wanted.robot.is_some_and(|robot| robot != own.key.robot) => {}
+            Ok(before) => by_name.entry(before.0.key.session.clone()).or_default().push(before),
             Err(reason) => left_out.push(LeftOut { name: place.display().to_string(), reason }),
         }
     }
@@ -67,24 +62,23 @@ fn before(key: RunKey, row: &JoinedSessionRow, wanted: &Wanted<'_>) -> Option<Be
         None
     };
     let inputs = inputs.into_iter().filter(|input| input.name != ROBOT);
-    Some(Before { key, inputs: inputs.collect(), unusable })
+    Some((JoinedBefore { key, inputs: inputs.collect() }, unusable))
 }
 
 /// A session with its one result that can be used.
 fn session((name, results): (String, Vec<Before>)) -> Session {
     let (usable, others): (Vec<Before>, Vec<Before>) =
-        results.into_iter().partition(|before| before.unusable.is_none());
+        results.into_iter().partition(|(_, unusable)| unusable.is_none());
     let recorded = match &usable[..] {
-        [one] => {
-            Ok(Recorded::Joined(JoinedBefore { key: one.key.clone(), inputs: one.inputs.clone() }))
-        }
+        [(one, _)] => Ok(Recorded::Joined(one.clone())),
         [] => {
-            let reasons: BTreeSet<&str> = others.iter().filter_map(|own| own.unusable).collect();
+            let reasons: BTreeSet<&str> =
+                others.iter().filter_map(|(_, unusable)| *unusable).collect();
             let why = Vec::from_iter(reasons).join(" and ");
             Err(Why::Bad(format!("as joined the lake has it only {why}: run it from its files")))
         }
         several => {
-            let names: Vec<&str> = several.iter().map(|own| own.key.run.as_str()).collect();
+            let names: Vec<&str> = several.iter().map(|(own, _)| own.key.run.as_str()).collect();
             Err(Why::Bad(format!(
                 "the lake has it as joined from several recordings or robots ({}): run it from its files, or name [robot] name",
                 names.join(", ")

@@ -29,7 +29,7 @@ impl Known {
     /// The files named by all rows of the lake.
     pub(super) fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
         let mut known = Self::default();
-        for run in selected.register.all() {
+        for run in &selected.register.runs {
             let row = lake.file_key("runs", &run.key)?;
             known.runs.extend(of_row(&row));
             known.keys.insert(row);

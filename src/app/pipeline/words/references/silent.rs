@@ -158,7 +158,6 @@ impl<'a> Set<'a> {
     }
 }
 
-/// An end of a session without readings of references.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
     /// Before the station with this number, from 0.

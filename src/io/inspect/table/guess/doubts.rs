@@ -1,8 +1,7 @@
-use super::{Doubt, Key, Work};
-use crate::ingest::{AngleUnit, LengthUnit};
+use super::{Doubt, Key, Work, stated_angle, stated_length};
 use crate::inspect::table::by_arm::{Arms, BETTER, Differs, LEAST_STATIONS, Tried, Verdict};
 use crate::inspect::table::choices::{Choice, Part};
-use crate::inspect::table::names::StatedUnit;
+use crate::inspect::table::columns::largest;
 
 impl Work<'_> {
     pub(super) fn doubts(&self, choices: &[Choice], arms: &Arms, doubts: &mut Vec<Doubt>) {
@@ -41,39 +40,25 @@ impl Work<'_> {
                 ),
             },
         );
-        let size = |columns: &[usize]| {
-            columns.iter().map(|&column| self.columns[column].largest()).fold(0.0, f64::max)
-        };
-        if self.stated_angle().is_none() {
-            let largest = size(&self.choice.joints.columns);
+        if stated_angle(self.columns, &self.choice).is_none() {
+            let largest = largest(self.columns, self.choice.joints.columns.iter().copied());
             add(Key::JointUnit, format!("by numbers up to {largest:.4} alone"));
         }
-        let position: Vec<usize> = self
-            .choice
-            .targets
-            .iter()
-            .flat_map(|target| {
-                target.position.iter().flat_map(|sum| sum.columns().collect::<Vec<_>>())
-            })
-            .collect();
-        if self.stated_length().is_none() {
-            add(Key::Unit, format!("by numbers up to {:.4} alone", size(&position)));
+        if stated_length(self.columns, &self.choice).is_none() {
+            let largest = largest(self.columns, self.choice.placed());
+            add(Key::Unit, format!("by numbers up to {largest:.4} alone"));
         }
     }
 
     fn of_units(&self, verdict: &Verdict, add: &mut impl FnMut(Key, String)) {
         let best = &verdict.best;
         if let Some(other) = verdict.rival(Differs::Angle) {
-            add(Key::JointUnit, rival(best, other, &format!("{:?}", other.angle).to_lowercase()));
+            add(Key::JointUnit, rival(best, other, other.angle.word()));
         }
-        if let Some(stated) = self.stated_angle().filter(|unit| *unit != best.angle) {
-            add(
-                Key::JointUnit,
-                format!(
-                    "the table states {}, and the arm agrees with this",
-                    if stated == AngleUnit::Deg { "deg" } else { "rad" }
-                ),
-            );
+        let stated = stated_angle(self.columns, &self.choice);
+        if let Some(stated) = stated.filter(|unit| *unit != best.angle) {
+            let words = format!("the table states {}, and the arm agrees with this", stated.word());
+            add(Key::JointUnit, words);
         }
         if let Some(other) = verdict.rival(Differs::Slide) {
             add(Key::LengthUnit, rival(best, other, &other.slide.to_string()));
@@ -81,7 +66,8 @@ impl Work<'_> {
         if let Some(other) = verdict.rival(Differs::Length) {
             add(Key::Unit, rival(best, other, &other.length.to_string()));
         }
-        if let Some(stated) = self.stated_length().filter(|unit| *unit != best.length) {
+        let stated = stated_length(self.columns, &self.choice);
+        if let Some(stated) = stated.filter(|unit| *unit != best.length) {
             add(Key::Unit, format!("the table states {stated}, and the arm agrees with this"));
         }
         if let Some(other) = verdict.rival(Differs::Order) {
@@ -120,25 +106,6 @@ impl Work<'_> {
                 }
             }
         }
-    }
-
-    fn stated_angle(&self) -> Option<AngleUnit> {
-        self.choice.joints.columns.iter().find_map(|&column| {
-            match self.columns[column].named.unit {
-                Some(StatedUnit::Angle(unit)) => Some(unit),
-                _ => None,
-            }
-        })
-    }
-
-    fn stated_length(&self) -> Option<LengthUnit> {
-        let sums = self.choice.targets.iter().flat_map(|target| &target.position);
-        sums.flat_map(|sum| sum.columns().collect::<Vec<_>>()).find_map(|column| {
-            match self.columns[column].named.unit {
-                Some(StatedUnit::Length(unit)) => Some(unit),
-                _ => None,
-            }
-        })
     }
 }
 

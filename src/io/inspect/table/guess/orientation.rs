@@ -3,9 +3,9 @@
 use nalgebra::UnitQuaternion;
 
 use super::{Doubt, Key, Work};
-use crate::geometry::RotationOrder;
-use crate::ingest::{AngleUnit, OrientationColumns, OrientationForm};
+use crate::ingest::{OrientationColumns, OrientationForm};
 use crate::inspect::table::choices::Target;
+use crate::inspect::table::columns::largest;
 use crate::inspect::table::turns::{Form, turned};
 
 const MOST_NAMED: usize = 4;
@@ -22,11 +22,7 @@ impl Work<'_> {
             doubts.push(Doubt { key: Key::Orientation, words });
         };
         let Some(placement) = self.placement else {
-            let largest = columns
-                .columns()
-                .iter()
-                .map(|&column| self.columns[column].largest())
-                .fold(0.0, f64::max);
+            let largest = largest(self.columns, columns.columns().iter().copied());
             let form = Form::all(columns, largest).into_iter().next()?;
             doubt("no arm tells the order of axes and the unit: this is the most usual one for such numbers".to_owned());
             return Some(self.columns_of(&form, target.turn_sd));
@@ -62,12 +58,10 @@ impl Work<'_> {
 
 impl Form {
     fn in_words(&self) -> String {
-        let unit = |unit: AngleUnit| if unit == AngleUnit::Deg { "deg" } else { "rad" };
-        let order = |order: RotationOrder| String::from(order);
         match *self {
             Self::Quaternion(_) => "the quaternion with w in the other place".to_owned(),
-            Self::Angles(_, own, own_unit) => format!("{} in {}", order(own), unit(own_unit)),
-            Self::Vector(_, own_unit) => format!("a rotation vector in {}", unit(own_unit)),
+            Self::Angles(_, own, unit) => format!("{} in {}", String::from(own), unit.word()),
+            Self::Vector(_, unit) => format!("a rotation vector in {}", unit.word()),
             Self::Matrix(_) => "the matrix with rows for columns".to_owned(),
         }
     }
