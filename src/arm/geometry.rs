@@ -5,19 +5,16 @@ pub mod placement;
 pub mod pose_covariance;
 mod rotation_order;
 pub mod saved;
-mod symmetric;
 pub mod typed;
 
-use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Mul;
 
 pub use placement::{EulerOrder, Placement, PlacementError};
 pub use pose_covariance::{PoseCovariance, TurnCovariance};
 pub use rotation_order::{NoOrder, RotationOrder};
-pub use symmetric::{symmetric, upper};
 
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +43,7 @@ pub enum Command {}
 /// let base_from_target: Transform<Base, Target> = base_from_flange * flange_from_target;
 /// assert_eq!(base_from_target.origin().point().z, 650.0);
 /// ```
-#[derive(Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(transparent, bound = "")]
 pub struct Transform<To, From> {
     isometry: Isometry3<f64>,
@@ -77,23 +74,6 @@ impl<To, From> Transform<To, From> {
     }
 }
 
-impl<To, From> Clone for Transform<To, From> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<To, From> Copy for Transform<To, From> {}
-impl<To, From> PartialEq for Transform<To, From> {
-    fn eq(&self, other: &Self) -> bool {
-        self.isometry == other.isometry
-    }
-}
-impl<To, From> fmt::Debug for Transform<To, From> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.isometry.fmt(f)
-    }
-}
-
 impl<A, B, C> Mul<Transform<B, C>> for Transform<A, B> {
     type Output = Transform<A, C>;
     fn mul(self, other: Transform<B, C>) -> Transform<A, C> {
@@ -102,6 +82,7 @@ impl<A, B, C> Mul<Transform<B, C>> for Transform<A, B> {
 }
 
 /// A point in the frame `F`, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position<F> {
     point: Point3<f64>,
     frame: PhantomData<F>,
@@ -118,23 +99,6 @@ impl<F> Position<F> {
 
     pub const fn coords(&self) -> Vector3<f64> {
         self.point.coords
-    }
-}
-
-impl<F> Clone for Position<F> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<F> Copy for Position<F> {}
-impl<F> PartialEq for Position<F> {
-    fn eq(&self, other: &Self) -> bool {
-        self.point == other.point
-    }
-}
-impl<F> fmt::Debug for Position<F> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.point.fmt(f)
     }
 }
 
@@ -175,7 +139,7 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
         points.iter().zip(weights).fold(Vector3::zeros(), |sum, (p, &w)| sum + p.coords * w) / total
     };
     let (to_centre, from_centre) = (barycentre(to), barycentre(from));
-    let mut cross = nalgebra::Matrix3::zeros();
+    let mut cross = Matrix3::zeros();
     for ((p, q), &w) in to.iter().zip(from).zip(weights) {
         cross += (p.coords - to_centre) * (q.coords - from_centre).transpose() * w;
     }
@@ -188,15 +152,33 @@ pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Optio
     }
     let handedness = (u * v_t).determinant().signum();
     // nalgebra sorts the singular values, so the last direction is the weakest one.
-    let mend = nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handedness));
+    let mend = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handedness));
     let rotation =
         UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mend * v_t));
     Some(Isometry3::from_parts(Translation3::from(to_centre - rotation * from_centre), rotation))
 }
 
+/// A symmetric matrix of the six numbers that files and tables state: xx xy xz yy yz zz.
+pub const fn symmetric([xx, xy, xz, yy, yz, zz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// The entries on and above the diagonal, row by row.
+pub fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
+    [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn six_numbers_come_back() {
+        let six = [1.0, 0.1, 0.2, 2.0, 0.3, 3.0];
+        let matrix = symmetric(six);
+        assert_eq!(matrix, matrix.transpose());
+        assert_eq!((matrix[(1, 2)], upper(&matrix)), (0.3, six));
+    }
 
     #[test]
     fn roll_pitch_yaw_give_the_rotation_back_wherever_the_pitch_is() {

@@ -1,7 +1,6 @@
 //! Units and clocks: lengths are mm, angles rad, times ns, everywhere inside the crate. A [`Stamp`] belongs to one
 //! clock; a [`ClockModel`] converts between two.
 
-use std::cmp::Ordering;
 use std::fmt;
 use std::marker::PhantomData;
 use std::time::Duration;
@@ -31,9 +30,9 @@ pub fn to_step(value: f64, step: f64) -> f64 {
     (value / step).round() * step + 0.0
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Controller {}
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tracker {}
 
 /// A moment of wall time: microseconds since 1970, UTC.
@@ -94,14 +93,14 @@ impl fmt::Display for WallTime {
 }
 
 /// A moment in the clock `C`, in nanoseconds of that clock.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent, bound = "")]
 pub struct Stamp<C> {
     ns: i64,
     clock: PhantomData<C>,
 }
 
-impl<C> Stamp<C> {
+impl<C: Copy> Stamp<C> {
     pub const fn from_ns(ns: i64) -> Self {
         Self { ns, clock: PhantomData }
     }
@@ -125,29 +124,6 @@ impl<C> Stamp<C> {
     }
 }
 
-// A derive would require the same trait of the marker `C`.
-impl<C> Clone for Stamp<C> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<C> Copy for Stamp<C> {}
-impl<C> PartialEq for Stamp<C> {
-    fn eq(&self, other: &Self) -> bool {
-        self.ns == other.ns
-    }
-}
-impl<C> Eq for Stamp<C> {}
-impl<C> PartialOrd for Stamp<C> {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl<C> Ord for Stamp<C> {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.ns.cmp(&other.ns)
-    }
-}
 impl<C> fmt::Debug for Stamp<C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ns", self.ns)

@@ -232,7 +232,7 @@ pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
         first_session_started: starts().min(),
         verdict: (&verdict.verdict()).into(),
         reason: verdict.reason(),
-        verdict_of: Some(verdict.applied().into()),
+        verdict_of: Some(verdict.applied.into()),
         statement: Some(verdict.statement()),
         mean_before_mm,
         mean_after_mm,

@@ -372,7 +372,7 @@ fn identify_with(
     factors: Option<&Factors>,
     before: Option<&Calibration>,
 ) -> Calibration {
-    let nominal = DVector::zeros(problem.unknowns().len());
+    let nominal = DVector::zeros(problem.unknowns.len());
     let nominal_structure = before.map_or_else(
         || Structure::of(problem, &nominal),
         |before| before.nominal_structure.clone(),
@@ -385,24 +385,20 @@ fn identify_with(
     let structure = Structure::of(problem, &solution.offsets);
     let geometry = problem.geometry(&solution.offsets);
     let stations: BTreeSet<_> =
-        problem.observations().iter().map(|own| (own.session, own.station)).collect();
+        problem.observations.iter().map(|own| (own.session, own.station)).collect();
     let covariance = covariance(problem, &solution, nominal_structure.rank);
     Calibration {
         sources: sources::sizes(problem, &solution, &covariance, factors),
         freedom,
-        unknowns: problem.unknowns().to_vec(),
-        prior_sd: problem
-            .prior_precision()
-            .iter()
-            .map(|&p| (p > 0.0).then(|| p.sqrt().recip()))
-            .collect(),
+        unknowns: problem.unknowns.clone(),
+        prior_sd: problem.precision.iter().map(|&p| (p > 0.0).then(|| p.sqrt().recip())).collect(),
         covariance,
         chain: arm.chain().with_offsets(&geometry),
         geometry,
         frames: problem.frames(&solution.offsets),
         nominal_structure,
         structure,
-        poses: problem.observations().len(),
+        poses: problem.observations.len(),
         stations: stations.len(),
         misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,
@@ -419,7 +415,7 @@ fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatri
     let eigen = scaled.symmetric_eigen();
     let mut order: Vec<usize> = (0..size).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let with_prior = problem.prior_precision().iter().filter(|&&p| p > 0.0).count();
+    let with_prior = problem.precision.iter().filter(|&&p| p > 0.0).count();
     let directions = if with_prior > 0 { size } else { rank };
     let mut inverse = DMatrix::zeros(size, size);
     for &direction in order.iter().take(directions).filter(|&&i| eigen.eigenvalues[i] > 0.0) {

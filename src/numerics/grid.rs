@@ -263,7 +263,7 @@ pub fn grids(
         like: &like,
         judges: input.stations.iter().filter(judges).collect(),
         needed: least_count(tolerance.coverage()),
-        own: &MeasuredGrid::of(input.stations, reach.counted()),
+        own: &MeasuredGrid::of(input.stations, &reach.counted),
     };
     let stations = by_number(input.stations);
     let are_at = |known: &Vec<StepAnswers>| known.iter().all(|own| own.answers.are_at(&stations));

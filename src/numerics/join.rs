@@ -129,6 +129,12 @@ fn join_without(
     let main = frozen::Without { own: &*targets.main, rows: repeated };
     let readings = Readings::find(&main, settings)?;
     let mut seen = observe::observe(&readings, &input.joints, arm, settings)?;
+    // Dwells by the controller's own clock, which stamps commands too.
+    let occasion = |dwell: &ArmDwell| command::Occasion {
+        start: dwell.start,
+        end: dwell.end,
+        flange: dwell.flange,
+    };
     let occasions: Vec<_> = seen.arm.iter().map(occasion).collect();
     let (decision, steps) = clock_steps::decided(&mut seen, settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(input.joints.span_ns.0);
@@ -244,11 +250,6 @@ fn first_dispositions(readings: &Readings<'_>, dwells: &[TargetDwell]) -> Dispos
         dispositions.set(rows, Disposition::Unpaired(Why::NoArmDwell));
     }
     dispositions
-}
-
-/// A dwell by the controller's own clock, which stamps commands too.
-const fn occasion(dwell: &ArmDwell) -> command::Occasion {
-    command::Occasion { start: dwell.start, end: dwell.end, flange: dwell.flange }
 }
 
 /// The stations with the readings of all targets, how many readings became what, and those that belong to no station.

@@ -22,6 +22,8 @@ mod stated;
 mod suspects;
 mod unseen;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
@@ -29,7 +31,7 @@ use crate::fit::full::{FullSettings, Repair};
 use crate::fit::same_arm::NotOneArm;
 use crate::fit::saved::SavedError;
 use crate::fit::{
-    ErrorBase, ErrorFrame, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
+    ErrorBase, ErrorFrame, FitError, FitSettings, Frames, Models, Noise, SurveyedBase,
 };
 use crate::grid::{GridError, GridSettings, GridStation, StepAnswers, Tolerance};
 use crate::join::SeveralSources;
@@ -177,7 +179,8 @@ pub fn results<'a>(
     let unseen = unseen_sessions(&models, &tested, &locator)?;
     residuals.extend(mountings::of_one_mounting(unseen, &observed));
     let last = training.len() - 1;
-    let frames = main_frames(&models)?;
+    let frames = models.base_target.frames.iter().map(Frames::main);
+    let frames = frames.collect::<Result<Vec<_>, _>>()?;
     let error_frame = stated::error_frame(arm, &frames[last], settings);
     residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
@@ -231,16 +234,12 @@ fn stations(
     error_frame: &ErrorFrame<'_>,
 ) -> Vec<GridStation> {
     let last = training.len() - 1;
-    let folds = observed.folds_of(last);
+    let folds: BTreeMap<usize, usize> =
+        observed.of_session(last).map(|(own, fold)| (own.station, fold)).collect();
     let fold = |station| folds.get(&station).copied();
     let mut stations = grid_stations(&training[last], error_frame, fold);
     add_between_session_variation(&mut stations, &training[last], last, models, error_frame);
     stations
-}
-
-/// The main frames of each session by base + target.
-fn main_frames(models: &Models) -> Result<Vec<FramePair>, SeveralSources> {
-    models.base_target.frames.iter().map(Frames::main).collect()
 }
 
 /// Semivariograms of the errors that each model leaves on the session that it was trained on.

@@ -137,8 +137,9 @@ fn sized(
     pool: &[Commanded],
     rows: &mut Vec<DesignRow>,
 ) -> usize {
+    let is_known = trial.settings.known.is_some();
+    let least = if is_known { session::LEAST_KNOWN_POSES } else { session::LEAST_POSES };
     for _ in 0..BISECTIONS {
-        let least = session::least_poses(trial.settings);
         let Some(middle) = between(rows, least) else { break };
         let size = [(session::KIND, middle)];
         rows.extend(compare::judge_sizes(trial, designs, pool, &size));

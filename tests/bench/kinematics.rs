@@ -51,13 +51,10 @@ fn compare(robot: &str, arm: &Arm, rounds: usize) {
 
     let batch = BatchChain::new(chain, &nominal);
     let mut poses = Poses::default();
-    let time = best(rounds, || batch.poses_into(black_box(&axes), &mut poses));
+    let time = best(rounds, || poses = batch.poses(black_box(&axes)));
     row(&format!("{robot}: batch, whole poses"), time, base);
 
-    let mut positions = Default::default();
-    let time = best(rounds, || {
-        batch.positions_into(black_box(&axes), &mut positions);
-    });
+    let time = best(rounds, || drop(black_box(batch.positions(black_box(&axes)))));
     row(&format!("{robot}: batch, positions"), time, base);
 
     let unknowns: Vec<_> = (0..nominal.len()).map(Some).collect();

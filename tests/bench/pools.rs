@@ -29,7 +29,7 @@ fn main() {
         let began = Instant::now();
         let model = trained(&arm, &seen, &start, &settings);
         let training_s = began.elapsed().as_secs_f64();
-        let (columns, count) = (model.layout().size(), seen.len());
+        let (columns, count) = (model.trained.layout.size(), seen.len());
         let peak = peak_mb();
         println!("{sessions:>8} {count:>9} {columns:>9} {training_s:>11.2} {peak:>8.0}");
     }

@@ -29,7 +29,7 @@ fn session(arm: &Arm, backlash_rad: f64) -> (Vec<Observation>, Vec<Observation>)
 }
 
 fn backlash(model: &FullModel) -> Option<&PartEvidence> {
-    model.parts.iter().find(|part| part.name == "backlash")
+    model.trained.parts.iter().find(|part| part.name == "backlash")
 }
 
 /// Squared normalised errors of predictions for the stations of another session.
@@ -37,7 +37,7 @@ fn squares(model: &FullModel, stations: &[Observation]) -> Vec<f64> {
     let square = |own: &Observation| {
         let predicted = model.predict(&Query { station: None, ..Query::of(own) });
         let noise = own.point().expect("a place").instrument;
-        let repeatability = Matrix3::identity() * model.repeatability.position;
+        let repeatability = Matrix3::identity() * model.trained.repeatability.position;
         let covariance =
             model.covariances(&predicted.rows)[0] + predicted.approach + noise + repeatability;
         let off = position(own) - predicted.position;

@@ -579,7 +579,7 @@ fn the_gradient_of_correlated_rows_is_that_of_their_norms() {
     let frames = found.expect("a fit").frames;
     let problem =
         Problem::new(&observed, arm.chain(), &frames, Freedom::Geometry, &Prior::default());
-    let size = problem.unknowns().len();
+    let size = problem.unknowns.len();
     let at = DVector::from_fn(size, |place, _| 1e-5 * (place as f64 + 1.0).sin());
     let cost = |at: &DVector<f64>| problem.norms(at).iter().map(|norm| norm * norm).sum::<f64>();
     let normal = problem.normal(&at, &vec![1.0; observed.len()]);
@@ -596,7 +596,7 @@ fn the_gradient_of_correlated_rows_is_that_of_their_norms() {
         assert!(
             (normal.gradient[place] - numeric).abs() < allowed,
             "{:?}: {} and {numeric}",
-            problem.unknowns()[place],
+            problem.unknowns[place],
             normal.gradient[place]
         );
     }

@@ -64,7 +64,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
     let figures = base_refitted(&predictions(&model, &b), &b);
     assert!(figures.mean <= 0.055, "{figures:?}");
     let mut order: Vec<usize> = (0..a.len()).collect();
-    order.sort_by(|&i, &j| model.weights[i].total_cmp(&model.weights[j]));
+    order.sort_by(|&i, &j| model.trained.weights[i].total_cmp(&model.trained.weights[j]));
     assert!(
         order[..35].iter().all(|&i| a[i].station.is_multiple_of(20)),
         "the least weights are the outliers'"

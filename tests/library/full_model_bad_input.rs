@@ -98,9 +98,9 @@ fn split(observations: Vec<Observation>) -> (Vec<Observation>, Vec<Observation>)
 
 /// Standard deviation that the model expected of a joint's curve before any station.
 fn expected_sd(full: &FullModel, joint: usize) -> f64 {
-    let columns = full.layout().columns(Block::Curve(joint)).expect("a curve");
+    let columns = full.trained.layout.columns(Block::Curve(joint)).expect("a curve");
     // cos² and sin² of a pair, each of the pair's variance, give it once.
-    let variance: f64 = columns.step_by(2).map(|place| full.prior_sd()[place].powi(2)).sum();
+    let variance: f64 = columns.step_by(2).map(|place| full.posterior.scale[place].powi(2)).sum();
     variance.sqrt()
 }
 

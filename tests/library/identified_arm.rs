@@ -128,7 +128,7 @@ fn left(
         isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     let target = tracker_from_base * Point3::from(base_from_target.translation.vector);
     let error_frame = identified.error_frame();
-    let in_base = error_frame.frames().tracker_from_base.isometry().inverse() * target;
+    let in_base = error_frame.frames.tracker_from_base.isometry().inverse() * target;
     let tool = in_base + error_frame.nominal_tool(joints).rotation * error_frame.lever();
     tool.coords - error_frame.nominal_tool(wanted).translation.vector
 }

@@ -58,7 +58,7 @@ fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     for _ in 0..count {
         design.choose().expect("more poses than are chosen");
     }
-    design.chosen().to_vec()
+    design.chosen.clone()
 }
 
 /// `count` places of `of`, drawn without replacement.
@@ -318,7 +318,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         let perfect = visit.perfect(&between_sessions);
         let command = perfect.command.as_ref()?.position;
         let station =
-            GridStation::of(&perfect, Some(command), &found.error_frame, placer.reach(), 0)?;
+            GridStation::of(&perfect, Some(command), &found.error_frame, &placer.reach, 0)?;
         let power = table.idw_power;
         let there =
             by_nodes(&placed, |node| errors[node], &command, table.interpolation, power)?.ok()?;

@@ -52,7 +52,7 @@ fn unseen_session(arm: &Arm, model: &FullModel, test: &[Observation]) -> Figures
     let predicted = predictions(model, test);
     let placed = |(position, o): (Point3<f64>, &Observation)| Placed {
         position,
-        flange: model.frames()[0].sources()[0].isometry().rotation
+        flange: model.frames[0].sources()[0].isometry().rotation
             * arm.chain().nominal(&o.axes).rotation,
     };
     let placed: Vec<Placed> = predicted.into_iter().zip(test).map(placed).collect();

@@ -479,7 +479,7 @@ fn learnt(arm: &Arm, simulated: &Simulated, found: Outcome<'_>) -> IdentifiedArm
     IdentifiedArm {
         table_id: "00ff".to_owned(),
         arm: arm.clone(),
-        frames: *found.error_frame.frames(),
+        frames: found.error_frame.frames,
         flange_from_tool: Transform::claim(tool()),
         command_from_base: Transform::identity(),
         measured: measured.collect(),

@@ -200,8 +200,8 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
         .flat_map(|(place, (seed, scale))| of(seed, scale, place))
         .collect();
     let model = trained(&arm, &pool, 3, &short());
-    let part = model.parts.iter().find(|part| part.name == "session_scale");
-    assert!(part.is_some_and(|part| part.kept), "{:?}", model.parts);
+    let part = model.trained.parts.iter().find(|part| part.name == "session_scale");
+    assert!(part.is_some_and(|part| part.kept), "{:?}", model.trained.parts);
     let scales: Vec<f64> = (0..3)
         .map(|session| model.fitted_scale(session).expect("the model has scales").ppm)
         .collect();
@@ -213,7 +213,7 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let own: Vec<&Observation> = pool.iter().filter(|o| o.session == 1).collect();
     let ends = own.iter().map(|o| model.position(&Query::of(o)).coords);
     let middle = ends.sum::<Vector3<f64>>() / own.len() as f64;
-    let column = model.layout().columns(Block::Scale(1)).expect("of session 1").start;
+    let column = model.trained.layout.columns(Block::Scale(1)).expect("of session 1").start;
     for o in &own[..20] {
         let predicted = model.predict(&Query::of(o));
         let at = |h: f64| middle + (predicted.position.coords - middle) * (1.0 + h);
@@ -238,7 +238,8 @@ fn free(arm: &Arm, home_deg: [f64; 6], seed: u64, count: usize, scale: f64) -> F
     let change = |s: &mut SimulateSettings| s.tracker.scale = scale;
     let observations = observed(arm, &session(arm, home_deg, seed, count, change), 0);
     let model = trained(arm, &observations, 1, &short());
-    let evidence: &ScaleEvidence = model.scale_evidence().expect("the model has scales");
+    let evidence: &ScaleEvidence =
+        model.trained.scale_evidence.as_ref().expect("the model has scales");
     evidence.free_scales(0.3).expect("positive definite")[0]
 }
 
@@ -285,7 +286,7 @@ fn the_real_recordings_have_scales_that_lengths_explain() {
             return;
         };
         let model = trained(&arm, &own, 1, &FullSettings::default());
-        let evidence = model.scale_evidence().expect("the model has scales");
+        let evidence = model.trained.scale_evidence.as_ref().expect("the model has scales");
         let free = evidence.free_scales(0.3).expect("positive definite")[0];
         println!("{name}: {free:?}, detectable {:.0} ppm", free.detectable_ppm());
         assert!(!free.is_named(), "{name}: {free:?}");

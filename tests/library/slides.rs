@@ -117,7 +117,7 @@ fn a_slides_offset_after_an_approach_is_found_in_mm() {
 fn the_column_of_a_slides_offset_is_the_motion_of_the_target() {
     let (arm, [first, _], _) = slack();
     let model = trained(&arm, &first, &quick());
-    let columns = model.layout().columns(Block::ApproachOffset);
+    let columns = model.trained.layout.columns(Block::ApproachOffset);
     let column = columns.expect("commands as sent").start + SPINDLE;
     // Half of the 0.06 mm at which it is complete, all of it, and beyond, towards either side.
     for (settling_mm, share) in

@@ -155,7 +155,7 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     assert!(matches!(outcome.grids.choice.verdict, Verdict::NotShown(_)));
     // What can be applied is the identified arm, which is met on held-out blocks and on the other session.
     let verdict = &outcome.verdict;
-    assert_eq!(verdict.applied(), Applied::IdentifiedArm);
+    assert_eq!(verdict.applied, Applied::IdentifiedArm);
     assert_eq!((verdict.verdict(), verdict.reason()), (Verdict::Meets, None));
     let [blocks, session] = verdict.judges() else { panic!("{verdict:?}") };
     assert_eq!(session.verdict, Verdict::Meets, "{}", session.line());
@@ -174,7 +174,7 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
         verdict.statement()
     );
     // The table is beside it, with its own.
-    let table = verdict.table().verdict();
+    let table = verdict.table.verdict();
     assert!(
         matches!(&table, Verdict::NotShown(reason) if reason.contains("blocks of ur10-random-a: ") && reason.contains("59 poses are needed")),
         "{table:?}"

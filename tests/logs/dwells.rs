@@ -1,6 +1,7 @@
 //! Sessions that are read while their logs are decoded: samples, dwells, counts and the table written meanwhile have to be
 //! those of what was written into the logs, whatever the order in which it stands there.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -8,7 +9,7 @@ use mcap::{Compression, WriteOptions};
 use posegrid::ingest::PoseSamples;
 use posegrid::io::log::{Limits, LogError, SessionLogs};
 use posegrid::join::JoinSettings;
-use posegrid::join::stationary::find_stationary;
+use posegrid::join::stationary::stationary_of;
 use posegrid::progress::Progress;
 
 use crate::build::{Cdr, Folder, Log, WholeSession, mapping, read_whole};
@@ -100,8 +101,11 @@ pub fn consistent(
     let stamps_ns: Vec<i64> = found.joints.stamps.iter().map(|stamp| stamp.ns()).collect();
     let angles = &found.joints.angles;
     let rule = JoinSettings::default().arm_rule();
-    let dwells = find_stationary(&stamps_ns, angles.all(), angles.joints(), &rule);
-    assert_eq!(found.dwells, dwells);
+    let dwells = stationary_of(angles.joints(), &rule, |finder| {
+        finder.push(&stamps_ns, angles.all());
+        Ok::<_, Infallible>(())
+    });
+    assert_eq!(found.dwells, dwells.expect("no error").0);
     assert_eq!(angles.len(), stamps_ns.len());
     check_counts(&found, "joints", &stamps_ns);
     check_counts(&found, "commands", &stamps_of(&found.commands));
@@ -109,7 +113,7 @@ pub fn consistent(
     Ok(found)
 }
 
-fn stamps_of<C>(poses: &PoseSamples<C>) -> Vec<i64> {
+fn stamps_of<C: Copy>(poses: &PoseSamples<C>) -> Vec<i64> {
     poses.stamps.iter().map(|stamp| stamp.ns()).collect()
 }
 
@@ -308,7 +312,7 @@ fn poses_by_time(poses: &[Pose], to_mm: f64) -> (Vec<Pose>, u64) {
     (kept, not_unit)
 }
 
-fn check_poses<C>(found: &PoseSamples<C>, expected: &[Pose]) {
+fn check_poses<C: Copy>(found: &PoseSamples<C>, expected: &[Pose]) {
     let orientations = found.orientations.as_ref().expect("poses");
     assert_eq!(found.stamps.len(), expected.len());
     for (row, (stamp, numbers)) in expected.iter().enumerate() {

@@ -91,7 +91,7 @@ fn rows(of: &WholeSession) -> impl Iterator<Item = Row> {
         .chain(temperatures)
 }
 
-fn rows_of_poses<C>(source: &'static str, of: &PoseSamples<C>) -> impl Iterator<Item = Row> {
+fn rows_of_poses<C: Copy>(source: &'static str, of: &PoseSamples<C>) -> impl Iterator<Item = Row> {
     (0..of.stamps.len()).zip(0..).map(move |(row, sample)| {
         let mut numbers = [None; 14];
         numbers[..3].copy_from_slice(&of.positions[row].map(Some));

@@ -15,8 +15,8 @@ use crate::report::verdict::{self, Applied, Judge};
 pub(super) fn header(content: &Content) -> Markup {
     let verdict = content.verdict.verdict();
     let headline = words::headline((&verdict).into());
-    let covered = content.verdict.table().covered();
-    let is_table = content.verdict.applied() == Applied::Table;
+    let covered = content.verdict.table.covered();
+    let is_table = content.verdict.applied == Applied::Table;
     let few = covered.filter(|own| is_table && 2 * own.stations < own.measured);
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
@@ -29,7 +29,7 @@ pub(super) fn header(content: &Content) -> Markup {
                 }
             }
             h1 {
-                (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied().words())
+                (words::mark((&verdict).into())) " " (headline) " by the " (content.verdict.applied.words())
                 @if let Some(own) = few { ", which answers for " (own.stations) " of " (own.measured) " measured stations alone" }
             }
             p.lead { (sentence(content, &verdict)) }
@@ -148,7 +148,7 @@ fn sentence(content: &Content, verdict: &Verdict) -> Markup {
             " mm is not known: " (reason) "."
         },
         (verdict, Some((bound, uncertainty))) => html! {
-            "Corrected by the " (content.verdict.applied().words()) ", at least " (words::percent(tolerance.share))
+            "Corrected by the " (content.verdict.applied.words()) ", at least " (words::percent(tolerance.share))
             " % of positions come within " strong { (words::fixed(bound, 3)) " mm" } " (with "
             (words::percent(tolerance.confidence)) " % confidence" @if let Some(stations) = &stations { ", by " (stations) } "). "
             "With the measurement's own uncertainty of " (words::fixed(uncertainty, 3)) " mm that is "
@@ -187,7 +187,7 @@ fn facts(content: &Content, chosen: Option<&StepRow>) -> Markup {
                     (words::whole(step.nodes.unwrap_or(0) as u64)) " nodes, " (step.source.word()) ", " (words::inside(step.interpolation))
                 }))
             }
-            @if let Some(covered) = content.verdict.table().covered() {
+            @if let Some(covered) = content.verdict.table.covered() {
                 (fact("The table answers for", &html! { (covered.stations) " of " (covered.measured) }, &html! {
                     "measured stations; " (covered.like) " are of its orientation and configuration; " (words::fixed(100.0 * covered.of_box, 1))
                     " % of the box"

@@ -66,7 +66,7 @@ fn table_and_arm(grids: &Grids) -> Option<TableAndArm> {
 /// The errors that the verdict's figure is of.
 fn predicted(outcome: &Outcome<'_>) -> Option<Compared> {
     let headline = outcome.verdict.headline();
-    let mut judges = headline.decides().into_iter().chain(headline.judges());
+    let mut judges = headline.decides().into_iter().chain(&headline.judges);
     let (judge, figure) = judges.find_map(|judge| Some((judge, judge.figure.as_ref()?)))?;
     compared(outcome, figure, judge.stations.words())
 }
@@ -183,7 +183,7 @@ fn of_main(set: &ResidualSet) -> impl Iterator<Item = &Residual> {
 /// Carries errors at reported angles to commanded ones, by the nominal arm; stations without a command as sent are left out.
 fn carry_to_commands(outcome: &Outcome<'_>, session: &JoinedSession, errors: &mut ErrorsAt) {
     let frame = &outcome.error_frame;
-    let (arm, target) = (frame.arm(), frame.frames().flange_from_target.origin());
+    let (arm, target) = (frame.arm, frame.frames.flange_from_target.origin());
     let stations = session.joined.stations.iter();
     let sent: BTreeMap<usize, Vector3<f64>> = stations
         .zip(&session.commanded.settling_errors)
@@ -211,7 +211,7 @@ fn of_commands(session: &JoinedSession) -> &'static str {
 /// The errors of the tool point in the run's base frame, of the session that table and grids are for.
 fn of_the_tool(outcome: &Outcome<'_>, session: &JoinedSession) -> ErrorsAt {
     let error_frame = &outcome.error_frame;
-    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
+    let reach = Reach::new(error_frame.arm, error_frame.flange_from_tool);
     let commanded = session.joined.stations.iter().zip(&session.commanded.poses);
     let station = |(station, pose): (_, &Option<CommandedPose>)| {
         let position = pose.as_ref().map(|pose| pose.position);

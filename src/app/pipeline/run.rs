@@ -230,7 +230,7 @@ fn run_local(
     let done = Done {
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.verdict.verdict(),
-        verdict_of: Some(outcome.verdict.applied().into()),
+        verdict_of: Some(outcome.verdict.applied.into()),
         rejected: said.rejected,
         summary: Some(summary),
         words: words(&outcome).into_iter().chain(remarks).collect(),

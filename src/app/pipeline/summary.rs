@@ -107,10 +107,10 @@ fn no_gravity(outcome: &Outcome<'_>) -> Option<String> {
 
 /// [`gravity::clearest`] of the model that corrects; one that corrects nothing says nothing of it.
 fn clearest_yield(outcome: &Outcome<'_>) -> Option<(usize, f64)> {
-    if outcome.verdict.applied() == Applied::Nothing {
+    if outcome.verdict.applied == Applied::Nothing {
         return None;
     }
-    gravity::clearest(outcome.full.as_ref()?, outcome.error_frame.arm().joints().len())
+    gravity::clearest(outcome.full.as_ref()?, outcome.error_frame.arm.joints().len())
 }
 
 /// The sessions, when they were measured, and their stations.

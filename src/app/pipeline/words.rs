@@ -171,7 +171,7 @@ fn part_words(full: &FullModel) -> String {
         let disposition = if part.kept { "kept" } else { "dropped" };
         format!("{} {disposition} ({:+.0} nats)", part.name, part.gain)
     };
-    let parts: Vec<String> = full.parts.iter().map(part).collect();
+    let parts: Vec<String> = full.trained.parts.iter().map(part).collect();
     format!("parts of the model by evidence: {}", parts.join(", "))
 }
 
@@ -197,7 +197,7 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
         read.map(|residual| (session.name.as_str(), residual.station))
     });
     // Lengths have no residual of a position.
-    let weighed = full.weights.iter().zip(&full.left_out);
+    let weighed = full.trained.weights.iter().zip(&full.left_out);
     let weighed = weighed.filter(|(_, left_out)| left_out.len() >= 3);
     let judged = paired.zip(weighed);
     let mut far: Vec<(f64, String)> = judged

@@ -29,17 +29,6 @@ pub struct Joint {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "ArmText", into = "ArmText")]
 pub struct Arm {
-    model: String,
-    convention: Convention,
-    joints: Vec<Joint>,
-    home: Option<Box<[f64]>>,
-    map: Option<DMatrix<f64>>,
-    chain: Chain,
-    parallel: Vec<usize>,
-}
-
-#[derive(Debug)]
-pub(super) struct Nominal {
     pub(super) model: String,
     pub(super) convention: Convention,
     pub(super) joints: Vec<Joint>,
@@ -65,27 +54,7 @@ pub(super) fn joint_map(
     Ok((map != DMatrix::identity(joints, joints)).then_some(map))
 }
 
-fn with_beta(chain: &Chain) -> Vec<usize> {
-    let joint = |parameter| match parameter {
-        Parameter::Link { joint, quantity: LinkQuantity::Beta } => Some(joint),
-        _ => None,
-    };
-    chain.parameters().into_iter().filter_map(joint).collect()
-}
-
 impl Arm {
-    pub(super) fn of_file(nominal: Nominal) -> Self {
-        Self {
-            parallel: with_beta(&nominal.chain),
-            model: nominal.model,
-            convention: nominal.convention,
-            joints: nominal.joints,
-            home: nominal.home,
-            map: nominal.map,
-            chain: nominal.chain,
-        }
-    }
-
     /// An arm of a saved model; `map` is the joint map, row by row. The chain reads a variable of each joint.
     pub fn new(
         model: String,
@@ -94,19 +63,13 @@ impl Arm {
         map: &[Vec<f64>],
         chain: Chain,
     ) -> Result<Self, ArmError> {
-        Ok(Self::of_file(Nominal {
-            map: joint_map(map, joints.len())?,
-            home: None,
-            model,
-            convention,
-            joints,
-            chain,
-        }))
+        let map = joint_map(map, joints.len())?;
+        Ok(Self { model, convention, joints, home: None, map, chain })
     }
 
     #[must_use]
     pub fn with_chain(&self, chain: Chain) -> Self {
-        Self { parallel: with_beta(&chain), chain, ..self.clone() }
+        Self { chain, ..self.clone() }
     }
 
     pub fn model(&self) -> &str {
@@ -136,8 +99,12 @@ impl Arm {
     }
 
     /// Joints (counted from 1) whose link has Hayati's β, because two axes are nominally parallel.
-    pub fn parallel_joints(&self) -> &[usize] {
-        &self.parallel
+    pub fn parallel_joints(&self) -> Vec<usize> {
+        let joint = |parameter| match parameter {
+            Parameter::Link { joint, quantity: LinkQuantity::Beta } => Some(joint),
+            _ => None,
+        };
+        self.chain.parameters().into_iter().filter_map(joint).collect()
     }
 
     /// The joint map, row by row, as a robot file states it; `None` for the identity.

@@ -48,31 +48,19 @@ impl BatchChain {
 
     /// Positions of the end in the root frame, `[row][i]`, mm; `axes` has a column of one length per axis variable.
     pub fn positions<C: AsRef<[f64]>>(&self, axes: &[C]) -> [Vec<f64>; 3] {
-        let mut positions = <[Vec<f64>; 3]>::default();
-        self.positions_into(axes, &mut positions);
-        positions
-    }
-
-    pub fn positions_into<C: AsRef<[f64]>>(&self, axes: &[C], positions: &mut [Vec<f64>; 3]) {
         let count = self.pose_count(axes);
-        for column in positions.iter_mut() {
-            column.resize(count, 0.0);
-        }
+        let mut positions = [(); 3].map(|()| vec![0.0; count]);
         for first in (0..count).step_by(BLOCK) {
             let [origin] = self.block::<1, _>(axes, first);
-            write(positions, first, &origin);
+            write(&mut positions, first, &origin);
         }
+        positions
     }
 
     /// Poses of the end in the root frame; `axes` as in [`Self::positions`].
     pub fn poses<C: AsRef<[f64]>>(&self, axes: &[C]) -> Poses {
-        let mut poses = Poses::default();
-        self.poses_into(axes, &mut poses);
-        poses
-    }
-
-    pub fn poses_into<C: AsRef<[f64]>>(&self, axes: &[C], poses: &mut Poses) {
         let count = self.pose_count(axes);
+        let mut poses = Poses::default();
         for column in poses.rotation.iter_mut().flatten().chain(&mut poses.position) {
             column.resize(count, 0.0);
         }
@@ -83,6 +71,7 @@ impl BatchChain {
             write(&mut poses.rotation[1], first, &y);
             write(&mut poses.rotation[2], first, &cross(&x, &y));
         }
+        poses
     }
 
     /// The number of poses in `axes`, after a check that there are enough columns and that they are of one length.
@@ -115,12 +104,8 @@ impl BatchChain {
 }
 
 impl Poses {
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.position[0].len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.position[0].is_empty()
     }
 
     /// The pose of row `i`, mm.

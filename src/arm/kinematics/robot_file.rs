@@ -7,7 +7,7 @@ mod keys;
 use nalgebra::{DMatrix, Isometry3, UnitVector3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::arm::{Arm, Joint, Nominal};
+use super::arm::{Arm, Joint};
 use super::chain::{Chain, Element};
 use super::convention::table::{Parallel, TableLink};
 use super::convention::{Convention, Moving, lines};
@@ -133,14 +133,14 @@ impl RobotFile {
         let base = placement("base", self.base.as_ref())?;
         let mut elements = base.map(Element::Fixed).into_iter().collect();
         self.push_links(&reported, &parallel, &mut elements)?;
-        Ok(Arm::of_file(Nominal {
+        Ok(Arm {
             model: self.model.clone(),
             convention: self.convention,
             joints: reported.iter().map(|joint| joint.joint()).collect(),
             home: self.home(&reported)?,
             map: self.map(reported.len())?,
             chain: Chain::new(elements),
-        }))
+        })
     }
 
     fn push_links(

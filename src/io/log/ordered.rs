@@ -192,7 +192,7 @@ impl Emit<JointBuffer> for &mut dyn JointSink {
     }
 }
 
-impl<C> Emit<PoseBuffer> for SpillingPoses<C> {
+impl<C: Copy> Emit<PoseBuffer> for SpillingPoses<C> {
     fn emit(&mut self, buffer: &PoseBuffer, rows: Range<usize>) {
         self.append(&buffer.rows(rows));
     }

@@ -132,7 +132,7 @@ impl LogSource<'_> {
         let mut replayed = self.replay_buffered(joints)?;
         if self.amendments.is_empty() {
             for (_, summary) in &replayed.ordered.summaries {
-                self.amendments.extend(summary.amendments().clone());
+                self.amendments.extend(summary.amendments.clone());
             }
             if !self.amendments.is_empty() {
                 drop(replayed);
@@ -142,7 +142,7 @@ impl LogSource<'_> {
         }
         replayed.check(self.mapping)?;
         let mut summaries = replayed.ordered.summaries.iter();
-        if summaries.all(|(_, summary)| summary.is_in_order()) {
+        if summaries.all(|(_, summary)| summary.in_order) {
             return Ok(replayed);
         }
         drop(replayed);

@@ -42,13 +42,13 @@ impl Form {
     }
 }
 
-impl<C> Default for SpilledPoses<C> {
+impl<C: Copy> Default for SpilledPoses<C> {
     fn default() -> Self {
         Self::keeping(IN_MEMORY)
     }
 }
 
-impl<C> SpilledPoses<C> {
+impl<C: Copy> SpilledPoses<C> {
     /// No poses yet; `most` bytes of rows are kept in memory.
     fn keeping(most: usize) -> Self {
         Self {
@@ -113,7 +113,7 @@ impl<C> SpilledPoses<C> {
     }
 }
 
-impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
+impl<C: Copy + Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
     fn count(&self) -> usize {
         self.rows()
     }
@@ -173,13 +173,13 @@ pub struct SpillingPoses<C> {
     room: io::Result<()>,
 }
 
-impl<C> Default for SpillingPoses<C> {
+impl<C: Copy> Default for SpillingPoses<C> {
     fn default() -> Self {
         Self { poses: SpilledPoses::default(), room: Ok(()) }
     }
 }
 
-impl<C> SpillingPoses<C> {
+impl<C: Copy> SpillingPoses<C> {
     /// Adds further poses; all have the same columns.
     pub fn append(&mut self, poses: &PoseSamples<C>) {
         if self.room.is_ok() {

@@ -10,7 +10,7 @@ use crate::geometry::{PoseCovariance, symmetric};
 use crate::ingest::covariances::{self, CovarianceCounts};
 use crate::ingest::{
     AngleUnit, CELSIUS, LengthColumns, LengthRead, LengthUnit, LoggedCovariance,
-    OrientationColumns, OrientationForm, ReadingColumns, StationsSettings, TableTime,
+    OrientationColumns, OrientationForm, ReadingColumns, StationsSettings, TableTime, is_length,
 };
 use crate::join::tabled::{ApartRow, RejectCode, Row, RowItem, RowReading, RowReject, Rows};
 use crate::join::{Command, MeanLength, MeanOrientation, MeanPoint, SourceId, TargetId, Value};
@@ -389,7 +389,7 @@ impl Reader<'_> {
         }
         let length = MeanLength { mm, sd_mm };
         let source = own.source();
-        if !source.can_read(mm) {
+        if !is_length(source.least_mm(), mm) {
             let least_mm = source.least_mm().unwrap_or(0.0);
             return Err(Fault::of(format!(
                 "{:?} reads a distance of {mm} mm, which is not above {least_mm} mm: a distance that is read less than it is (of a \

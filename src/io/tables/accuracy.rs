@@ -174,7 +174,7 @@ pub fn rows<'a>(
 ) -> Vec<AccuracyRow> {
     let of_sets = all.flat_map(|of| {
         let (verdict, reason) = if carries_verdict(of) {
-            (verdict.table().verdict(), verdict.table().reason())
+            (verdict.table.verdict(), verdict.table.reason())
         } else {
             (of.verdict.clone(), words::reason(&of.verdict).map(str::to_owned))
         };

@@ -135,7 +135,7 @@ fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
     let parallel = arm.parallel_joints();
     let parallel = parallel.iter().filter_map(|joint| arm.joints().get(joint - 1));
     let stated = |value: f64| (value > 0.0).then_some(value);
-    let target = outcome.error_frame.frames().flange_from_target.origin();
+    let target = outcome.error_frame.frames.flange_from_target.origin();
     ArmColumns {
         arm_model: arm.model().to_owned(),
         convention: arm.convention(),
@@ -146,7 +146,7 @@ fn of_arm(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> ArmColumns {
         camera_size_se: outcome.camera_size.map(|found| found.size_se),
         prior_length_mm: stated(context.fit.prior_length_mm),
         prior_angle_rad: stated(context.fit.prior_angle_mrad * 1e-3),
-        flange_from_tool: *outcome.error_frame.flange_from_tool(),
+        flange_from_tool: outcome.error_frame.flange_from_tool,
         error_frame_target: target.coords().into(),
         configurations: configurations(outcome),
         model_version: VERSION,
@@ -183,7 +183,7 @@ impl From<&FullModel> for FitColumns {
     fn from(full: &FullModel) -> Self {
         Self {
             convergence: "a fixed number of rounds".to_owned(),
-            log_evidence: Some(full.log_evidence()),
+            log_evidence: Some(full.posterior.log_evidence),
             ..Self::default()
         }
     }

@@ -104,8 +104,8 @@ fn of_table(
     key: &RunKey,
 ) -> TableColumns {
     let turn = context.command_from_base.isometry().rotation;
-    let verdict = outcome.verdict.table();
-    let target = outcome.error_frame.frames().flange_from_target.origin();
+    let verdict = &outcome.verdict.table;
+    let target = outcome.error_frame.frames.flange_from_target.origin();
     TableColumns {
         orientation: 0,
         table_id: table_id(key).to_owned(),

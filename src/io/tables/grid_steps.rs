@@ -170,7 +170,7 @@ fn refused_cells(judged: &Judged, of: &[Refusal]) -> usize {
 /// The table that is published has the verdict of the table, which test sessions can make worse.
 fn verdict(judged: &Judged, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
     if judged.chosen {
-        let table = outcome.verdict.table();
+        let table = &outcome.verdict.table;
         return ((&table.verdict()).into(), table.reason());
     }
     let reason = words::reason(&judged.verdict).map(str::to_owned);

@@ -157,7 +157,7 @@ fn numbers(rows: &Rows) -> Vec<i64> {
     (number(rows.start)..number(rows.end)).collect()
 }
 
-fn in_ns<C>(stamps: &[Stamp<C>]) -> impl Iterator<Item = i64> {
+fn in_ns<C: Copy>(stamps: &[Stamp<C>]) -> impl Iterator<Item = i64> {
     stamps.iter().map(|stamp| stamp.ns())
 }
 

@@ -207,7 +207,7 @@ fn of_full(
     places: &[usize],
     subjects: &[Subject],
 ) -> impl Fn(usize) -> Found {
-    let covariance = full.covariance_of(places);
+    let covariance = full.posterior.covariance_of(places);
     let error = |index: usize| covariance[(index, index)].max(0.0).sqrt();
     let errors: Vec<f64> = (0..places.len()).map(error).collect();
     let prior_sd = |index: usize| prior_sd(full, calibrations, subjects[index], places[index]);
@@ -264,7 +264,7 @@ fn partners(
 /// The columns that are parameters, with their subjects.
 fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
     let mut columns = Vec::new();
-    for (block, own) in full.layout().blocks() {
+    for (block, own) in full.trained.layout.blocks() {
         let first = own.start;
         let session = match block {
             Block::Unknowns => {
@@ -291,7 +291,7 @@ fn prior_sd(
     place: usize,
 ) -> Option<f64> {
     match subject {
-        Subject::CommandWeight { .. } => Some(full.prior_sd()[place]),
+        Subject::CommandWeight { .. } => Some(full.posterior.scale[place]),
         Subject::Chain(_) => {
             let (geometric, place) = geometric(calibrations, subject)?;
             geometric.prior_sd[place]

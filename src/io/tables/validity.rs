@@ -99,7 +99,7 @@ fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
 /// The arm configurations of the stations learnt from, in order; empty for an arm without six axes.
 pub(super) fn configurations(outcome: &Outcome<'_>) -> Vec<String> {
     let error_frame = &outcome.error_frame;
-    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
+    let reach = Reach::new(error_frame.arm, error_frame.flange_from_tool);
     let own = learnt_from(outcome).filter_map(|station| reach.configuration(&station.joints));
     let all: BTreeSet<Configuration> = own.collect();
     all.iter().map(Configuration::to_string).collect()

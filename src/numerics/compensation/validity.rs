@@ -134,7 +134,9 @@ impl Validity {
             (Term::ControllerModel, &own.controller_model, &said.controller_model),
         ];
         for (term, own, said) in names {
-            held.take(term, own.as_deref(), said.as_deref(), other_name);
+            held.take(term, own.as_deref(), said.as_deref(), |own, said| {
+                (own != said).then(|| format!("{said:?}, the table is for {own:?}"))
+            });
         }
         held.take(Term::Payload, own.payload_kg, said.payload_kg, other_payload);
         held.take(
@@ -169,10 +171,6 @@ impl Held {
             }
         }
     }
-}
-
-fn other_name(own: &str, said: &str) -> Option<String> {
-    (own != said).then(|| format!("{said:?}, the table is for {own:?}"))
 }
 
 fn other_payload(own: f64, said: f64) -> Option<String> {

@@ -68,9 +68,10 @@ impl FrameUncertainty {
 
 #[derive(Debug, Clone)]
 pub struct ErrorFrame<'a> {
-    arm: &'a Arm,
-    frames: FramePair,
-    flange_from_tool: Isometry3<f64>,
+    pub arm: &'a Arm,
+    pub frames: FramePair,
+    /// The controller's own tool in the flange frame, mm.
+    pub flange_from_tool: Isometry3<f64>,
     oriented: bool,
 }
 
@@ -88,19 +89,6 @@ impl<'a> ErrorFrame<'a> {
         let target = frames.flange_from_target.isometry().translation;
         let at_target = Isometry3::from_parts(target, UnitQuaternion::identity());
         Self { arm, frames, flange_from_tool: flange_from_tool.unwrap_or(at_target), oriented }
-    }
-
-    pub const fn arm(&self) -> &'a Arm {
-        self.arm
-    }
-
-    pub const fn frames(&self) -> &FramePair {
-        &self.frames
-    }
-
-    /// The controller's own tool in the flange frame, mm.
-    pub const fn flange_from_tool(&self) -> &Isometry3<f64> {
-        &self.flange_from_tool
     }
 
     pub fn lever(&self) -> Vector3<f64> {

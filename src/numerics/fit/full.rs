@@ -46,26 +46,24 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 use rayon::prelude::*;
 
 use super::frames::{Channel, Frames, PerChannel};
-use super::model::PartEvidence;
 pub use super::model::{Known, Query};
 use super::observation::Observation;
 use super::observation::measured::Shown;
 use super::problem::{Freedom, Prior, Problem, Unknown, is_turned};
-use super::scale::ScaleEvidence;
 use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 use components::Part;
 use design::PoseView;
-use layout::{Block, Layout};
+use layout::Block;
 use leave_one_out::{LeftOut, of_observations, of_readings};
-use noise::{NoisyReading, Repeatability, StationNoise};
+use noise::{NoisyReading, StationNoise};
 use regression::Posterior;
 pub use repairs::{Day, Repair};
 use rows::Around;
 pub use settings::FullSettings;
 use sides::Sides;
-use student::Tails;
+use stored::StoredFull;
 use tabulated::Tabulated;
 
 /// Stations that a worker takes at once; fixed, so that results do not depend on the number of threads.
@@ -84,53 +82,23 @@ pub enum Purpose {
 /// The full error model of an arm, trained.
 #[derive(Debug)]
 pub struct FullModel {
+    /// Layout, sizes, weights and coefficients that the training found.
+    pub trained: StoredFull,
     problem: Problem<'static>,
-    up: Option<Vector3<f64>>,
-    layout: Layout,
-    offsets: DVector<f64>,
-    /// The offsets at which the training's last round evaluated its rows: those of the bases have moved since.
-    rows_at: DVector<f64>,
-    frames: Vec<Frames>,
-    /// Variance per axis of a session's own drift, mm².
-    drift_variance: f64,
-    /// Variance per axis of the warm-up drift that all sessions repeat, mm².
-    warm_up_variance: f64,
-    /// The middle of each session's stations, in the base frame, mm.
-    middles: Vec<Point3<f64>>,
-    scale_sd: f64,
-    scale_evidence: Option<ScaleEvidence>,
-    approach: Option<ApproachOffsets>,
-    /// Backlash of which `approach` has the variance.
-    sides: Option<Sides>,
-    tails: Tails,
-    mean: DVector<f64>,
-    posterior: Posterior,
-    span: f64,
+    /// The frames of each session where rows are evaluated: its base as fitted, its targets before the last step of the training,
+    /// which the model's columns of unknowns make.
+    pub frames: Vec<Frames>,
+    pub posterior: Posterior,
     ready: Ready,
-    pub repeatability: Repeatability,
-    pub weights: Vec<f64>,
     /// Residual of each observation that it was trained on, as predicted without its station, mm and rad; none of a model that was read
     /// back or only judges.
     pub left_out: Vec<DVector<f64>>,
-    pub parts: Vec<PartEvidence>,
 }
 
 #[derive(Debug)]
 struct Ready {
     chains: PerChannel<HeldChain>,
     curves: Tabulated,
-}
-
-impl Ready {
-    fn of(
-        problem: &Problem<'_>,
-        offsets: &DVector<f64>,
-        layout: &Layout,
-        mean: &DVector<f64>,
-    ) -> Self {
-        let chains = problem.held(offsets);
-        Self { curves: Tabulated::new(layout, mean, problem.starts().len()), chains }
-    }
 }
 
 /// The prediction at a pose: the point in the tracker frame of the query's session, and its rows.
@@ -146,6 +114,24 @@ pub struct Predicted {
 }
 
 impl FullModel {
+    /// The model of a training; `problem` is the training's, without observations.
+    fn of(
+        trained: StoredFull,
+        problem: Problem<'static>,
+        posterior: Posterior,
+        left_out: Vec<DVector<f64>>,
+    ) -> Self {
+        let curves = Tabulated::new(&trained.layout, &trained.mean, trained.starts.len());
+        Self {
+            frames: problem.frames(&trained.offsets),
+            ready: Ready { chains: problem.held(&trained.offsets), curves },
+            problem,
+            trained,
+            posterior,
+            left_out,
+        }
+    }
+
     /// Trains the model on `observations` from the frames and the offsets of a geometric fit.
     ///
     /// `None` where a factorisation fails, which only rounding can cause.
@@ -181,7 +167,7 @@ impl FullModel {
             prior,
             turned,
         );
-        let mut start = DVector::zeros(problem.unknowns().len());
+        let mut start = DVector::zeros(problem.unknowns.len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let settled = train::train(&problem, start.clone(), settings, up)?;
         let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
@@ -193,9 +179,11 @@ impl FullModel {
             Purpose::Published => settled.leave_one_out(&problem, up),
             Purpose::Judges => Vec::new(),
         };
-        let own = Self::of_settled(&problem, empty, settled, &left_out, settings, up);
-        parts.extend(own.sides.as_ref().map(Sides::evidence));
-        Some(Self { scale_evidence, parts, ..own })
+        let mut own = Self::of_settled(&problem, empty, settled, &left_out, settings, up);
+        parts.extend(own.trained.sides.as_ref().map(Sides::evidence));
+        own.trained.scale_evidence = scale_evidence;
+        own.trained.parts = parts;
+        Some(own)
     }
 
     fn of_settled(
@@ -207,8 +195,7 @@ impl FullModel {
         up: Option<Vector3<f64>>,
     ) -> Self {
         let mean = settled.posterior.mean() + &settled.prior_mean;
-        let mut approach =
-            ApproachOffsets::of(problem.observations(), &settled.state.layout, &mean);
+        let mut approach = ApproachOffsets::of(problem.observations, &settled.state.layout, &mean);
         let around = Around::new(problem, &settled.state, up);
         let sides = Sides::of(&around, &settled.prior_mean, &settled.posterior);
         if let Some(sides) = &sides {
@@ -216,13 +203,12 @@ impl FullModel {
         }
         let rows_at = settled.state.offsets.clone();
         let train::Settled { mut state, posterior, .. } = settled;
-        let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
-        let weights = of_readings(problem.observations(), &state.weights);
-        Self {
-            ready: Ready::of(problem, &state.offsets, &state.layout, &mean),
-            problem: empty,
+        let mean = at_fitted_bases(&problem.unknowns, &mut state.offsets, mean);
+        let weights = of_readings(problem.observations, &state.weights);
+        let trained = StoredFull {
             up,
-            frames: problem.frames(&state.offsets),
+            starts: problem.starts.clone(),
+            turned: is_turned(problem.observations),
             // The basis has variance one half at a random time.
             drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
             warm_up_variance: 0.5 * state.components.size(Part::WarmUp).unwrap_or(0.0),
@@ -236,19 +222,20 @@ impl FullModel {
             offsets: state.offsets,
             rows_at,
             mean,
-            posterior,
+            scale: posterior.scale.clone(),
+            whitened: posterior.whitened.clone(),
             span: state.span,
             repeatability: state.repeatability,
             weights,
-            left_out: of_observations(left_out),
             parts: Vec::new(),
-        }
+        };
+        Self::of(trained, empty, posterior, of_observations(left_out))
     }
 
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
-        let rows = self.pose(query, &view).rows(&self.layout, &Shown::Point);
-        let moved: DVector<f64> = &rows * &self.mean;
+        let rows = self.pose(query, &view).rows(&self.trained.layout, &Shown::Point);
+        let moved: DVector<f64> = &rows * &self.trained.mean;
         let (shift, approach) = self.stands(query, &view.joints);
         let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
         let position = Point3::from(view.end.translation.vector + moved);
@@ -264,7 +251,8 @@ impl FullModel {
     /// and the other parts, which [`Predicted::flange`] leaves out.
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
-        let moved = self.pose(query, &view).rows(&self.layout, &Shown::Pose) * &self.mean;
+        let moved =
+            self.pose(query, &view).rows(&self.trained.layout, &Shown::Pose) * &self.trained.mean;
         let against = self.against(query);
         let approach = against.map_or_else(Vector3::zeros, |against| {
             view.joints.iter().zip(&against.mean).map(|(twist, mean)| twist.angular * *mean).sum()
@@ -281,7 +269,7 @@ impl FullModel {
 
     /// The predicted point of a pose (mm), and its covariance due to unknown settling errors (mm²).
     fn attained(&self, query: &Query<'_>, pose: &PoseView<'_>) -> (Point3<f64>, Matrix3<f64>) {
-        let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
+        let moved = pose.moved(&self.trained.layout, &self.trained.mean, &self.ready.curves);
         let (shift, approach) = self.stands(query, pose.joints);
         (pose.end + moved + shift, approach)
     }
@@ -291,9 +279,8 @@ impl FullModel {
         let lever = self.target_from_flange(query) * query.lever;
         let mut view = self.ready.chains.of(query.channel()).view_of(query.axes, &lever);
         if !query.own {
-            let is_base = |place: usize| {
-                matches!(self.problem.unknowns()[place].parameter, Parameter::Base(_))
-            };
+            let is_base =
+                |place: usize| matches!(self.problem.unknowns[place].parameter, Parameter::Base(_));
             view.unknowns.retain(|(place, _)| !is_base(*place));
         }
         view
@@ -312,7 +299,7 @@ impl FullModel {
             joints: &view.joints,
             axes: &view.axes,
             end: view.end.translation.vector.into(),
-            up: self.up.map(|up| root * up),
+            up: self.trained.up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: query.axes,
             settling_error: match query.known {
@@ -321,13 +308,13 @@ impl FullModel {
             },
             session: query.own.then_some(query.session),
             // Beyond the longest session of the training, the drift keeps its last value.
-            time: query.station.map(|station| (station as f64 / self.span).min(1.0)),
-            middle: base * self.middles[query.session],
+            time: query.station.map(|station| (station as f64 / self.trained.span).min(1.0)),
+            middle: base * self.trained.middles[query.session],
         }
     }
 
     fn against(&self, query: &Query<'_>) -> Option<&Against> {
-        let approach = self.approach.as_ref()?;
+        let approach = self.trained.approach.as_ref()?;
         match query.known {
             Known::Commanded => Some(&approach.commanded),
             Known::Reported => Some(&approach.reported),
@@ -367,44 +354,26 @@ impl FullModel {
     }
 
     pub fn unknowns(&self) -> &[Unknown] {
-        self.problem.unknowns()
+        &self.problem.unknowns
     }
 
     pub fn offsets(&self) -> DVector<f64> {
-        &self.offsets + self.mean.rows(0, self.offsets.len())
+        &self.trained.offsets + self.trained.mean.rows(0, self.trained.offsets.len())
     }
 
     pub fn coefficients(&self, block: Block) -> Option<DVector<f64>> {
-        self.layout
+        self.trained
+            .layout
             .columns(block)
-            .map(|columns| self.mean.rows(columns.start, columns.len()).into_owned())
-    }
-
-    /// Backlash that the stations of the training show.
-    pub const fn sides(&self) -> Option<&Sides> {
-        self.sides.as_ref()
-    }
-
-    pub const fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    pub const fn log_evidence(&self) -> f64 {
-        self.posterior.log_evidence
+            .map(|columns| self.trained.mean.rows(columns.start, columns.len()).into_owned())
     }
 
     pub fn starts(&self) -> &[Frames] {
-        self.problem.starts()
+        &self.problem.starts
     }
 
     pub fn fitted_frames(&self) -> Vec<Frames> {
         self.problem.frames(&self.offsets())
-    }
-
-    /// The frames of each session where rows are evaluated: its base as fitted, its targets before the last step of the training,
-    /// which the model's columns of unknowns make.
-    pub fn frames(&self) -> &[Frames] {
-        &self.frames
     }
 
     /// Noise covariance of one position measured with the base of a session that trained, in addition to the model's own covariance, at
@@ -417,7 +386,7 @@ impl FullModel {
         }
         let shown = observation.measured.shown(None, &view.end.translation.vector.into());
         let covariance = self.covariance_of_one(observation, &shown, &view.joints);
-        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
+        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.trained.tails.inflation()
     }
 
     /// Covariance of one reading's noise at weight 1; it shows `shown` of its target's motion by each joint.
@@ -429,30 +398,30 @@ impl FullModel {
     ) -> DMatrix<f64> {
         let base = Matrix3::identity();
         let reading = NoisyReading { observation, shown, joints, base };
-        self.repeatability.covariance(&StationNoise::of(&[reading]), 1.0)
+        self.trained.repeatability.covariance(&StationNoise::of(&[reading]), 1.0)
     }
 
     /// Variance of measured minus predicted length of a reading that took no part, mm²: of the prediction with the instrument's place, and
     /// of the noise. `None` of a reading of places.
     pub fn length_variance(&self, observation: &Observation) -> Option<f64> {
         let channel = observation.channel();
-        let gauge = self.problem.gauge(channel, &self.offsets)?;
+        let gauge = self.problem.gauge(channel, &self.trained.offsets)?;
         let query = Query::of(observation);
         let view = self.viewed(&query);
         let end = Point3::from(view.end.translation.vector);
         let shown = observation.measured.shown(Some(&gauge), &end);
-        let mut rows = self.pose(&query, &view).rows(&self.layout, &shown);
+        let mut rows = self.pose(&query, &view).rows(&self.trained.layout, &shown);
         // The unknowns are the first columns; the session's scale is that of the source of places.
         for (unknown, by) in self.problem.by_parts(channel, Some(&gauge), &end) {
             rows[(0, unknown)] = by;
         }
-        if let Some(scale) = self.layout.columns(Block::Scale(observation.session)) {
+        if let Some(scale) = self.trained.layout.columns(Block::Scale(observation.session)) {
             rows.column_mut(scale.start).fill(0.0);
         }
         let (_, approach) = self.stands(&query, &view.joints);
         let along = gauge.direction(&end);
         let noise = self.covariance_of_one(observation, &shown, &view.joints)[(0, 0)];
-        let noise = noise * self.tails.inflation();
+        let noise = noise * self.trained.tails.inflation();
         Some(self.posterior.half(&rows).norm_squared() + along.dot(&(approach * along)) + noise)
     }
 
@@ -460,30 +429,24 @@ impl FullModel {
     /// It includes structure too fine for the model: only repeated visits of a pose distinguish the two.
     pub fn visit_covariance(&self, query: &Query<'_>) -> Matrix3<f64> {
         let joints = self.viewed(query).joints;
-        let sizes = &self.repeatability;
+        let sizes = &self.trained.repeatability;
         let arm = Matrix3::identity() * sizes.position;
         let scale = joints.iter().zip(&sizes.joints).fold(arm, |sum, (twist, variance)| {
             sum + twist.linear * twist.linear.transpose() * *variance
         });
-        scale * self.tails.inflation()
+        scale * self.trained.tails.inflation()
     }
 
     /// Standard deviations of the repeatability: of the arm as a whole per axis, mm, and of each joint, rad.
     pub fn visit_deviations(&self) -> (f64, Vec<f64>) {
-        let inflation = self.tails.inflation();
-        let sizes = &self.repeatability;
+        let inflation = self.trained.tails.inflation();
+        let sizes = &self.trained.repeatability;
         let deviation = |variance: &f64| (variance * inflation).sqrt();
         (deviation(&sizes.position), sizes.joints.iter().map(deviation).collect())
     }
 
     pub const fn any_time_variance(&self) -> f64 {
-        self.drift_variance + self.warm_up_variance
-    }
-
-    /// Standard deviation of a session's own scale, as a share of the distance from the middle of its stations: for commands
-    /// used in another session, and for unseen sessions.
-    pub const fn scale_sd(&self) -> f64 {
-        self.scale_sd
+        self.trained.drift_variance + self.trained.warm_up_variance
     }
 
     /// Covariance of a point due to the unknown scale of another session, in the source's frame, mm².
@@ -494,13 +457,8 @@ impl FullModel {
         point: &Point3<f64>,
     ) -> Matrix3<f64> {
         let base = self.frames[session].tracker_from_base(source).isometry();
-        let away = (point - base * self.middles[session]) * self.scale_sd;
+        let away = (point - base * self.trained.middles[session]) * self.trained.scale_sd;
         away * away.transpose()
-    }
-
-    /// The stations' evidence on lengths and scales; `None` where the model has no scales, or was read from a file.
-    pub const fn scale_evidence(&self) -> Option<&ScaleEvidence> {
-        self.scale_evidence.as_ref()
     }
 }
 

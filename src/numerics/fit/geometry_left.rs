@@ -25,7 +25,7 @@ impl Residuals {
             &Prior::default(),
         );
         // The frames are the calibration's own; the arm's parameters are the first unknowns, in the order of its chain.
-        let mut offsets = DVector::zeros(problem.unknowns().len());
+        let mut offsets = DVector::zeros(problem.unknowns.len());
         let geometry = &calibration.geometry;
         offsets.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let all = problem.row_count() as f64;

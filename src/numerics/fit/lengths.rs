@@ -142,7 +142,7 @@ fn directions(sees: &[Sees]) -> usize {
     let observed = exact(&arm, &starts[0], &arm.no_offsets());
     let prior = Prior::default();
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
-    Structure::of(&problem, &DVector::zeros(problem.unknowns().len())).rank
+    Structure::of(&problem, &DVector::zeros(problem.unknowns.len())).rank
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn lengths_identify_the_arm_but_for_what_turns_about_their_anchors() {
 fn stacked(problem: &Problem<'_>, at: &DVector<f64>) -> Vec<Vec<f64>> {
     let mut columns = vec![Vec::new(); at.len() + 1];
     problem.each_block(at, |block| {
-        let unknowns = block.unknowns();
+        let unknowns = &block.unknowns;
         let residual = block.column(unknowns.len());
         columns[at.len()].extend_from_slice(residual);
         for (unknown, column) in columns[..at.len()].iter_mut().enumerate() {
@@ -195,7 +195,7 @@ fn the_rows_of_lengths_are_the_numerical_ones() {
     let size = |unknown: &Unknown| {
         if unknown.parameter.is_angle() { 1e-2 } else { 1.0 }
     };
-    let sizes = problem.unknowns().iter().map(size).enumerate();
+    let sizes = problem.unknowns.iter().map(size).enumerate();
     let at = sizes.map(|(place, size)| size * (place as f64 * 0.7).sin());
     let at = DVector::from_vec(at.collect());
     let analytic = stacked(&problem, &at);
@@ -203,7 +203,7 @@ fn the_rows_of_lengths_are_the_numerical_ones() {
     let squares: f64 = analytic[at.len()].iter().map(|r| r * r).sum();
     let expected: f64 = norms.iter().map(|r| r * r).sum();
     assert!((squares / expected - 1.0).abs() < 1e-12, "norms and rows agree");
-    for (place, unknown) in problem.unknowns().iter().enumerate() {
+    for (place, unknown) in problem.unknowns.iter().enumerate() {
         let step = if unknown.parameter.is_angle() { 1e-6 } else { 1e-3 };
         let moved = |by: f64| {
             let mut moved = at.clone();
@@ -508,8 +508,8 @@ fn the_full_error_model_learns_from_lengths() {
     let model = model.expect("a positive covariance");
     assert_same_gauges(&model.fitted_frames()[0], &wanted, 0.5);
     // Distances three times worse than stated, heights twice better; the arm's repeatability takes a part of it.
-    let [_, distances, heights] = &model.repeatability.lengths[..] else {
-        panic!("three sources: {:?}", model.repeatability.lengths);
+    let [_, distances, heights] = &model.trained.repeatability.lengths[..] else {
+        panic!("three sources: {:?}", model.trained.repeatability.lengths);
     };
     assert!(distances.sqrt() > 1.5 && distances.sqrt() < 4.0, "{distances}");
     assert!(heights.sqrt() < 1.1, "{heights}");

@@ -56,12 +56,8 @@ pub struct Chosen {
 }
 
 impl Poses {
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.alone.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.alone.is_empty()
     }
 
     /// Poses whose errors have no motion of the base in common: as nothing is known of the base before, it may be counted to it. What
@@ -81,7 +77,7 @@ impl Poses {
     /// only rounding can cause.
     pub fn estimator(&self, used: &[usize]) -> Option<Estimator> {
         let columns = rows_of(&self.columns, used);
-        let all: Vec<usize> = (0..self.len()).collect();
+        let all: Vec<usize> = (0..self.count()).collect();
         let region = Region::new(self, &all)?;
         let factor = self.between(used).cholesky()?;
         let solved = factor.solve(&columns);
@@ -96,7 +92,7 @@ impl Poses {
 
     /// The unknowns `β̂` by the residuals of all poses, and their covariance `V`. `None` where rounding makes a factorisation fail.
     pub fn unknowns(&self, residuals: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let all: Vec<usize> = (0..self.len()).collect();
+        let all: Vec<usize> = (0..self.count()).collect();
         let solved = self.between(&all).cholesky()?.solve(&self.columns);
         let information = self.columns.tr_mul(&solved) + DMatrix::from_diagonal(&self.precision);
         let covariance = information.cholesky()?.inverse();
@@ -134,7 +130,7 @@ impl Poses {
             let shared = own.tr_mul(&own) + columns * &inherited * columns.transpose();
             Matrix3::from_fn(|row, column| shared[(row, column)]) + self.alone[place]
         };
-        (0..self.len()).into_par_iter().map(at).collect()
+        (0..self.count()).into_par_iter().map(at).collect()
     }
 
     /// Chooses `count` of the poses at `candidates` so that what remains over the poses at `region` is least. Fewer where there
@@ -384,7 +380,7 @@ mod tests {
     /// Mean trace over all poses of what remains without that of a measurement there.
     fn mean(poses: &Poses, by: &Estimator) -> f64 {
         let left = poses.left(by).into_iter().zip(&poses.alone);
-        left.map(|(left, alone)| (left - alone).trace()).sum::<f64>() / poses.len() as f64
+        left.map(|(left, alone)| (left - alone).trace()).sum::<f64>() / poses.count() as f64
     }
 
     #[test]

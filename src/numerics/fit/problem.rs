@@ -30,15 +30,15 @@ pub use unknowns::{
 /// Observations and the chains that predict them, with a vector of unknown offsets.
 #[derive(Debug)]
 pub struct Problem<'a> {
-    observations: &'a [Observation],
+    pub observations: &'a [Observation],
     channels: PerChannel<Measuring>,
-    unknowns: Vec<Unknown>,
-    starts: Vec<Frames>,
+    pub unknowns: Vec<Unknown>,
+    pub starts: Vec<Frames>,
     /// Place of the channel and first station of each block; fixed, so that sums do not depend on the number of threads.
     blocks: Vec<(usize, usize)>,
     /// Prior means of the offsets, and their precision: `Σ precision (x − expected)²` is added to the cost.
-    expected: DVector<f64>,
-    precision: DVector<f64>,
+    pub(super) expected: DVector<f64>,
+    pub(super) precision: DVector<f64>,
     /// Known distances between targets, which are added to the cost like the prior.
     distances: Vec<distances::Row>,
 }
@@ -127,26 +127,6 @@ impl<'a> Problem<'a> {
             precision,
             unknowns,
         }
-    }
-
-    pub fn unknowns(&self) -> &[Unknown] {
-        &self.unknowns
-    }
-
-    pub fn starts(&self) -> &[Frames] {
-        &self.starts
-    }
-
-    pub(super) const fn prior_mean(&self) -> &DVector<f64> {
-        &self.expected
-    }
-
-    pub const fn observations(&self) -> &[Observation] {
-        self.observations
-    }
-
-    pub(super) const fn prior_precision(&self) -> &DVector<f64> {
-        &self.precision
     }
 
     /// The rows of the known distances at `offsets`, whitened.
@@ -269,7 +249,7 @@ impl<'a> Problem<'a> {
         let chains = self.with_columns(offsets);
         let gram = |rows: &mut BlockRows, block: &(usize, usize)| {
             self.fill(rows, *block, &chains, weights);
-            (rows.unknowns().to_vec(), rows.gram())
+            (rows.unknowns.clone(), rows.gram())
         };
         let grams: Vec<_> = self.blocks.par_iter().map_init(BlockRows::default, gram).collect();
         let size = self.unknowns.len();

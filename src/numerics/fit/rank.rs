@@ -53,7 +53,7 @@ pub struct Observability {
 impl Structure {
     /// The structure of `problem`'s Jacobian at `offsets`.
     pub fn of(problem: &Problem<'_>, offsets: &DVector<f64>) -> Self {
-        let size = problem.unknowns().len();
+        let size = problem.unknowns.len();
         let mut triangle = Triangle::new(size);
         problem.each_block(offsets, |rows| triangle.take(rows));
         let stacked = triangle.matrix();

@@ -89,7 +89,7 @@ fn jacobian(problem: &Problem<'_>, at: &DVector<f64>) -> DMatrix<f64> {
     let mut columns = vec![Vec::new(); at.len()];
     problem.each_block(at, |block| {
         for (unknown, column) in columns.iter_mut().enumerate() {
-            match block.unknowns().iter().position(|own| *own == unknown) {
+            match block.unknowns.iter().position(|own| *own == unknown) {
                 Some(place) => column.extend_from_slice(block.column(place)),
                 None => column.extend(vec![0.0; block.column(0).len()]),
             }
@@ -116,7 +116,7 @@ fn free_directions(targets: usize) -> usize {
     let observed = seen(&arm, targets);
     let prior = Prior::default();
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
-    Structure::of(&problem, &DVector::zeros(problem.unknowns().len())).rank
+    Structure::of(&problem, &DVector::zeros(problem.unknowns.len())).rank
 }
 
 /// Directions that are left to the readings where distances among the reflectors are known exactly: those along which no distance
@@ -126,7 +126,7 @@ fn directions_at_known_distances(targets: usize) -> usize {
     let observed = seen(&arm, targets);
     let prior = settings(0.01).prior();
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
-    let at = DVector::zeros(problem.unknowns().len());
+    let at = DVector::zeros(problem.unknowns.len());
     let mut distances = DMatrix::<f64>::zeros(3, at.len());
     for (row, distance) in problem.distances(&at).enumerate() {
         for (unknown, by) in distance.entries {
@@ -161,7 +161,7 @@ fn the_rows_of_known_distances_are_the_numerical_ones() {
     let prior = settings(0.02).prior();
     let problem = Problem::new(&[], arm.chain(), &starts, Freedom::Geometry, &prior);
     // Away from the starts, so that no residual is zero.
-    let at = DVector::from_fn(problem.unknowns().len(), |i, _| (i as f64 * 0.7).sin());
+    let at = DVector::from_fn(problem.unknowns.len(), |i, _| (i as f64 * 0.7).sin());
     let rows: Vec<_> = problem.distances(&at).collect();
     assert_eq!(rows.len(), 2 * 3, "three distances in each of two sessions");
     let residual = |row: usize, unknown: usize, by: f64| {

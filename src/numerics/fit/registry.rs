@@ -5,11 +5,8 @@
 //! similarity, figures, pages, `compensate`) looks here. A new model needs its file, its line below, and its name in the
 //! allowed values of the schemas' columns of models.
 
-mod base_target;
 mod full;
 mod geometric;
-mod raw_command;
-mod table;
 
 use super::model::{Angles, PoseModel};
 use super::models::Models;
@@ -17,9 +14,9 @@ use super::saved::{SavedError, SavedHead};
 pub use geometric::IdentifiedGeometry;
 use serde::{Deserialize, Serialize};
 
-/// Makes [`Model`] from one line per model: the variant, and the file with its properties.
+/// Makes [`Model`] from one line per model: the variant, and its properties.
 macro_rules! registry {
-    ($($(#[$doc:meta])* $model:ident: $file:ident,)+) => {
+    ($($(#[$doc:meta])* $model:ident: $about:expr,)+) => {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
         pub enum Model {
             $($(#[$doc])* $model,)+
@@ -30,7 +27,7 @@ macro_rules! registry {
 
             pub const fn about(self) -> &'static About {
                 match self {
-                    $(Self::$model => &$file::ABOUT,)+
+                    $(Self::$model => &$about,)+
                 }
             }
         }
@@ -38,12 +35,47 @@ macro_rules! registry {
 }
 
 registry! {
-    RawCommand: raw_command,
-    BaseTarget: base_target,
-    Geometric: geometric,
-    Full: full,
-    Table: table,
+    RawCommand: RAW_COMMAND,
+    BaseTarget: BASE_TARGET,
+    Geometric: geometric::ABOUT,
+    Full: full::ABOUT,
+    Table: TABLE,
 }
+
+const RAW_COMMAND: About = About {
+    word: "raw_command",
+    name: "raw command",
+    look: 1,
+    corrects: Corrects::Nothing,
+    angles: &[],
+    serves: false,
+    of_training: None,
+    load: None,
+};
+
+/// The nominal arm with the best fitting frames.
+const BASE_TARGET: About = About {
+    word: "base_target",
+    name: "base and target fitted",
+    look: 1,
+    corrects: Corrects::Frames,
+    angles: &[Angles::Reported],
+    serves: false,
+    of_training: Some(|models| Some(&models.base_target)),
+    load: Some(geometric::load),
+};
+
+/// Only the table's names are here; its predictions are in [`crate::compensation::table`].
+const TABLE: About = About {
+    word: "table",
+    name: "compensation table",
+    look: 3,
+    corrects: Corrects::Commands,
+    angles: &[],
+    serves: false,
+    of_training: None,
+    load: None,
+};
 
 #[derive(Debug)]
 pub struct About {
@@ -134,10 +166,6 @@ impl Models {
     /// The model of a registry entry; `None` where this training does not have it.
     pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
         (model.about().of_training?)(self)
-    }
-
-    pub fn or_best(&self, model: Model) -> &dyn PoseModel {
-        self.get(model).unwrap_or_else(|| self.best().1)
     }
 
     /// The best model for grids and compensation: the full error model, or without it the geometry.

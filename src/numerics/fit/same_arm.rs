@@ -102,8 +102,11 @@ pub fn fits(
 ) -> Vec<SharedFit> {
     let sessions = full.starts().len();
     let fit = |session: usize| {
-        let (own, weights): (Vec<&Observation>, Vec<f64>) =
-            observations.iter().zip(&full.weights).filter(|(o, _)| o.session == session).unzip();
+        let (own, weights): (Vec<&Observation>, Vec<f64>) = observations
+            .iter()
+            .zip(&full.trained.weights)
+            .filter(|(o, _)| o.session == session)
+            .unzip();
         let stations = own.iter().map(|o| Shared::of(full, o, change_rad));
         let stations: Vec<Shared> = stations.collect::<Option<_>>()?;
         let allowed: Vec<f64> = stations.iter().map(|s| s.allowed_mm).collect();
@@ -187,7 +190,7 @@ impl Shared {
         let predicted = full.predict(&Query::of(o));
         let mut position = predicted.position;
         let mut changed = 0.0;
-        for (block, columns) in full.layout().blocks() {
+        for (block, columns) in full.trained.layout.blocks() {
             match block {
                 Block::SessionCurve { session, .. } if session == o.session => {
                     // The first column is the joint's constant: the target's motion per radian of the joint.

@@ -204,7 +204,7 @@ pub(super) fn lengths(problem: &Problem<'_>) -> Vec<usize> {
     let is_length = |parameter: Parameter| {
         matches!(parameter, Parameter::Link { quantity: LinkQuantity::A | LinkQuantity::D, .. })
     };
-    let unknowns = problem.unknowns().iter().enumerate();
+    let unknowns = problem.unknowns.iter().enumerate();
     unknowns.filter(|(_, unknown)| is_length(unknown.parameter)).map(|(place, _)| place).collect()
 }
 

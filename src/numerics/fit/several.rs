@@ -210,14 +210,14 @@ fn the_jacobian_is_the_numerical_one_for_each_source_and_target() {
     let (observed, starts) = (observed(&arm), [truth()]);
     let prior = Prior::default();
     let problem = Problem::new(&observed, arm.chain(), &starts, Freedom::Geometry, &prior);
-    let mut at = DVector::zeros(problem.unknowns().len());
+    let mut at = DVector::zeros(problem.unknowns.len());
     let errors = DVector::from_vec(errors(&arm));
     at.rows_mut(0, errors.len()).copy_from(&errors);
     // All blocks' rows below each other, each column at the place of its unknown; the residual after them.
     let rows = |at: &DVector<f64>| {
         let mut columns = vec![Vec::new(); at.len() + 1];
         problem.each_block(at, |block| {
-            let unknowns = block.unknowns();
+            let unknowns = &block.unknowns;
             let residual = block.column(unknowns.len());
             columns[at.len()].extend_from_slice(residual);
             for (unknown, column) in columns[..at.len()].iter_mut().enumerate() {
@@ -231,7 +231,7 @@ fn the_jacobian_is_the_numerical_one_for_each_source_and_target() {
     };
     let analytic = rows(&at);
     let (step, last) = (1e-6, at.len());
-    for (place, unknown) in problem.unknowns().iter().enumerate() {
+    for (place, unknown) in problem.unknowns.iter().enumerate() {
         let moved = |by: f64| {
             let mut moved = at.clone();
             moved[place] += by;

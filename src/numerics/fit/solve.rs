@@ -176,7 +176,7 @@ struct Slope {
 impl Slope {
     fn at(problem: &Problem<'_>, offsets: &DVector<f64>, weights: &[f64], factor: f64) -> Self {
         let normal = problem.normal(offsets, weights);
-        let diagonal = normal.information.diagonal() / factor + problem.prior_precision();
+        let diagonal = normal.information.diagonal() / factor + &problem.precision;
         let scale = |squared: f64| if squared > 0.0 { squared.sqrt().recip() } else { 1.0 };
         Self {
             matrix: problem.posterior_information(&normal.information, offsets, factor),
@@ -215,7 +215,7 @@ impl Slope {
 /// instruments are rarely of one scale.
 fn robust_weights(problem: &Problem<'_>, loss: Loss, norms: &[f64]) -> Vec<f64> {
     let mut sources: BTreeMap<_, Vec<usize>> = BTreeMap::new();
-    for (place, own) in problem.observations().iter().enumerate() {
+    for (place, own) in problem.observations.iter().enumerate() {
         sources.entry((own.source, Numbers::of(own.measured.kind()))).or_default().push(place);
     }
     let mut weights = vec![1.0; norms.len()];
@@ -230,13 +230,9 @@ fn robust_weights(problem: &Problem<'_>, loss: Loss, norms: &[f64]) -> Vec<f64> 
 
 fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: usize) -> f64 {
     let misfit: f64 = norms.iter().zip(weights).map(|(norm, weight)| weight * norm * norm).sum();
-    let observations = problem.observations().iter().zip(weights);
+    let observations = problem.observations.iter().zip(weights);
     let rows = observations.map(|(own, weight)| weight * own.measured.kind().rows() as f64);
-    factor_of(misfit, rows.sum(), rank)
-}
-
-/// `misfit / (rows − rank)`.
-fn factor_of(misfit: f64, rows: f64, rank: usize) -> f64 {
+    let rows: f64 = rows.sum();
     // Exact synthetic data fits to rounding; a floor keeps the prior's weight finite.
     (misfit / (rows - rank as f64).max(1.0)).max(1e-12)
 }

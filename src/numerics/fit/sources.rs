@@ -94,7 +94,7 @@ pub(super) fn sizes(
     covariance: &DMatrix<f64>,
     factors: Option<&Factors>,
 ) -> Vec<SourceSize> {
-    let observations = problem.observations();
+    let observations = problem.observations;
     let last = observations.iter().map(|o| o.source.0).max();
     let sources = (0..=last.unwrap_or(0)).map(SourceId);
     let norms = problem.norms(&solution.offsets);
@@ -133,7 +133,7 @@ pub(super) fn sizes(
             stated_mm: (stated / own.len() as f64).sqrt() / now,
             factor: if is_shown { now * mean.sqrt() } else { now },
             redundancy: redundancy.max(0.0),
-            share: taken / problem.unknowns().len().max(1) as f64,
+            share: taken / problem.unknowns.len().max(1) as f64,
         })
     };
     sources.filter_map(of).collect()

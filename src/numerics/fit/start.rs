@@ -69,7 +69,7 @@ fn settled(
             &settings.prior(),
         );
         // With one tool orientation base and target are confounded; the solver's damping takes the shortest step there.
-        let unknowns = problem.unknowns().len();
+        let unknowns = problem.unknowns.len();
         let solution = solve::solve(&problem, DVector::zeros(unknowns), settings.loss, unknowns);
         misfit_mm = problem.misfit_mm(&solution.offsets);
         frames = problem.frames(&solution.offsets);
@@ -275,7 +275,7 @@ fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {
     let axes: Vec<Vec<f64>> = (0..chain.joint_count()).map(axis).collect();
     let nominal = vec![0.0; chain.parameters().len()];
     let poses = BatchChain::new(chain, &nominal).poses(&axes);
-    (0..poses.len()).map(|i| poses.isometry(i)).collect()
+    (0..poses.count()).map(|i| poses.isometry(i)).collect()
 }
 
 /// Root mean square distance from the line through the points' barycentre along their longest direction, mm.

@@ -9,8 +9,8 @@ use super::saved::SavedError;
 use super::{Calibration, Observation, Prior};
 use crate::kinematics::Arm;
 
-/// How a full error model comes back.
-type Restoring =
+/// How a full error model comes back: [`StoredFull::model`], or [`StoredFull::predicting`] for predictions alone.
+pub type Restoring =
     fn(StoredFull, &Arm, &[Observation], &Prior, &FullSettings) -> Result<FullModel, SavedError>;
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -26,31 +26,12 @@ impl StoredModels {
         Self {
             base_target: models.base_target.clone(),
             geometric: models.geometric.clone(),
-            full: models.full.as_ref().map(FullModel::stored),
+            full: models.full.as_ref().map(|full| full.trained.clone()),
         }
     }
 
     /// The models; arm, observations and settings are those of their training.
     pub fn models(
-        self,
-        arm: &Arm,
-        observations: &[Observation],
-        settings: &TrainingSettings<'_>,
-    ) -> Result<Models, SavedError> {
-        self.restored(arm, observations, settings, StoredFull::model)
-    }
-
-    /// [`Self::models`] for predictions alone: covariances of the full error model are those before training, no rows are summed.
-    pub fn predicting(
-        self,
-        arm: &Arm,
-        observations: &[Observation],
-        settings: &TrainingSettings<'_>,
-    ) -> Result<Models, SavedError> {
-        self.restored(arm, observations, settings, StoredFull::predicting)
-    }
-
-    fn restored(
         self,
         arm: &Arm,
         observations: &[Observation],

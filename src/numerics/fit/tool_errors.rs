@@ -34,13 +34,13 @@ impl<'m> ToolErrors<'m> {
 
     /// Attained minus commanded position of the tool point in the base frame, mm.
     pub fn error(&self, joints: &[f64]) -> Result<Vector3<f64>, Gap> {
-        let tool = self.model.position(&self.at(&self.error_frame.arm().axes(joints)))?;
+        let tool = self.model.position(&self.at(&self.error_frame.arm.axes(joints)))?;
         Ok(self.in_error_frame(joints, &tool))
     }
 
     /// [`Self::error`] at many joint angles, on all cores.
     pub fn errors(&self, many: &[&[f64]]) -> Vec<Result<Vector3<f64>, Gap>> {
-        let axes: Vec<Vec<f64>> = many.iter().map(|q| self.error_frame.arm().axes(q)).collect();
+        let axes: Vec<Vec<f64>> = many.iter().map(|q| self.error_frame.arm.axes(q)).collect();
         let at: Vec<At<'_>> = axes.iter().map(|axes| self.at(axes)).collect();
         let tools = self.model.positions(&at);
         let in_error_frame =
@@ -57,11 +57,11 @@ impl<'m> ToolErrors<'m> {
 
     fn some(&self, some: &[&[f64]]) -> Vec<Result<ErrorWithCovariance, Gap>> {
         let predict =
-            |joints: &&[f64]| self.model.predict(&self.at(&self.error_frame.arm().axes(joints)));
+            |joints: &&[f64]| self.model.predict(&self.at(&self.error_frame.arm.axes(joints)));
         let predicted: Vec<Result<Prediction, Gap>> = some.iter().map(predict).collect();
         let sound: Vec<&Prediction> =
             predicted.iter().filter_map(|own| own.as_ref().ok()).collect();
-        let source = self.error_frame.frames().source;
+        let source = self.error_frame.frames.source;
         let mut spreads = self.model.spreads(self.session, source, &sound).into_iter();
         let each = some.iter().zip(&predicted);
         each.map(|(joints, own)| {
@@ -78,7 +78,7 @@ impl<'m> ToolErrors<'m> {
         predicted: &Prediction,
         spread: &Spread,
     ) -> ErrorWithCovariance {
-        let base = self.error_frame.frames().tracker_from_base.isometry();
+        let base = self.error_frame.frames.tracker_from_base.isometry();
         (
             self.in_error_frame(joints, &predicted.position),
             spread.seen_from(&base.rotation.inverse()) + self.visit(joints),
@@ -87,8 +87,8 @@ impl<'m> ToolErrors<'m> {
 
     /// Covariance of the arm's repeatability at one visit, base frame, mm².
     pub fn visit(&self, joints: &[f64]) -> Matrix3<f64> {
-        let axes = self.error_frame.arm().axes(joints);
-        let base = self.error_frame.frames().tracker_from_base.isometry();
+        let axes = self.error_frame.arm.axes(joints);
+        let base = self.error_frame.frames.tracker_from_base.isometry();
         Spread::Of(self.model.visit(&self.query(&axes))).seen_from(&base.rotation.inverse())
     }
 
@@ -99,10 +99,10 @@ impl<'m> ToolErrors<'m> {
         joints: &[f64],
         shown: &UnitQuaternion<f64>,
     ) -> Result<UnitQuaternion<f64>, Gap> {
-        let axes = self.error_frame.arm().axes(joints);
+        let axes = self.error_frame.arm.axes(joints);
         let in_tracker = self.model.flange(&self.query(&axes))? * shown;
-        let base = self.error_frame.frames().tracker_from_base.isometry();
-        let nominal = self.error_frame.arm().flange(joints).isometry().rotation;
+        let base = self.error_frame.frames.tracker_from_base.isometry();
+        let nominal = self.error_frame.arm.flange(joints).isometry().rotation;
         Ok(base.rotation.inverse() * in_tracker * nominal.inverse())
     }
 
@@ -116,8 +116,8 @@ impl<'m> ToolErrors<'m> {
             known: Known::Commanded,
             lever: self.error_frame.lever(),
             session: self.session,
-            source: self.error_frame.frames().source,
-            target: self.error_frame.frames().target,
+            source: self.error_frame.frames.source,
+            target: self.error_frame.frames.target,
             own: true,
             station: None,
         }
@@ -125,7 +125,7 @@ impl<'m> ToolErrors<'m> {
 
     /// The error, in the error reference frame, of a point in the tracker frame, mm.
     fn in_error_frame(&self, joints: &[f64], tool: &Point3<f64>) -> Vector3<f64> {
-        let base = self.error_frame.frames().tracker_from_base.isometry();
+        let base = self.error_frame.frames.tracker_from_base.isometry();
         base.inverse_transform_point(tool).coords
             - self.error_frame.nominal_tool(joints).translation.vector
     }

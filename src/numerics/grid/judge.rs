@@ -185,7 +185,7 @@ pub(super) fn local_cells(
             };
             let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>()?;
             let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
-            on_one_branch(&slices, reach.counted()).then_some(vertices).ok_or(Refusal::Branches)
+            on_one_branch(&slices, &reach.counted).then_some(vertices).ok_or(Refusal::Branches)
         };
         let mirrored = |axes: usize| {
             let of = |axis: usize, f: f64| if axes >> axis & 1 == 1 { 1.0 - f } else { f };

@@ -89,7 +89,8 @@ pub struct Reach<'a> {
     flange_from_tool: Isometry3<f64>,
     settings: InverseSettings,
     inverse: Inverse<'a>,
-    counted: Vec<f64>,
+    /// Radians that one unit of each joint's variable counts as, in the arm's order.
+    pub counted: Vec<f64>,
 }
 
 impl<'a> Reach<'a> {
@@ -102,11 +103,6 @@ impl<'a> Reach<'a> {
         };
         let inverse = Inverse::new(arm, &arm.no_offsets(), flange_from_tool, settings);
         Self { arm, flange_from_tool, settings, inverse, counted: arm.counted() }
-    }
-
-    /// Radians that one unit of each joint's variable counts as, in the arm's order.
-    pub fn counted(&self) -> &[f64] {
-        &self.counted
     }
 
     /// Joint angles for a tool pose, in the arm configuration of `seed`.
@@ -213,7 +209,7 @@ impl PlacedGrid {
         };
         let nodes = (0..count).into_par_iter().map(place).collect();
         progress.end();
-        Self { lattice, orientation, nodes, counted: reach.counted().to_vec() }
+        Self { lattice, orientation, nodes, counted: reach.counted.clone() }
     }
 
     /// The cell of a point, or why it cannot serve; `None` outside the grid.

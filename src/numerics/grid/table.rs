@@ -33,7 +33,7 @@ pub(super) fn table(
         interpolation: chosen.interpolation,
         idw_power: settings.idw_power,
         orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
-        counted: judging.reach.counted().to_vec(),
+        counted: judging.reach.counted.clone(),
         interpolation_mm2: judging.interpolation(&lattice, chosen, answers),
         nodes,
     })

@@ -20,7 +20,8 @@ const DETERMINED: f64 = 1.0;
 
 #[derive(Debug, Clone)]
 pub struct Comparison {
-    columns: Vec<Column>,
+    /// The columns of which either estimate has information.
+    pub columns: Vec<Column>,
     score: DVector<f64>,
     information: DMatrix<f64>,
 }
@@ -73,7 +74,7 @@ impl Comparison {
     pub fn new(earlier: &Estimate, later: &Estimate) -> Self {
         let both = earlier.plus(later);
         let (base, target) = both.frames();
-        let columns = both.columns().to_vec();
+        let columns = both.columns.clone();
         let (first, first_moment) = earlier.spread(&columns, base, target);
         let (second, second_moment) = later.spread(&columns, base, target);
         let size = columns.len();
@@ -89,11 +90,6 @@ impl Comparison {
         let score = &second_moment - &second * factor.solve(&(first_moment + &second_moment));
         let information = &second - &second * factor.solve(&second);
         Self { columns, score, information: (&information + information.transpose()) * 0.5 }
-    }
-
-    /// The columns of which either estimate has information.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
     }
 
     /// Places of the columns for which `is_asked` is true.

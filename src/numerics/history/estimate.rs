@@ -29,7 +29,7 @@ const NOTHING: f64 = 1e-9;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    columns: Vec<Column>,
+    pub columns: Vec<Column>,
     /// Λ, in the columns' units.
     #[serde(with = "bits::matrix")]
     information: DMatrix<f64>,
@@ -38,25 +38,13 @@ pub struct Estimate {
     moment: DVector<f64>,
     /// The fitted base in its source's frame, mm; `None` where the estimate has no information on one.
     #[serde(with = "bits::frame")]
-    base: Option<Isometry3<f64>>,
+    pub(super) base: Option<Isometry3<f64>>,
     /// The fitted main target on the flange, mm; `None` where the estimate has no information on one.
     #[serde(with = "bits::frame")]
-    target: Option<Isometry3<f64>>,
+    pub(super) target: Option<Isometry3<f64>>,
 }
 
 impl Estimate {
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    pub(super) const fn has_base(&self) -> bool {
-        self.base.is_some()
-    }
-
-    pub(super) const fn has_target(&self) -> bool {
-        self.target.is_some()
-    }
-
     /// Whether the base is more than `limit` mm or mrad from its place in `other`; false when one has none.
     pub(super) fn base_is_far_from(&self, other: &Self, limit: f64) -> bool {
         is_far(other.base.zip(self.base), true, limit)

@@ -156,7 +156,7 @@ fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
 
 /// The tests of every hypothesis, and what moved: by as much as counts, with its shifts, and by less.
 fn tested(comparison: &Comparison, noticed: Option<&Noticed>) -> Judged {
-    let (asked, found) = find(comparison, &hypotheses(comparison.columns()));
+    let (asked, found) = find(comparison, &hypotheses(&comparison.columns));
     let mut shifts = moved_by(comparison, &found);
     let of = |part: Hypothesis| shifts.iter().filter(move |own| part.has(&own.column));
     let is_small = |part| noticed.is_some_and(|own| own.size_mm(of(part)) < own.least_mm);
@@ -180,10 +180,10 @@ fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
 fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
     let (known, _) = without_parts_set_up_anew(first, own);
     let comparison = Comparison::new(&known, own);
-    let last = comparison.columns().iter().filter_map(Column::joint).max();
+    let last = comparison.columns.iter().filter_map(Column::joint).max();
     let charted = |column: &Column| match column {
-        Column::Chain(Parameter::Base(_)) => known.has_base(),
-        Column::Chain(Parameter::Target(_)) => known.has_target(),
+        Column::Chain(Parameter::Base(_)) => known.base.is_some(),
+        Column::Chain(Parameter::Target(_)) => known.target.is_some(),
         _ => column.zero_of().is_some_and(|joint| joint > 1 && Some(joint) != last),
     };
     let places = comparison.places(charted);

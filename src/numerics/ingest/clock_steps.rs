@@ -226,17 +226,13 @@ pub(super) struct Runs {
     last_logged: i64,
     latest: VecDeque<i64>,
     sample: Sample,
-    rows: u64,
+    pub(super) rows: u64,
     /// Rows with stamps far from those before and behind them.
     strays: Vec<Range<u64>>,
     is_disordered: bool,
 }
 
 impl Runs {
-    pub(super) const fn rows(&self) -> u64 {
-        self.rows
-    }
-
     pub(super) fn push(&mut self, block: u64, stamps: &[i64], logged: &[i64]) {
         for (&stamp, &at) in stamps.iter().zip(logged) {
             if stamp != i64::MIN && !self.is_disordered {

@@ -159,7 +159,7 @@ impl<B: Buffer> InOrder<B> {
         let file = self.files.last_mut().expect("begun before its blocks");
         let (stamps, logged) = B::times_of(block);
         let of = (&*file.name, &*self.topic, self.buffer.clock());
-        self.amendments.amend(of, (file.runs.rows(), bytes.0), stamps, logged);
+        self.amendments.amend(of, (file.runs.rows, bytes.0), stamps, logged);
         file.runs.push(bytes.0, stamps, logged);
         let span = Span::of(stamps);
         let place = Place { file: &file.name, topic: &self.topic, bytes };
@@ -428,8 +428,8 @@ mod tests {
             let block = rng.random_range(1..20);
             for buffered in [0, 20, 60, usize::MAX] {
                 let (found, summary) = emitted(&files, buffered, block);
-                *outcomes.entry((buffered, summary.is_in_order())).or_insert(0) += 1;
-                if !summary.is_in_order() {
+                *outcomes.entry((buffered, summary.in_order)).or_insert(0) += 1;
+                if !summary.in_order {
                     continue;
                 }
                 assert_eq!(found, samples);
@@ -453,7 +453,7 @@ mod tests {
         let once: File = (0..60).map(|k| (k, k as f64)).collect();
         for buffered in [0, 7, usize::MAX] {
             let (found, summary) = emitted(std::slice::from_ref(&twice), buffered, 11);
-            assert!(found == once && summary.is_in_order());
+            assert!(found == once && summary.in_order);
             assert_eq!((summary.counts.kept, summary.counts.repeated), (60, 60));
             assert_eq!(summary.publishers, None);
         }

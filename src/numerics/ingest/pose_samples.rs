@@ -69,7 +69,7 @@ pub trait Poses<C>: Debug + Send + Sync {
     }
 }
 
-impl<C: Debug + Send + Sync> Poses<C> for PoseSamples<C> {
+impl<C: Copy + Debug + Send + Sync> Poses<C> for PoseSamples<C> {
     fn count(&self) -> usize {
         self.stamps.len()
     }

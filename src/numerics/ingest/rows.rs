@@ -22,12 +22,6 @@ pub(super) enum RowFault {
 pub const CELSIUS: RangeInclusive<f64> = -40.0..=60.0;
 
 impl RowFault {
-    /// The fault of a row of joint angles; `None` without one.
-    pub(super) fn of_angles(angles: &JointAngles, row: usize) -> Option<Self> {
-        let finite = angles.row(row).iter().all(|angle| angle.is_finite());
-        (!finite).then_some(Self::Angle)
-    }
-
     /// Whether any row of angles has a fault, by all exponents at once: only those of infinities and NaN are all ones.
     pub(super) fn in_angles(angles: &JointAngles) -> bool {
         const EXPONENT: u64 = 0x7FF << 52;

@@ -32,9 +32,10 @@ pub struct StreamSummary {
     pub(super) stamped: bool,
     /// Whether all rows have the same columns.
     pub(super) alike: bool,
-    pub(super) in_order: bool,
+    /// Whether the samples were emitted in order: none was further out of order than the buffer reaches.
+    pub in_order: bool,
     /// What the logs have to be read with.
-    pub(super) amendments: Amendments,
+    pub amendments: Amendments,
     /// What distinguishes two publishers of the topic; `None` of one.
     pub(super) publishers: Option<String>,
 }
@@ -63,16 +64,6 @@ pub enum IngestError {
 }
 
 impl StreamSummary {
-    /// Whether the samples were emitted in order: none was further out of order than the buffer reaches.
-    pub const fn is_in_order(&self) -> bool {
-        self.in_order
-    }
-
-    /// What the logs have to be read again with.
-    pub const fn amendments(&self) -> &Amendments {
-        &self.amendments
-    }
-
     /// Checks that there are samples, that stamps are set and that all have the same columns; `undecoded` are the rejects of
     /// messages that could not be decoded.
     pub fn check(&self, undecoded: &[LogReject]) -> Result<(), IngestError> {

@@ -85,7 +85,10 @@ pub(super) fn decide_as_one(dwells: Dwells, gate_mm: f64) -> Result<Decision, Jo
     // An offset that differs by less than the dwells are long, and pairs them alike, is none that explains the logs otherwise.
     let rival = winner.as_ref().and_then(|winner| ranked.find(|own| !own.pairs_as(winner)));
     match winner {
-        Some(winner) if winner.is_believable() => {
+        Some(winner)
+            if winner.support >= MIN_PAIRS
+                && 2 * winner.support >= winner.candidate.pairs.len() =>
+        {
             if let Some(rival) = &rival {
                 refuse_equal(&winner, rival)?;
             }
@@ -206,10 +209,6 @@ impl Ranked {
             place.is_ok_and(|place| others[place] == **pair)
         };
         2 * own.iter().filter(is_theirs).count() > own.len()
-    }
-
-    fn is_believable(&self) -> bool {
-        self.support >= MIN_PAIRS && 2 * self.support >= self.candidate.pairs.len()
     }
 
     fn decision(self, tried: usize, rival_support: usize) -> Decision {

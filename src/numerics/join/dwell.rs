@@ -105,7 +105,7 @@ pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
 }
 
 pub(super) fn target_dwells(readings: &Readings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
-    let stationary = readings.stationary();
+    let stationary = &readings.stationary;
     let dwell = |stretch: &StationaryStretch| {
         let mut axes = readings.of(stretch.stretch)?.axes();
         Ok(TargetDwell {

@@ -28,7 +28,7 @@ pub(super) fn observe(
 ) -> Result<Observation, JoinError> {
     enough("controller", arm_stationary, "rad", "stationary_rad", settings)?;
     let arm_dwells = arm_dwells(arm_stationary, arm);
-    let stationary = readings.stationary();
+    let stationary = &readings.stationary;
     enough("tracker", stationary, "mm", "stationary_mm", settings)?;
     Ok(Observation {
         first_measured: Stamp::from_ns(stationary.span_ns.0),

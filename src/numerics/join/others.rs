@@ -81,7 +81,7 @@ impl<'a> Other<'a> {
             target: &self.dwells,
             placement,
             gate_mm,
-            same_mm: SAME_REACH * self.readings.stationary().threshold,
+            same_mm: SAME_REACH * self.readings.stationary.threshold,
             usual_mm: usual_scatter_mm(&self.dwells),
             ..*main
         })

@@ -165,12 +165,6 @@ impl Evidence<'_> {
         first..(stretch.last + 1).min(seen.rows.end).max(first)
     }
 
-    /// Rows from first to last reading of one group: noise and single bad readings break a stationary stretch, not the dwell.
-    fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
-        let parts = near.iter().map(|&target| self.part(target, seen));
-        parts.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(0..0)
-    }
-
     fn reading(
         &self,
         near: &[usize],
@@ -179,7 +173,9 @@ impl Evidence<'_> {
         dispositions: &mut Dispositions,
     ) -> Option<Reading> {
         let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
-        let span = self.span_of(near, seen);
+        // From first to last reading of the group: noise and single bad readings break a stationary stretch, not the dwell.
+        let parts = near.iter().map(|&target| self.part(target, seen));
+        let span = parts.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(0..0);
         let measured = seen.measured().filter(|row| span.contains(row));
         let (settled, settling): (Vec<usize>, Vec<usize>) =
             measured.partition(|&row| seen.stamp(row) >= settled_at);

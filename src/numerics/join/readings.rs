@@ -24,7 +24,7 @@ pub(super) fn is_measurement(position: &[f64; 3]) -> bool {
 pub struct Readings<'a> {
     poses: &'a dyn Poses<Tracker>,
     /// Stretches in rows of the readings.
-    stationary: Stationary,
+    pub stationary: Stationary,
     missing: Missing,
     equal: Equal,
 }
@@ -92,10 +92,6 @@ impl<'a> Readings<'a> {
 
     pub fn count(&self) -> usize {
         self.poses.count()
-    }
-
-    pub const fn stationary(&self) -> &Stationary {
-        &self.stationary
     }
 
     /// Runs of rows that are no measurements.

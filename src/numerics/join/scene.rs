@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::stationary::find_stationary;
+use super::stationary::tests::find_stationary;
 use super::{JoinError, JoinInput, JoinSettings, Joined, Pairing, ReferenceReadings, join};
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{JointAngles, JointSamples, Recording};

@@ -25,8 +25,6 @@ mod quantum;
 mod ranges;
 mod sums;
 
-use std::convert::Infallible;
-
 pub use finder::{Finder, Forgotten};
 
 #[derive(Debug, Clone, Copy)]
@@ -75,21 +73,6 @@ pub struct Stationary {
     pub span_ns: (i64, i64),
 }
 
-/// The stationary stretches of `columns` columns: `values` are the first sample's, then the second's; stamps do not decrease.
-pub fn find_stationary(
-    stamps_ns: &[i64],
-    values: &[f64],
-    columns: usize,
-    rule: &StationaryRule,
-) -> Stationary {
-    let found = stationary_of(columns, rule, |finder| {
-        finder.push(stamps_ns, values);
-        Ok::<_, Infallible>(())
-    });
-    let (stationary, ()) = found.unwrap_or_else(|never| match never {});
-    stationary
-}
-
 /// The stationary stretches of the samples that `replay` passes to a finder; it is called a second time where the threshold
 /// is found too late. Also returns the result of the last replay.
 pub fn stationary_of<T, E>(
@@ -111,8 +94,25 @@ pub fn stationary_of<T, E>(
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::join) mod tests {
+    use std::convert::Infallible;
+
     use super::*;
+
+    /// The stationary stretches of `columns` columns: `values` are the first sample's, then the second's; stamps do not decrease.
+    pub(in crate::join) fn find_stationary(
+        stamps_ns: &[i64],
+        values: &[f64],
+        columns: usize,
+        rule: &StationaryRule,
+    ) -> Stationary {
+        let found = stationary_of(columns, rule, |finder| {
+            finder.push(stamps_ns, values);
+            Ok::<_, Infallible>(())
+        });
+        let (stationary, ()) = found.unwrap_or_else(|never| match never {});
+        stationary
+    }
 
     const RULE: StationaryRule = StationaryRule {
         window_s: 0.1,

@@ -39,7 +39,11 @@ pub(super) fn add_between_session_variation(
         place,
         error_frame,
         settling_errors: sent(session),
-        beside: model.sides().map_or_else(Vec::new, |own| beside(session, error_frame, own)),
+        beside: model
+            .trained
+            .sides
+            .as_ref()
+            .map_or_else(Vec::new, |own| beside(session, error_frame, own)),
         day_mm: model.any_time_variance().sqrt(),
     };
     if other.day_mm <= 0.0 && other.settling_errors.is_empty() && other.beside.is_empty() {
@@ -70,7 +74,7 @@ fn beside(
     backlash: &Sides,
 ) -> Vec<(usize, Vec<f64>)> {
     let stations = &session.joined.stations;
-    let axes: Vec<_> = stations.iter().map(|own| error_frame.arm().axes(&own.joints)).collect();
+    let axes: Vec<_> = stations.iter().map(|own| error_frame.arm.axes(&own.joints)).collect();
     let beside = sides(axes.iter().map(|own| (0, &own[..]))).map(|own| backlash.on(&own));
     stations.iter().map(|own| own.number).zip(beside).collect()
 }
@@ -88,7 +92,7 @@ struct OtherDays<'o> {
 
 impl OtherDays<'_> {
     fn of(&self, place: usize, station: &GridStation) -> Vec<Vector3<f64>> {
-        let reported = self.error_frame.arm().axes(&station.joints);
+        let reported = self.error_frame.arm.axes(&station.joints);
         let own = self.settling_errors.iter().find(|(number, _)| *number == station.number);
         let own = own.map(|(_, settling_error)| *settling_error);
         let beside = self.beside.iter().find(|(number, _)| *number == station.number);
@@ -112,7 +116,7 @@ impl OtherDays<'_> {
 
     /// Axis variables with each joint on some side of its backlash; those reported where none is known.
     fn on_some_sides(&self, reported: Vec<f64>, even: &mut Even) -> Vec<f64> {
-        let Some(backlash) = self.model.sides() else { return reported };
+        let Some(backlash) = &self.model.trained.sides else { return reported };
         let some = reported.iter().map(|_| if even.next() < 0.5 { -1.0 } else { 1.0 });
         sum(&reported, &backlash.on(&some.collect::<Vec<f64>>()))
     }
@@ -142,12 +146,12 @@ impl OtherDays<'_> {
             known,
             lever: self.error_frame.lever(),
             session: self.place,
-            source: self.error_frame.frames().source,
-            target: self.error_frame.frames().target,
+            source: self.error_frame.frames.source,
+            target: self.error_frame.frames.target,
             own: true,
             station,
         });
-        let base = self.error_frame.frames().tracker_from_base.isometry();
+        let base = self.error_frame.frames.tracker_from_base.isometry();
         base.inverse_transform_point(&point).coords
     }
 }

@@ -104,7 +104,7 @@ pub(super) fn commanded_turns(
     error_frame: &ErrorFrame<'_>,
 ) -> Vec<Option<Turn>> {
     let sent = session.commanded.trust.agrees();
-    let tool_from_flange = error_frame.flange_from_tool().rotation.inverse();
+    let tool_from_flange = error_frame.flange_from_tool.rotation.inverse();
     let turn = |(station, pose): (&Station, &Option<CommandedPose>)| {
         let reading = station.one_reading().filter(|_| sent)?;
         Some(Turn {

@@ -9,9 +9,10 @@ use super::observed::Observed;
 use super::{JoinedSession, LengthResidual, Source};
 use super::{StageError, StageSettings, checks, lengths, mountings, sizes, suspects};
 use crate::fit::camera_size::CameraSize;
+use crate::fit::full::stored::StoredFull;
 use crate::fit::saved::SavedError;
 use crate::fit::stated_size::FoundSize;
-use crate::fit::stored::StoredModels;
+use crate::fit::stored::{Restoring, StoredModels};
 use crate::fit::{Model, Models};
 use crate::geometry::{symmetric, upper};
 use crate::kinematics::Arm;
@@ -24,7 +25,7 @@ pub struct Estimate {
     pub(super) observed: Observed,
     pub(super) trained: Trained,
     /// Errors of the stations that train: in training, and by the models without their fold or their session.
-    pub(super) residuals: Vec<ResidualSet>,
+    pub residuals: Vec<ResidualSet>,
     /// The sessions with one reading a station.
     pub(super) flanges: Flanges,
     /// The settings of all later stages: those given, with sizes that the sessions show.
@@ -131,11 +132,6 @@ impl Estimate {
         self.trained.models.geometric.misfit_mm
     }
 
-    /// Errors of the stations that train: in training, and by the models without their fold or their session.
-    pub fn residuals(&self) -> &[ResidualSet] {
-        &self.residuals
-    }
-
     /// What was trained, for a later run to start from.
     pub fn stored(&self) -> StoredTrainings {
         let trained = &self.trained;
@@ -212,12 +208,13 @@ fn restored(
     settings: &StageSettings,
 ) -> Result<Known, SavedError> {
     let train = training_settings(settings);
-    let models = stored.models.models(arm, &observed.all, &train)?;
+    let models = stored.models.models(arm, &observed.all, &train, StoredFull::model)?;
     let has_lengths = observed.all.iter().any(|own| own.measured.length().is_some());
     let residuals = stored.residuals.filter(|_| !has_lengths);
-    let of = if residuals.is_some() { StoredModels::predicting } else { StoredModels::models };
+    let of: Restoring =
+        if residuals.is_some() { StoredFull::predicting } else { StoredFull::model };
     let folds = stored.folds.into_iter().enumerate().map(|(fold, stored)| {
-        stored.map(|stored| of(stored, arm, &observed.without(fold), &train)).transpose()
+        stored.map(|stored| stored.models(arm, &observed.without(fold), &train, of)).transpose()
     });
     let folds = folds.collect::<Result<Vec<_>, _>>()?;
     Ok(Known { models, folds, sessions_left_out: Some(stored.sessions_left_out), residuals })

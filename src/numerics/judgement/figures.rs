@@ -49,7 +49,7 @@ impl FigureMaker<'_> {
         let Some(tip) = self.judges.settings.tool_tip else { return Vec::new() };
         let of_target = |set| self.carried(set, tip - self.target(set));
         let mut figures: Vec<Accuracy> = residuals.iter().map(of_target).collect();
-        let lever = tip - self.judges.error_frame.flange_from_tool().translation.vector;
+        let lever = tip - self.judges.error_frame.flange_from_tool.translation.vector;
         figures.push(self.of_table_at_tip(lever));
         for (driven, set) in sets(driven) {
             figures.push(Accuracy {
@@ -116,11 +116,11 @@ impl FigureMaker<'_> {
     fn middle(&self) -> Point3<f64> {
         let positions = self.judges.stations.iter().map(|station| station.position.coords);
         let middle = positions.sum::<Vector3<f64>>() / self.judges.stations.len().max(1) as f64;
-        self.judges.error_frame.frames().tracker_from_base.isometry() * Point3::from(middle)
+        self.judges.error_frame.frames.tracker_from_base.isometry() * Point3::from(middle)
     }
 
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let source = self.judges.settings.noise.source(self.judges.error_frame.frames().source);
+        let source = self.judges.settings.noise.source(self.judges.error_frame.frames.source);
         let orientation_rad = source.uncertainty.orientation_rad(&self.middle());
         expanded_uncertainty_mm(self.grids.guard_mm, orientation_rad.unwrap_or_default(), lever)
     }

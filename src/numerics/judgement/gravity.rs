@@ -23,9 +23,10 @@ pub fn clearest(full: &FullModel, joints: usize) -> Option<(usize, f64)> {
 
 /// The sum of each joint's coefficients, in standard deviations; 0 where it has none.
 fn yields(full: &FullModel, joints: usize) -> Option<Vec<f64>> {
-    let columns = full.layout().columns(Block::Gravity)?;
+    let columns = full.trained.layout.columns(Block::Gravity)?;
     let coefficients = full.coefficients(Block::Gravity)?;
-    let (mut rows, mut sums) = (DMatrix::zeros(joints, full.layout().size()), vec![0.0; joints]);
+    let (mut rows, mut sums) =
+        (DMatrix::zeros(joints, full.trained.layout.size()), vec![0.0; joints]);
     let behind = (0..joints).flat_map(|joint| (joint..joints).map(move |_| joint));
     for ((joint, column), coefficient) in behind.zip(columns).zip(coefficients.iter()) {
         rows[(joint, column)] = 1.0;

@@ -18,7 +18,7 @@ pub(super) fn grid_stations(
     error_frame: &ErrorFrame<'_>,
     fold: impl Fn(usize) -> Option<usize>,
 ) -> Vec<GridStation> {
-    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
+    let reach = Reach::new(error_frame.arm, error_frame.flange_from_tool);
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
     let paired = all.iter().zip(commands).filter(|(station, _)| station.one_reading().is_some());
@@ -51,12 +51,15 @@ impl Judges<'_> {
         let best = models.best().0;
         // A fold that holds no station out is never used.
         let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models)).chain([models]);
-        let errors = folds.map(|own| ToolErrors::new(own.or_best(best), self.last(), error_frame));
+        let errors = folds.map(|own| {
+            let model = own.get(best).unwrap_or_else(|| own.best().1);
+            ToolErrors::new(model, self.last(), error_frame)
+        });
         let mut folds: Vec<ToolErrors<'_>> = errors.collect();
         let model = folds.pop().expect("that of all stations");
         let guard_mm = guard_mm(stations, error_frame, settings);
         let input = GridInput { stations, folds: &folds, model, guard_mm };
-        let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
+        let reach = Reach::new(error_frame.arm, error_frame.flange_from_tool);
         grid::grids(&input, &reach, &settings.grid, &settings.tolerance, known, progress)
     }
 }
@@ -72,11 +75,11 @@ fn guard_mm(
 ) -> f64 {
     let sum = stations.iter().fold(Vector3::zeros(), |sum, station| sum + station.position.coords);
     let middle = Point3::from(sum / stations.len().max(1) as f64);
-    let in_tracker = error_frame.frames().tracker_from_base.isometry() * middle;
+    let in_tracker = error_frame.frames.tracker_from_base.isometry() * middle;
     let from_middle = |station: &GridStation| (station.position - middle).norm();
     let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
     let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;
-    let source = settings.noise.source(error_frame.frames().source);
+    let source = settings.noise.source(error_frame.frames.source);
     let tracker = source.uncertainty.covariance(&in_tracker);
     let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
     let from_base = |station: &GridStation| station.position.coords.norm();

@@ -91,7 +91,7 @@ impl Sources<'_> {
             let turn = command.and_then(|command| command.orientation);
             let orientation = error_frame.measured_flange(reading).map(|flange| Orientation {
                 commanded: turn.filter(|_| session.commanded.trust.agrees()),
-                attained: flange * error_frame.flange_from_tool().rotation,
+                attained: flange * error_frame.flange_from_tool.rotation,
             });
             Some((station.number, (commanded, position, orientation)))
         });

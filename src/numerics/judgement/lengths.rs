@@ -97,7 +97,7 @@ fn source(
     settings: &StageSettings,
 ) -> Source {
     let full = models.full.as_ref().filter(|_| model == Model::Full);
-    let of_full = full.and_then(|full| full.repeatability.lengths.get(size.source.0));
+    let of_full = full.and_then(|full| full.trained.repeatability.lengths.get(size.source.0));
     let of_full = of_full.filter(|_| size.kind.is_length());
     let fitted = model != Model::Full;
     let is_own = |own: &&LengthResidual| (own.model, own.source) == (model, size.source);

@@ -31,7 +31,7 @@ impl Judges<'_> {
         let square = |figures: Figures| figures.rms.powi(2);
         let all_find_it = Subject { base_refit: BaseRefit::All, ..figure.subject.clone() };
         let base = accuracy.iter().find(|own| own.subject == all_find_it);
-        let is_table = figure.subject.split == Split::Blocks && verdict.applied() == Applied::Table;
+        let is_table = figure.subject.split == Split::Blocks && verdict.applied == Applied::Table;
         let direct = grids.deciding().filter(|_| is_table);
         let best = self.models.best().0;
         let mut near = semivariograms.iter().filter(|(of, _)| *of == best);

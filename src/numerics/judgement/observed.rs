@@ -1,7 +1,5 @@
 //! Observations of the training sessions, with the fold that holds each out.
 
-use std::collections::BTreeMap;
-
 use nalgebra::Point3;
 
 use super::JoinedSession;
@@ -21,7 +19,9 @@ pub(super) struct Observed {
 impl Observed {
     pub(super) fn new(arm: &Arm, training: &[JoinedSession], settings: &StageSettings) -> Self {
         let all = observations_of(arm, training, settings);
-        let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
+        // Blocks are cut by the position of the nominal flange.
+        let flange = |own: &Observation| arm.chain().nominal(&own.axes).translation.vector.into();
+        let positions: Vec<Point3<f64>> = all.iter().map(flange).collect();
         // A pose is at the place of its first visit, in whichever session, so that no block separates its visits.
         let places = visits::poses(&dwells(training));
         let positions: Vec<Point3<f64>> = places.iter().map(|&first| positions[first]).collect();
@@ -35,11 +35,6 @@ impl Observed {
 
     pub(super) fn own(&self, session: usize) -> Vec<Observation> {
         self.of_session(session).map(|(o, _)| o.clone()).collect()
-    }
-
-    /// The fold of each station of a session, by its number.
-    pub(super) fn folds_of(&self, session: usize) -> BTreeMap<usize, usize> {
-        self.of_session(session).map(|(o, fold)| (o.station, fold)).collect()
     }
 
     /// The observations of all other sessions, with the sessions numbered again.
@@ -98,9 +93,4 @@ pub(super) fn observations(
         observation.follows_references &= session.joined.knocks.is_empty();
     }
     observations
-}
-
-/// Position of the nominal flange: blocks are cut by it.
-fn flange_position(arm: &Arm, observation: &Observation) -> Point3<f64> {
-    Point3::from(arm.chain().nominal(&observation.axes).translation.vector)
 }

@@ -51,7 +51,7 @@ impl Rounded {
         let measured = |station: &&Station| station.pairing == Pairing::Paired;
         let stations = session.joined.stations.iter().filter(measured);
         let joints: Vec<&[f64]> = stations.map(|station| &station.joints[..]).collect();
-        let steps = steps(&joints, &outcome.error_frame.arm().chain().slides());
+        let steps = steps(&joints, &outcome.error_frame.arm.chain().slides());
         let target_mm = effect(&joints, &steps, |q| outcome.error_frame.nominal_target(q))?;
         let left_mm = left(&outcome.residuals, &session.name)?;
         let counts = (LEAST_SHARE * left_mm..=MOST_SHARE * left_mm).contains(&target_mm);

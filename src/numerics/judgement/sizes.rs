@@ -127,7 +127,7 @@ pub(super) fn scales(
     training: &[JoinedSession],
     settings: &StageSettings,
 ) -> Vec<SessionScale> {
-    let evidence = models.full.as_ref().and_then(|full| full.scale_evidence());
+    let evidence = models.full.as_ref().and_then(|full| full.trained.scale_evidence.as_ref());
     let free = evidence.and_then(|evidence| evidence.free_scales(settings.fit.length_tolerance_mm));
     let scale = |(place, session): (usize, &JoinedSession)| SessionScale {
         session: session.name.clone(),

@@ -64,7 +64,7 @@ pub(super) fn frame(
     };
     StatedFrame {
         is_surveyed: base.is_some(),
-        tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
+        tracker_from_base: *error_frame.frames.tracker_from_base.isometry(),
         sd_mm,
         sd_deg: sd_rad.map(f64::to_degrees),
         lever_sd_mm: lever_sd_mm(settings),

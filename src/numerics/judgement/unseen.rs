@@ -61,7 +61,7 @@ impl Judges<'_> {
         finding: &[GridStation],
         errors: &ToolErrors<'_>,
     ) -> Option<ErrorFrame<'_>> {
-        let flange_from_tool = *self.error_frame.flange_from_tool();
+        let flange_from_tool = self.error_frame.flange_from_tool;
         let placed = |station: &GridStation| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
             let tool = station.position + errors.error(&station.joints).ok()?;
@@ -71,7 +71,7 @@ impl Judges<'_> {
         let of = |&finder: &usize| {
             let number = test.observations[finder].station;
             // Placed is the target that errors are stated by.
-            let is_own = test.observations[finder].target == self.error_frame.frames().target;
+            let is_own = test.observations[finder].target == self.error_frame.frames.target;
             let station = finding.iter().find(|own| own.number == number)?;
             is_own.then_some(())?;
             Some((finder, placed(station)?))
@@ -81,12 +81,12 @@ impl Judges<'_> {
         let own_target = test.located.target_sd_mm;
         let observations = &test.observations;
         let found = self.locator.refit(self.models, observations, &finders, own_target, &placed)?;
-        let mut target = *self.error_frame.frames().flange_from_target.isometry();
+        let mut target = *self.error_frame.frames.flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = FramePair {
             tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
             flange_from_target: Transform::claim(target),
-            ..*self.error_frame.frames()
+            ..self.error_frame.frames
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
         let oriented = self.settings.noise.takes_orientations() && own_target.is_none();

@@ -83,17 +83,18 @@ impl Designs {
         let candidates = candidates(arm, placer, settings)?;
         let region = region_axes(arm, placer, settings)?;
         let unknown = expected_model(arm, settings, &region, most);
-        let model = settings.known.as_ref().map_or(&unknown, |known| known.model());
+        let model = settings.known.as_ref().map_or(&unknown, |known| &known.model);
         let measured = measurements(arm, &candidates.0, model, settings);
         progress.begin("choosing poses", 2 * most as u64);
-        let visit = visit_covariances(model, &region);
+        let visit = |axes: &Vec<f64>| model.visit_covariance(&super::design::query(axes));
+        let visit: Vec<_> = region.iter().map(visit).collect();
         let mut design = Design::new(model, &measured, &region);
         let (mut by_variance, mut expected) = (Vec::new(), Vec::new());
         while by_variance.len() < most
             && let Some(choice) = design.choose()
         {
             by_variance.push(choice);
-            expected.push(Expected::of(design.region(), &visit, settings));
+            expected.push(Expected::of(&design.region, &visit, settings));
             progress.advance(1);
         }
         // The information on geometry is computed for an arm that is not known, even where this one is.
@@ -247,10 +248,6 @@ fn measurements(
         candidate(arm, &pose.joints, position, model, settings)
     };
     poses.iter().map(of).collect()
-}
-
-fn visit_covariances(model: &FullModel, region: &[Vec<f64>]) -> Vec<Matrix3<f64>> {
-    region.iter().map(|axes| model.visit_covariance(&super::design::query(axes))).collect()
 }
 
 /// Judges every design at every number of poses of the settings on the plan's robots.

@@ -37,8 +37,8 @@ pub struct Design<'c> {
     own: Vec<Matrix3<f64>>,
     /// Rows of the Cholesky factor, three for each choice, over the candidates.
     factor: Vec<Vec<f64>>,
-    region: Vec<Matrix3<f64>>,
-    chosen: Vec<usize>,
+    pub region: Vec<Matrix3<f64>>,
+    pub chosen: Vec<usize>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,14 +64,6 @@ impl<'c> Design<'c> {
             factor: Vec::new(),
             chosen: Vec::new(),
         }
-    }
-
-    pub fn chosen(&self) -> &[usize] {
-        &self.chosen
-    }
-
-    pub fn region(&self) -> &[Matrix3<f64>] {
-        &self.region
     }
 
     /// Mean over the region of the trace of the remaining covariance, mm².
@@ -173,14 +165,14 @@ impl<'c> Design<'c> {
 /// `L⁻¹ √v Φᵀ` of the positions at `axes`, three columns each.
 fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
     let part = |axes: &[&[f64]]| {
-        let mut rows = DMatrix::zeros(3 * axes.len(), model.layout().size());
+        let mut rows = DMatrix::zeros(3 * axes.len(), model.trained.layout.size());
         for (place, axes) in axes.iter().enumerate() {
             rows.rows_mut(3 * place, 3).copy_from(&model.predict(&query(axes)).rows);
         }
-        model.half(&rows)
+        model.posterior.half(&rows)
     };
     let parts: Vec<DMatrix<f64>> = axes.par_chunks(AT_ONCE).map(part).collect();
-    let mut half = DMatrix::zeros(model.layout().size(), 3 * axes.len());
+    let mut half = DMatrix::zeros(model.trained.layout.size(), 3 * axes.len());
     let mut first = 0;
     for part in parts {
         half.columns_mut(first, part.ncols()).copy_from(&part);
@@ -318,8 +310,8 @@ mod tests {
         for _ in 0..7 {
             design.choose();
         }
-        let direct = dense(&model, &candidates, &region, design.chosen());
-        for (place, own) in design.region().iter().enumerate() {
+        let direct = dense(&model, &candidates, &region, &design.chosen);
+        for (place, own) in design.region.iter().enumerate() {
             let direct = direct.fixed_view::<3, 3>(3 * place, 3 * place);
             // The base alone may be off by 300 mm before: 1e5 mm² to 1e-2 mm², so eight digits are lost.
             assert!((own - direct).abs().max() < 1e-5, "{own} {direct}");
@@ -332,7 +324,7 @@ mod tests {
         let (model, candidates) = (model(&region), candidates(10));
         let mut design = Design::new(&model, &candidates, &region);
         for _ in 0..6 {
-            let before = design.chosen().to_vec();
+            let before = design.chosen.clone();
             let chosen = design.choose().expect("candidates are left").candidate;
             let left = |candidate: usize| {
                 let with = [before.clone(), vec![candidate]].concat();
@@ -363,7 +355,7 @@ mod tests {
         };
         let mut design = Design::new(&model, &candidates, &[]);
         for _ in 0..3 {
-            let before = design.chosen().to_vec();
+            let before = design.chosen.clone();
             let chosen = design.choose_informative().expect("candidates are left").candidate;
             let with = |candidate: usize| gain(&[before.clone(), vec![candidate]].concat());
             let free = (0..candidates.len()).filter(|c| !before.contains(c));

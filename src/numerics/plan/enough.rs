@@ -35,7 +35,7 @@ pub fn promised(
     region: &[Vec<f64>],
     settings: &PlanSettings,
 ) -> Outcomes {
-    let mut rows = DMatrix::zeros(3 * region.len(), model.layout().size());
+    let mut rows = DMatrix::zeros(3 * region.len(), model.trained.layout.size());
     let mut alone = Vec::with_capacity(region.len());
     for (place, axes) in region.iter().enumerate() {
         let query = commanded(axes, session);
@@ -43,7 +43,7 @@ pub fn promised(
         rows.rows_mut(3 * place, 3).copy_from(&predicted.rows);
         alone.push(half(&(predicted.approach + model.visit_covariance(&query))));
     }
-    let together = model.half(&rows);
+    let together = model.posterior.half(&rows);
     let day_mm = model.any_time_variance().sqrt();
     let mut stream = Stream::new(settings.seed, Ingredient::Posterior);
     let z = DMatrix::from_vec(together.nrows(), ARMS, stream.normals(together.nrows() * ARMS, 1.0));
@@ -79,14 +79,14 @@ pub fn next(
         model.visit_covariance(&query) + model.predict(&query).approach
     };
     let visit: Vec<Matrix3<f64>> = region.iter().map(of_visit).collect();
-    let expected = |design: &Design<'_>| Expected::of(design.region(), &visit, settings).share_mm;
+    let expected = |design: &Design<'_>| Expected::of(&design.region, &visit, settings).share_mm;
     let mut design = Design::new(model, candidates, region);
     let wanted = expected(&design) * settings.tolerance.mm / promised_mm;
     let mut are_enough = false;
     while !are_enough && design.choose().is_some() {
         are_enough = expected(&design) <= wanted;
     }
-    Next { poses: design.chosen().to_vec(), are_enough }
+    Next { poses: design.chosen.clone(), are_enough }
 }
 
 /// A pose as commanded in another session.

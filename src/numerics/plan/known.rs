@@ -27,7 +27,7 @@ const ANYWHERE_MM: f64 = 300.0;
 #[derive(Debug)]
 pub struct KnownArm {
     mounting: Mounting,
-    model: FullModel,
+    pub model: FullModel,
     knows_approach: bool,
 }
 
@@ -46,10 +46,6 @@ impl KnownArm {
             mounting,
             knows_approach: past.knows_approach(),
         })
-    }
-
-    pub const fn model(&self) -> &FullModel {
-        &self.model
     }
 
     /// The model after stations of the session are measured; `found` are the frames that the nominal arm finds from them.
@@ -82,7 +78,7 @@ impl KnownArm {
     /// Arm number `cell.seed` drawn from the posterior, with its base put into the cell where it was not moved.
     pub fn draw(&self, cell: &mut SimulateSettings) -> ArmErrors {
         let mut stream = Stream::new(cell.seed, Ingredient::Posterior);
-        let z = DVector::from_vec(stream.normals(self.model.layout().size(), 1.0));
+        let z = DVector::from_vec(stream.normals(self.model.trained.layout.size(), 1.0));
         let drawn = self.model.drawn(z);
         let (offsets, frames) = self.model.geometry_of(&drawn, 0);
         let frames = frames.pair(SourceId::ONLY, TargetId::ONLY);
@@ -136,9 +132,9 @@ impl KnownArm {
         let before: usize = (0..joint).map(|earlier| joints - earlier).sum();
         AxisError {
             constant_rad,
-            curve_unit: self.model.layout().curve_unit(joint),
+            curve_unit: self.model.trained.layout.curve_unit(joint),
             curves: vec![curve(&of(Block::Curve(joint))), curve(own)],
-            lines: self.model.layout().lines(joint).into_iter().filter_map(line).collect(),
+            lines: self.model.trained.layout.lines(joint).into_iter().filter_map(line).collect(),
             gives_way: of(Block::Gravity).into_iter().skip(before).take(joints - joint).collect(),
         }
     }
@@ -154,14 +150,14 @@ impl KnownArm {
         let stand = |joint| ApproachOffset {
             nearer_command: at(&command_weight, joint) + at(&own, joint),
             beyond_rad: at(&short, joint),
-            within_rad: saturation(self.model.layout().slide_period_mm(joint).is_some()),
+            within_rad: saturation(self.model.trained.layout.slide_period_mm(joint).is_some()),
         };
         self.knows_approach.then(|| (0..joints).map(stand).collect())
     }
 
     /// The coefficients of a block; empty where the model has no such part.
     fn coefficients(&self, block: Block, drawn: &DVector<f64>) -> Vec<f64> {
-        drawn.as_slice()[self.model.layout().columns(block).unwrap_or(0..0)].to_vec()
+        drawn.as_slice()[self.model.trained.layout.columns(block).unwrap_or(0..0)].to_vec()
     }
 }
 

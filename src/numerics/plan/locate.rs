@@ -135,7 +135,7 @@ impl Site<'_> {
     /// Expected errors over the box with base and target from all of its poses.
     fn arm_alone(&self) -> Option<Expected> {
         let poses = self.session(&[]);
-        let all: Vec<usize> = (0..poses.len()).collect();
+        let all: Vec<usize> = (0..poses.count()).collect();
         Some(self.drawn(&poses.left(&poses.estimator(&all)?)))
     }
 
@@ -161,7 +161,7 @@ impl Site<'_> {
         let queries: Vec<Query<'_>> =
             all.iter().zip(&axes).map(|((_, station), axes)| self.query(axes, *station)).collect();
         let model = self.identified.model;
-        let to_base = model.frames()[self.identified.session]
+        let to_base = model.frames[self.identified.session]
             .tracker_from_base(SourceId::ONLY)
             .isometry()
             .inverse();
@@ -179,7 +179,7 @@ impl Site<'_> {
             alone.push(turn * visit * turn.transpose() + seen);
             placed.push(own);
         }
-        let scale_sd = model.scale_sd();
+        let scale_sd = model.trained.scale_sd;
         let (columns, precision) = frame_columns(&placed, self.identified.target_sd_mm, scale_sd);
         let half = self.elsewhere.half(&queries, self.identified.target_sd_mm.is_some());
         let poses = Poses { columns, precision, half, alone };

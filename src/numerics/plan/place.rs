@@ -21,7 +21,7 @@ const DRAWS: usize = 20;
 pub struct Placer<'a> {
     arm: &'a Arm,
     flange_from_target: Isometry3<f64>,
-    reach: Reach<'a>,
+    pub reach: Reach<'a>,
     seeds: Vec<GridStation>,
     /// Joints that slide on an arm with more joints than a pose needs: a pose leaves them free.
     free: Vec<usize>,
@@ -68,10 +68,6 @@ impl<'a> Placer<'a> {
             fold: 0,
             between_sessions: Vec::new(),
         });
-    }
-
-    pub const fn reach(&self) -> &Reach<'a> {
-        &self.reach
     }
 
     pub fn joints(&self, pose: &Isometry3<f64>) -> Result<Vec<f64>, Refusal> {

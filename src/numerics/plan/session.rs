@@ -31,10 +31,6 @@ pub enum Purpose {
     DriftCheck { of: usize },
 }
 
-pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
-    if settings.known.is_some() { LEAST_KNOWN_POSES } else { LEAST_POSES }
-}
-
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedVisit {
     pub purpose: Purpose,

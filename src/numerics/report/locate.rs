@@ -12,7 +12,7 @@ use super::evaluate::{axes_at, known_at, placed, predictions, turned};
 use super::refit::{self, Placed, Refit};
 use crate::figures::CHI_SQUARED_3_99;
 use crate::fit::full::elsewhere::Elsewhere;
-use crate::fit::full::{FullModel, Known, Query};
+use crate::fit::full::{Known, Query};
 use crate::fit::locate::Poses;
 use crate::fit::{Angles, Frames, Model, Models, Observation, TrainingSettings};
 use crate::kinematics::Arm;
@@ -169,7 +169,7 @@ impl Locator {
             locate,
             elsewhere,
             target_sd_mm: settings.fit.target.map_or(ANYWHERE_MM, |target| apart(target.sd_mm)),
-            scale_sd: full.map_or(0.0, FullModel::scale_sd),
+            scale_sd: full.map_or(0.0, |full| full.trained.scale_sd),
         }
     }
 
@@ -369,7 +369,7 @@ impl Locator {
         let (_, predictions) = predictions(models, Model::Full, angles, observations, false)?;
         let source = observations.first()?.source;
         let latest = models.latest();
-        let to_tracker = *full.frames()[latest].tracker_from_base(source).isometry();
+        let to_tracker = *full.frames[latest].tracker_from_base(source).isometry();
         let alone = predictions.iter().zip(observations);
         let alone = alone.map(|(p, o)| turned(&(full.noise(o, latest) + p.alone()), &to_tracker));
         let to_base = to_tracker.inverse();

@@ -79,7 +79,7 @@ impl Next {
             ""
         };
         Self {
-            by: verdict.applied(),
+            by: verdict.applied,
             stated,
             first,
             sets_base: !frame.is_surveyed && frame.open_mm.is_none(),

@@ -44,17 +44,13 @@ impl Applied {
 /// What judges a table or an identified arm, and the worst of what they say.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProductVerdict {
-    judges: Vec<Judge>,
+    pub judges: Vec<Judge>,
 }
 
 impl ProductVerdict {
     /// The worst of `judges`, in the order in which they are told: held-out blocks first.
     pub const fn of(judges: Vec<Judge>) -> Self {
         Self { judges }
-    }
-
-    pub fn judges(&self) -> &[Judge] {
-        &self.judges
     }
 
     /// The worst verdict: not met before not shown before met.
@@ -114,8 +110,9 @@ impl ProductVerdict {
 /// The verdicts of everything that a run publishes to correct targets by, and which of them is the verdict of the run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunVerdict {
-    applied: Applied,
-    table: ProductVerdict,
+    pub applied: Applied,
+    /// The verdict of the published table; not shown where no step gives one.
+    pub table: ProductVerdict,
     arm: ProductVerdict,
     /// The nominal arm with base and target fitted, which is what there is without a correction.
     nominal: ProductVerdict,
@@ -147,10 +144,6 @@ impl RunVerdict {
         }
     }
 
-    pub const fn applied(&self) -> Applied {
-        self.applied
-    }
-
     pub const fn headline(&self) -> &ProductVerdict {
         match self.applied {
             Applied::Table => &self.table,
@@ -159,18 +152,13 @@ impl RunVerdict {
         }
     }
 
-    /// The verdict of the published table; not shown where no step gives one.
-    pub const fn table(&self) -> &ProductVerdict {
-        &self.table
-    }
-
     pub fn of_model(&self, model: Model) -> Option<&ProductVerdict> {
         Some(&self.models.iter().find(|(own, _)| *own == model)?.1)
     }
 
     /// Everything that judges what the verdict is of.
     pub fn judges(&self) -> &[Judge] {
-        self.headline().judges()
+        &self.headline().judges
     }
 
     pub fn verdict(&self) -> Verdict {
@@ -370,7 +358,7 @@ mod tests {
         let of_arm = |bound, poses| blocks(Model::Full, bound, poses);
         // Nine stations near the table's orientation, and 645 that judge the arm.
         let random = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.116, 645));
-        assert_eq!(random.applied(), Applied::IdentifiedArm);
+        assert_eq!(random.applied, Applied::IdentifiedArm);
         assert_eq!((random.verdict(), random.reason()), (Verdict::Meets, None));
         assert_eq!(
             random.statement(),
@@ -382,18 +370,18 @@ mod tests {
             "not shown to be met by the compensation table: held-out blocks of mon: 9 poses held out; 59 poses are needed for 95 % with \
              95 % confidence; it answers for 100 of 100 measured stations and 100.0 % of the box"
         );
-        assert!(matches!(random.table().verdict(), Verdict::NotShown(_)));
-        let applied = |table: f64, arm: f64| run(vec![mon(table)], of_arm(arm, 100)).applied();
+        assert!(matches!(random.table.verdict(), Verdict::NotShown(_)));
+        let applied = |table: f64, arm: f64| run(vec![mon(table)], of_arm(arm, 100)).applied;
         assert_eq!(applied(0.2, 0.1), Applied::Table);
         assert_eq!(applied(0.6, 0.1), Applied::IdentifiedArm);
         assert_eq!(applied(0.2, 0.6), Applied::Table);
         assert_eq!(applied(0.6, 0.7), Applied::Table);
         // Of two that do not help, the one of which something is shown.
         let shown = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.9, 100));
-        assert_eq!(shown.applied(), Applied::IdentifiedArm);
+        assert_eq!(shown.applied, Applied::IdentifiedArm);
         assert_eq!(shown.verdict(), Verdict::DoesNotMeet);
         let neither = run(vec![blocks(Model::Table, 0.1, 9)], of_arm(0.1, 9));
-        assert_eq!(neither.applied(), Applied::Table);
+        assert_eq!(neither.applied, Applied::Table);
     }
 
     #[test]
@@ -401,22 +389,22 @@ mod tests {
         // Mean error 0.218 mm before, 0.278 mm with the table, 0.048 mm by the arm.
         let table = |harms| mon(0.45).harmed(harms);
         let of_arm = |bound, harms| blocks(Model::Full, bound, 100).harmed(harms);
-        assert_eq!(run(vec![table(false)], of_arm(0.126, false)).applied(), Applied::Table);
+        assert_eq!(run(vec![table(false)], of_arm(0.126, false)).applied, Applied::Table);
         let arm = run(vec![table(true)], of_arm(0.126, false));
-        assert_eq!((arm.applied(), arm.verdict()), (Applied::IdentifiedArm, Verdict::Meets));
+        assert_eq!((arm.applied, arm.verdict()), (Applied::IdentifiedArm, Verdict::Meets));
         assert!(arm.other_statement().ends_with("here the errors are no smaller with it"));
         // Its bound of 0.45 mm is within the tolerance of 0.5 mm, and it does not meet it.
-        assert!(matches!(arm.table().verdict(), Verdict::NotShown(_)));
+        assert!(matches!(arm.table.verdict(), Verdict::NotShown(_)));
         // An arm that is not within the tolerance is still more than a table that harms.
         let far = run(vec![table(true)], of_arm(0.9, false));
-        assert_eq!((far.applied(), far.verdict()), (Applied::IdentifiedArm, Verdict::DoesNotMeet));
-        assert_eq!(run(vec![table(false)], of_arm(0.9, true)).applied(), Applied::Table);
+        assert_eq!((far.applied, far.verdict()), (Applied::IdentifiedArm, Verdict::DoesNotMeet));
+        assert_eq!(run(vec![table(false)], of_arm(0.9, true)).applied, Applied::Table);
         let models = vec![
             (Model::BaseTarget, ProductVerdict::of(vec![blocks(Model::BaseTarget, 0.4, 100)])),
             (Model::Full, ProductVerdict::of(vec![of_arm(0.42, true)])),
         ];
         let neither = RunVerdict::of(ProductVerdict::of(vec![table(true)]), models, Model::Full);
-        assert_eq!((neither.applied(), neither.verdict()), (Applied::Nothing, Verdict::Meets));
+        assert_eq!((neither.applied, neither.verdict()), (Applied::Nothing, Verdict::Meets));
         // A session that may be of another arm is no judge of whether the correction helps.
         let mut stranger = wed(&of(Model::Full, 0.9, 100), &of(Model::Table, 0.9, 60)).harmed(true);
         stranger.remark = Some(Remark::OtherArm("hardly improved".to_owned()));
@@ -424,9 +412,9 @@ mod tests {
         let mut moved = stranger.clone();
         moved.remark = Some(Remark::OtherTarget("put on again".to_owned()));
         let harmed = run(vec![mon(0.2), moved.clone()], moved);
-        assert_eq!(harmed.applied(), Applied::Nothing);
+        assert_eq!(harmed.applied, Applied::Nothing);
         let asked = run(vec![mon(0.2), stranger.clone()], stranger);
-        assert_eq!((asked.applied(), asked.verdict()), (Applied::Table, Verdict::DoesNotMeet));
+        assert_eq!((asked.applied, asked.verdict()), (Applied::Table, Verdict::DoesNotMeet));
     }
 
     #[test]
@@ -436,13 +424,13 @@ mod tests {
             Judge::blocks("mon", &figure, Some(&covered(stations)), &TOLERANCE)
         };
         let of_arm = || blocks(Model::Full, 0.1, 100);
-        assert_eq!(run(vec![table(95)], of_arm()).applied(), Applied::Table);
+        assert_eq!(run(vec![table(95)], of_arm()).applied, Applied::Table);
         let few = run(vec![table(60)], of_arm());
-        assert_eq!(few.applied(), Applied::IdentifiedArm);
-        assert_eq!(few.table().verdict(), Verdict::Meets);
+        assert_eq!(few.applied, Applied::IdentifiedArm);
+        assert_eq!(few.table.verdict(), Verdict::Meets);
         // Where no step gives a table, the arm is all there is.
         let no_table = Judge::blocks("mon", &of(Model::Table, 0.2, 0), None, &TOLERANCE);
         let none = run(vec![no_table], blocks(Model::Full, 0.1, 9));
-        assert_eq!(none.applied(), Applied::IdentifiedArm);
+        assert_eq!(none.applied, Applied::IdentifiedArm);
     }
 }

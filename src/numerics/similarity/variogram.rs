@@ -76,19 +76,16 @@ pub fn alikeness(bins: &[Bin], models: &[VariogramModel]) -> Alikeness {
 }
 
 fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
-    let (first, last) = (shortest_range(bins)?, 2.0 * bins.last()?.separation);
+    // The separation of repeated visits may be zero, which is not a valid range; a bin shows nothing about ranges far below its own
+    // width.
+    let first = bins.first()?;
+    let first = first.separation.max(SHARE_OF_A_BIN * (first.to - first.from));
+    let last = 2.0 * bins.last()?.separation;
     let ratio = (last / first).max(1.0);
     let range = |step: u32| first * ratio.powf(f64::from(step) / f64::from(RANGES));
     (0..=RANGES)
         .map(|step| at_range(shape, range(step), bins))
         .min_by(|a, b| a.misfit.total_cmp(&b.misfit))
-}
-
-/// The first range that is tried: the separation of the first bin. That of repeated visits may be zero, which is not a valid
-/// range; a bin shows nothing about ranges far below its own width.
-fn shortest_range(bins: &[Bin]) -> Option<f64> {
-    let first = bins.first()?;
-    Some(first.separation.max(SHARE_OF_A_BIN * (first.to - first.from)))
 }
 
 /// Nugget and partial sill at a given range, both at least zero.

@@ -61,11 +61,6 @@ pub(super) fn placed(settings: &SimulateSettings, commanded: &[Commanded]) -> Si
 }
 
 impl Instrument {
-    /// Whether the target is found wherever it is.
-    pub(super) const fn sees_all(&self) -> bool {
-        matches!(self, Self::Tracker | Self::Scanner(_))
-    }
-
     /// Whether the target is found at its pose in the instrument's frame (of a camera on the flange: in the frame of the fixed target).
     pub(super) fn sees(&self, pose: &Isometry3<f64>) -> bool {
         match self {

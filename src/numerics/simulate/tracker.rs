@@ -130,9 +130,6 @@ impl<'a> View<'a> {
 
     /// Counts stops at which the instrument does not find the target as lost.
     fn lose_unseen(&mut self) {
-        if self.settings.instrument.sees_all() {
-            return;
-        }
         for (number, stop) in self.timeline.stops.iter().enumerate() {
             let pose = self.tracker_from_target(stop.start_s.midpoint(stop.end_s));
             self.lost[number] |= !self.settings.instrument.sees(&pose);

@@ -117,8 +117,8 @@ fn parameters(session: &Session) -> Vec<f64> {
     let found = model.offsets();
     let error = |(place, unknown): (usize, &posegrid::fit::Unknown)| {
         let truth = truth(unknown.parameter)?;
-        let sd = model.covariance_of(&[place])[(0, 0)].sqrt();
-        let identifiable = sd < IDENTIFIABLE_SHARE * model.prior_sd()[place];
+        let sd = model.posterior.covariance_of(&[place])[(0, 0)].sqrt();
+        let identifiable = sd < IDENTIFIABLE_SHARE * model.posterior.scale[place];
         identifiable.then_some((found[place] - truth) / sd)
     };
     model.unknowns().iter().enumerate().filter_map(error).collect()
@@ -171,8 +171,8 @@ fn shape(session: &Session, joint: usize, angles: &[f64], truth: &[f64]) -> Vec<
         DVector::from_iterator(places.len(), places.iter().map(|&place| of(place)))
     };
     let found = &rows * column(&|place| model.column_mean(place));
-    let prior = column(&|place| model.prior_sd()[place].powi(2));
-    let covariance = &rows * model.covariance_of(&places) * rows.transpose();
+    let prior = column(&|place| model.posterior.scale[place].powi(2));
+    let covariance = &rows * model.posterior.covariance_of(&places) * rows.transpose();
     let mean = truth.iter().sum::<f64>() / truth.len() as f64;
     let error = |i: usize| {
         let expected = rows.row(i).map(|x| x * x).transpose().dot(&prior);
@@ -188,9 +188,9 @@ fn curve_columns(session: &Session, joint: usize) -> Vec<(usize, f64, f64)> {
     let pair = |first: usize, cycles: f64| {
         [(first, cycles, 0.0), (first + 1, cycles, std::f64::consts::FRAC_PI_2)]
     };
-    let period = f64::from(session.model.layout().period_turns());
+    let period = f64::from(session.model.trained.layout.period_turns);
     let mut columns = Vec::new();
-    for (block, own) in session.model.layout().blocks() {
+    for (block, own) in session.model.trained.layout.blocks() {
         match block {
             Block::Curve(of) if of == joint => columns.extend(
                 (0..own.len() / 2).flat_map(|k| pair(own.start + 2 * k, (k + 1) as f64 / period)),

@@ -1,6 +1,7 @@
 //! The simplest reader of the real recordings: every message of the `mcap` crate's own stream, its bytes taken apart by hand,
 //! all in memory and sorted by stamp.
 
+use std::convert::Infallible;
 use std::fs;
 use std::path::PathBuf;
 
@@ -8,7 +9,7 @@ use mcap::MessageStream;
 use posegrid::ingest::{Mapping, PoseSamples, TemperatureSamples};
 use posegrid::io::log::SessionLogs;
 use posegrid::join::JoinInput;
-use posegrid::join::stationary::{StationaryRule, find_stationary};
+use posegrid::join::stationary::{StationaryRule, stationary_of};
 use posegrid::units::Stamp;
 
 /// What the join is given of a session of six joints.
@@ -28,8 +29,12 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> Jo
     let temperatures = messages(&logs.tracker, temperatures, Cdr::number).into_iter();
     let temperatures = temperatures.map(|(stamp_ns, celsius)| (Stamp::from_ns(stamp_ns), celsius));
     let (stamps, celsius) = temperatures.unzip();
+    let joints = stationary_of(mapping.joints.len(), rule, |finder| {
+        finder.push(&stamps_ns, &angles.concat());
+        Ok::<_, Infallible>(())
+    });
     JoinInput {
-        joints: find_stationary(&stamps_ns, &angles.concat(), mapping.joints.len(), rule),
+        joints: joints.expect("no error").0,
         commands: Box::new(poses(&logs.controller, &commanded.topic)),
         readings: Box::new(poses(&logs.tracker, &mapping.tracker.topic)),
         others: Vec::new(),
@@ -40,7 +45,7 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> Jo
 }
 
 /// Metres, and quaternions that are divided by their norm; scaled first by their largest number, as they come.
-fn poses<C>(logs: &[PathBuf], topic: &str) -> PoseSamples<C> {
+fn poses<C: Copy>(logs: &[PathBuf], topic: &str) -> PoseSamples<C> {
     let read = messages(logs, topic, |cdr| {
         let position: [f64; 3] = std::array::from_fn(|_| cdr.number() * 1000.0);
         let quaternion: [f64; 4] = std::array::from_fn(|_| cdr.number());

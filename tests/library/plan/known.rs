@@ -80,7 +80,7 @@ fn what_is_drawn_varies_as_the_posterior_does() {
     let lake = tempfile::tempdir().expect("a folder");
     let planning = few_harmonics(lake.path());
     let known = known(&planning, &past(&planning, 40), false);
-    let model = known.model();
+    let model = &known.model;
     let axes = planning.arm.axes(&planning.settings.home);
     let rows = model.predict(&query(&axes, Known::Reported)).rows;
     let expected = model.covariances(&rows)[0];
@@ -108,14 +108,14 @@ fn a_drawn_arm_stands_where_its_coefficients_say() {
     let planning = few_harmonics(lake.path());
     let (arm, settings) = (&planning.arm, &planning.settings);
     let known = known(&planning, &past(&planning, 40), false);
-    let model = known.model();
+    let model = &known.model;
     let placer = Placer::new(arm, settings).expect("a box in reach");
     let mut moved: f64 = 0.0;
     for seed in 0..3 {
         let mut cell = settings.population.clone();
         cell.seed = seed;
         let errors = known.draw(&mut cell);
-        let size = model.layout().size();
+        let size = model.trained.layout.size();
         let z = Stream::new(seed, Ingredient::Posterior).normals(size, 1.0);
         let away = model.drawn(DVector::from_vec(z)) - model.drawn(DVector::zeros(size));
         let frame = &cell.cell;
@@ -150,12 +150,12 @@ fn learning_in_two_parts_is_learning_at_once() {
     let mut robot = Robot::draw(arm, &known_planning.settings, 3);
     let poses = random(&placer, settings, 24);
     let all = observations(arm, &stations(robot.session(&poses)), settings);
-    let frames = &known.model().starts()[0];
+    let frames = &known.model.starts()[0];
     let learned = |model: &FullModel, part: &[Observation]| {
         model.learned(arm, part, frames.clone()).expect("positive")
     };
-    let at_once = learned(known.model(), &all);
-    let in_parts = learned(&learned(known.model(), &all[..10]), &all[10..]);
+    let at_once = learned(&known.model, &all);
+    let in_parts = learned(&learned(&known.model, &all[..10]), &all[10..]);
     for pose in &poses {
         let axes = arm.axes(&pose.joints);
         let query = query(&axes, Known::Reported);
@@ -166,7 +166,7 @@ fn learning_in_two_parts_is_learning_at_once() {
         let (one, two) = (covariance(&at_once), covariance(&in_parts));
         assert!(apart < 0.02, "{apart}");
         assert!((one - two).norm() < 0.1 * one.norm(), "{one} {two}");
-        assert!(one.trace() < 0.5 * covariance(known.model()).trace());
+        assert!(one.trace() < 0.5 * covariance(&known.model).trace());
     }
 }
 
@@ -227,7 +227,7 @@ fn chosen_from(known: &FullModel, session: &[Observation], count: usize) -> Vec<
     for _ in 0..count {
         design.choose().expect("more poses than are chosen");
     }
-    design.chosen().to_vec()
+    design.chosen.clone()
 }
 
 /// What a known arm that goes on from these stations of `a` leaves on `b`, its base refitted there.

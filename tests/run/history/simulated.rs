@@ -98,7 +98,7 @@ impl Drawing {
     }
 
     fn next(&mut self, truth: &[(Column, f64)]) -> Estimate {
-        let normals = self.stream.normals(self.of.columns().len(), 1.0);
+        let normals = self.stream.normals(self.of.columns.len(), 1.0);
         self.of.drawn(truth, &normals)
     }
 
@@ -106,7 +106,7 @@ impl Drawing {
     fn compared(&mut self, truth: &[(Column, f64)]) -> (Vec<Asked>, Finding) {
         let (earlier, later) = (self.next(&[]), self.next(truth));
         let comparison = Comparison::new(&earlier, &later);
-        find(&comparison, &hypotheses(comparison.columns()))
+        find(&comparison, &hypotheses(&comparison.columns))
     }
 }
 
@@ -272,7 +272,7 @@ fn a_change_counts_by_its_size_and_many_small_ones_add_up() {
         .map(|session| {
             let truth = [(base(Axis::X), 0.05 * f64::from(session))];
             let figures = figures(drawing.next(&truth));
-            let columns = figures.estimate.columns().to_vec();
+            let columns = figures.estimate.columns.clone();
             session_history.next(&SessionFigures {
                 noticed: Some(Noticed::new(mm, &columns, &arm, &target, &ranges)),
                 ..figures

@@ -95,7 +95,7 @@ pub(super) fn noticed(
     let target = frames.flange_from_target(TargetId::MAIN).isometry();
     let ranges = row.of_arm.valid_for.joint_ranges();
     let is_whole = ranges.len() == head.arm.joints().len();
-    let noticed = |mm| Noticed::new(mm, estimate.columns(), &head.arm, target, &ranges);
+    let noticed = |mm| Noticed::new(mm, &estimate.columns, &head.arm, target, &ranges);
     least_mm.filter(|_| is_whole).map(noticed)
 }
 

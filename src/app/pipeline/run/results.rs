@@ -128,7 +128,7 @@ impl<'a> Results<'a> {
         known.or_make(|key| {
             let both = (sessions.training, sessions.test);
             let estimate = judgement::estimate(arm, both, None, settings, *progress)?;
-            let residuals = estimates::residuals(estimate.residuals(), targets, key)?;
+            let residuals = estimates::residuals(&estimate.residuals, targets, key)?;
             let row = |written: &[Written]| estimates::table(&estimate.stored(), &work, written);
             self.publish(ESTIMATES, key, &residuals, row)?;
             Ok(estimate)

@@ -5,7 +5,7 @@ use crate::judgement::rounded::Rounded;
 
 /// One line for each session whose joints are rounded by more than `least_mm` at the target.
 pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<String> {
-    let slides = outcome.error_frame.arm().chain().slides();
+    let slides = outcome.error_frame.arm.chain().slides();
     let sessions = outcome.training.iter().chain(&outcome.test);
     let words = sessions.filter_map(|session| {
         let found = Rounded::of(outcome, session).filter(|found| found.target_mm >= least_mm)?;

@@ -33,7 +33,7 @@ struct Seed {
 /// let nominal = arm.no_offsets();
 /// let anywhere = Anywhere::new(&arm, &nominal, Isometry3::identity(), InverseSettings::default());
 /// let pose = *arm.flange(&[0.3, -1.2, 1.5, -1.8, -1.5, 0.4]).isometry();
-/// let found = anywhere.joints(&pose, None)?;
+/// let found = anywhere.joints_where(&pose, None, |_| true)?;
 /// assert!((arm.flange(&found).isometry().translation.vector - pose.translation.vector).norm() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -63,16 +63,8 @@ impl<'a> Anywhere<'a> {
     }
 
     /// Joint angles within the limits at which the end has the pose. With `near`, joints take the turn nearest to it;
-    /// without, the one nearest the middle of their limits. The error is of the seed that came nearest to a solution.
-    pub fn joints(
-        &self,
-        base_from_end: &Isometry3<f64>,
-        near: Option<&[f64]>,
-    ) -> Result<Vec<f64>, InverseError> {
-        self.joints_where(base_from_end, near, |_| true)
-    }
-
-    /// [`Self::joints`] of those that `accepts`. Where it accepts none, the error is of seeds without a solution.
+    /// without, the one nearest the middle of their limits. The error is of the seed that came nearest to a solution. Of joint angles
+    /// those that `accepts`; where it accepts none, the error is of seeds without a solution.
     pub fn joints_where(
         &self,
         base_from_end: &Isometry3<f64>,

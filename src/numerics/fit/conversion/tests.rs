@@ -274,7 +274,7 @@ fn without_beta(arm: &Arm) -> Arm {
 fn condition(truth: &Truth, arm: &Arm, seen: &[Observation]) -> f64 {
     let starts = std::slice::from_ref(&truth.frames);
     let problem = Problem::new(seen, arm.chain(), starts, Freedom::Geometry, &Prior::default());
-    let found = Structure::of(&problem, &DVector::zeros(problem.unknowns().len()));
+    let found = Structure::of(&problem, &DVector::zeros(problem.unknowns.len()));
     found.singular_values[0] / found.singular_values[26].max(1e-300)
 }
 

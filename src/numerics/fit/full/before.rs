@@ -8,8 +8,9 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
 use super::layout::Block;
 use super::regression::{Posterior, Root};
 use super::rows::State;
+use super::stored::StoredFull;
 use super::student::Tails;
-use super::{FullModel, FullSettings, Ready};
+use super::{FullModel, FullSettings};
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Freedom, Prior, Problem};
@@ -36,16 +37,16 @@ impl FullModel {
         let frames = [frames.clone()];
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
-        let offsets = DVector::zeros(problem.unknowns().len());
+        let offsets = DVector::zeros(problem.unknowns.len());
         let state = State::expected(&problem, offsets, settings, up.is_some());
         let span = stations.max(1) as f64;
         let variances = state.components.variances();
         let mean = DVector::zeros(state.layout.size());
         let problem = Problem::new(&[], chain, &frames, geometry, prior);
-        Self {
-            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
-            frames: problem.frames(&state.offsets),
-            problem,
+        let posterior = Posterior::before(variances.map(f64::sqrt));
+        let trained = StoredFull {
+            starts: problem.starts.clone(),
+            turned: false,
             up: up.map(UnitVector3::into_inner),
             drift_variance: 0.0,
             warm_up_variance: 0.0,
@@ -59,32 +60,29 @@ impl FullModel {
             rows_at: state.offsets.clone(),
             offsets: state.offsets,
             mean,
-            posterior: Posterior::before(variances.map(f64::sqrt)),
+            scale: posterior.scale.clone(),
+            whitened: posterior.whitened.clone(),
             span,
             repeatability: state.repeatability,
             weights: Vec::new(),
-            left_out: Vec::new(),
             parts: Vec::new(),
-        }
+        };
+        Self::of(trained, problem, posterior, Vec::new())
     }
 
     /// This model with errors of geometry and frames only, nothing learned.
     #[must_use]
     pub fn geometry_alone(mut self) -> Self {
-        let unknowns = self.layout.columns(Block::Unknowns).unwrap_or(0..0);
+        let unknowns = self.trained.layout.columns(Block::Unknowns).unwrap_or(0..0);
         let mut scale = self.posterior.scale;
         for (column, scale) in scale.iter_mut().enumerate() {
             if !unknowns.contains(&column) {
                 *scale = 0.0;
             }
         }
+        self.trained.scale.clone_from(&scale);
         self.posterior = Posterior::before(scale);
         self
-    }
-
-    /// `L⁻¹ √v rowsᵀ` of stacked rows: products of its columns are covariances of predictions.
-    pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        self.posterior.half(rows)
     }
 }
 

@@ -31,15 +31,15 @@ pub(super) fn layout(
     has_up: bool,
     span: f64,
 ) -> Layout {
-    let sessions = problem.starts().len();
-    let observations = problem.observations();
+    let sessions = problem.starts.len();
+    let observations = problem.observations;
     let joints = observations.first().map_or(0, |o| o.axes.len());
-    let mut layout =
-        Layout::new(settings.curve_period_turns).with_slides(slide_periods_mm(problem, settings));
+    let mut layout = Layout::new(settings.curve_period_turns);
+    layout.slide_periods_mm = slide_periods_mm(problem, settings);
     let days = days(observations, sessions);
-    layout = layout.with_ages(ageing::ages_years(&days));
-    layout = layout.with_repairs(repairs::to_come(&settings.repaired, &days, joints));
-    layout.push(Block::Unknowns, problem.unknowns().len());
+    layout.ages_years = ageing::ages_years(&days);
+    layout.repairs_to_come = repairs::to_come(&settings.repaired, &days, joints);
+    layout.push(Block::Unknowns, problem.unknowns.len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
     }
@@ -77,7 +77,7 @@ pub(super) fn layout(
                 2 * few_harmonics(settings).min(harmonics) + 1,
             );
         }
-        for step in 0..ageing::steps(layout.ages_years()) {
+        for step in 0..ageing::steps(&layout.ages_years) {
             let columns = 2 * few_harmonics(settings).min(harmonics) + 1;
             layout.push(Block::Ageing { joint, step }, columns);
         }
@@ -101,10 +101,10 @@ fn drifts(observations: &[Observation], session: usize) -> bool {
 
 /// The middle of each session's stations by the nominal arm, in the base frame, mm.
 pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
-    let nominal = problem.held(&DVector::zeros(problem.unknowns().len()));
+    let nominal = problem.held(&DVector::zeros(problem.unknowns.len()));
     // Those that one source saw, in the base frame, and how many there are.
     let seen_by = |session: usize, frames: &Frames, source: SourceId| {
-        let own = problem.observations().iter();
+        let own = problem.observations.iter();
         let own = own.filter(|o| (o.session, o.source) == (session, source));
         let (sum, count) = own.fold((Vector3::zeros(), 0_usize), |(sum, count), o| {
             (sum + nominal.of(o.channel()).view(&o.axes).end.translation.vector, count + 1)
@@ -122,7 +122,7 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
         });
         middle.map_or_else(Point3::origin, |(middle, _)| middle)
     };
-    problem.starts().iter().enumerate().map(middle).collect()
+    problem.starts.iter().enumerate().map(middle).collect()
 }
 
 fn command_weights(
@@ -165,7 +165,7 @@ fn slide_periods_mm(problem: &Problem<'_>, settings: &FullSettings) -> Vec<Optio
         return Vec::new();
     }
     let period_mm = |(joint, slides): (usize, bool)| {
-        let positions = problem.observations().iter().map(|o| o.axes[joint]);
+        let positions = problem.observations.iter().map(|o| o.axes[joint]);
         let outermost = positions.fold(None, |seen: Option<[f64; 2]>, position| {
             let [low, high] = seen.unwrap_or([position; 2]);
             Some([low.min(position), high.max(position)])
@@ -198,7 +198,7 @@ fn harmonics(
     if settings.harmonics == 0 {
         return vec![0; joints];
     }
-    let observations = problem.observations();
+    let observations = problem.observations;
     let chains = problem.held(offsets);
     let views = observations.iter().map(|o| chains.of(o.channel()).view(&o.axes).joints);
     let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
@@ -220,7 +220,7 @@ pub(super) fn unknown_variances(problem: &Problem<'_>) -> Vec<f64> {
     const WIDE_MM: f64 = 300.0;
     const WIDE_RAD: f64 = 0.3;
     let wide = |angle: bool| if angle { WIDE_RAD } else { WIDE_MM };
-    let precisions = problem.prior_precision().iter().zip(problem.unknowns());
+    let precisions = problem.precision.iter().zip(&problem.unknowns);
     precisions
         .map(
             |(&p, unknown)| {

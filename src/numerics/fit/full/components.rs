@@ -10,9 +10,10 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use super::layout::{Block, Layout};
+use super::repairs::ZERO_SD_RAD;
 use super::settings::FullSettings;
 use super::spectrum::{Kernel, Spectra, smooth_variances};
-use crate::units::SLIDE_MM_PER_RAD;
+use crate::units::{SLIDE_MM_PER_RAD, per_radian};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Part {
@@ -176,7 +177,7 @@ impl Components {
             Block::Curve(joint) => self.add_curve(layout, joint, columns, spectra, s),
             Block::Earlier { joint, .. } => {
                 let slides = layout.slide_period_mm(joint).is_some();
-                self.fixed[columns.start] = super::repairs::zero_variance(slides);
+                self.fixed[columns.start] = (ZERO_SD_RAD * per_radian(slides)).powi(2);
                 self.add_curve(layout, joint, columns.start + 1..columns.end, spectra, s);
             }
             Block::SessionCurve { joint, .. } => {
@@ -308,7 +309,7 @@ fn session_curve_sizes(layout: &Layout, settings: &FullSettings, joint: usize) -
 fn gravity_profile(layout: &Layout, settings: &FullSettings, columns: usize) -> Vec<f64> {
     let slide = (settings.slide_sd_mm / settings.gravity_sd).powi(2);
     let mut profile = vec![1.0; columns];
-    let joints = layout.slide_periods_mm().len();
+    let joints = layout.slide_periods_mm.len();
     let rows = (0..joints).flat_map(|joint| vec![joint; joints - joint]);
     for (share, joint) in profile.iter_mut().zip(rows) {
         if layout.slide_period_mm(joint).is_some() {

@@ -49,16 +49,20 @@ impl JointError {
 impl FullModel {
     /// After how many turns of a joint that turns its error curve repeats.
     pub const fn curve_period_turns(&self) -> u32 {
-        self.layout.period_turns()
+        self.trained.layout.period_turns
     }
 
     pub fn joint_curves(&self) -> JointCurves {
-        let pairs: Vec<Pair> =
-            self.layout.blocks().flat_map(|(block, columns)| self.pairs(block, columns)).collect();
+        let pairs: Vec<Pair> = self
+            .trained
+            .layout
+            .blocks()
+            .flat_map(|(block, columns)| self.pairs(block, columns))
+            .collect();
         let columns = pairs.iter().flat_map(|pair| [pair.column, pair.column + 1]);
         let columns: Vec<usize> = columns.collect();
         JointCurves {
-            mean: self.mean.select_rows(&columns),
+            mean: self.trained.mean.select_rows(&columns),
             half: self.posterior.half_of(&columns),
             pairs,
         }
@@ -74,7 +78,7 @@ impl FullModel {
         };
         match block {
             Block::Curve(joint) => {
-                let unit = self.layout.curve_unit(joint);
+                let unit = self.trained.layout.curve_unit(joint);
                 let smooth = |place: usize| pair(joint, false, place, (place + 1) as f64 / unit);
                 (0..columns.len() / 2).map(smooth).collect()
             }
@@ -86,8 +90,8 @@ impl FullModel {
     /// The smooth error curve of `joint` (from 0) at `angles` (axis variable, rad; mm where the joint slides) per unit of every
     /// column: a row for each angle, zero without a curve.
     pub fn curve_rows(&self, joint: usize, angles: &[f64]) -> DMatrix<f64> {
-        let mut rows = DMatrix::zeros(angles.len(), self.layout.size());
-        let columns = self.layout.columns(Block::Curve(joint)).unwrap_or(0..0);
+        let mut rows = DMatrix::zeros(angles.len(), self.trained.layout.size());
+        let columns = self.trained.layout.columns(Block::Curve(joint)).unwrap_or(0..0);
         for pair in self.pairs(Block::Curve(joint), columns) {
             pair.fill(&mut rows, pair.column, angles);
         }
@@ -104,23 +108,15 @@ impl FullModel {
 
     /// Posterior means of combinations of columns, a row each; of an unknown, without the offset where its column is evaluated.
     pub fn means_of_rows(&self, rows: &DMatrix<f64>) -> DVector<f64> {
-        rows * &self.mean
-    }
-
-    /// Posterior covariance of the columns at `places`.
-    pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
-        self.posterior.covariance_of(places)
+        rows * &self.trained.mean
     }
 
     /// Posterior mean of the column at `place`; for an unknown, its whole offset.
     pub fn column_mean(&self, place: usize) -> f64 {
-        let unknowns = self.layout.columns(Block::Unknowns).filter(|own| own.contains(&place));
-        unknowns.map_or(0.0, |own| self.offsets[place - own.start]) + self.mean[place]
-    }
-
-    /// Prior standard deviation of every column, found by the session's own likelihood.
-    pub const fn prior_sd(&self) -> &DVector<f64> {
-        &self.posterior.scale
+        let unknowns =
+            self.trained.layout.columns(Block::Unknowns).filter(|own| own.contains(&place));
+        unknowns.map_or(0.0, |own| self.trained.offsets[place - own.start])
+            + self.trained.mean[place]
     }
 }
 

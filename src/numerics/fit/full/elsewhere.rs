@@ -35,7 +35,7 @@ impl FullModel {
         reason = "a number of stations"
     )]
     pub const fn span_stations(&self) -> usize {
-        self.span as usize
+        self.trained.span as usize
     }
 
     /// The arm in another session, with base and targets of the one given; `None` where rounding makes a factorisation fail.
@@ -46,7 +46,7 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Elsewhere> {
-        let frames = &self.frames()[session];
+        let frames = &self.frames[session];
         let mounting = Mounting {
             session,
             sources: frames.sources().iter().map(|base| Placed::Moved(*base)).collect(),
@@ -58,7 +58,7 @@ impl FullModel {
             let unknowns = model.unknowns().iter().enumerate();
             unknowns.filter(move |(_, unknown)| is_own(&unknown.owner)).map(|(column, _)| column)
         };
-        let scale = model.layout().columns(Block::Scale(0));
+        let scale = model.trained.layout.columns(Block::Scale(0));
         let base = columns(|owner| matches!(owner, Owner::Source { .. }));
         Some(Elsewhere {
             found: base.chain(scale.into_iter().flatten()).collect(),
@@ -75,7 +75,7 @@ impl Elsewhere {
         let part =
             |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries, own_target));
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
-        let mut half = DMatrix::zeros(self.model.layout().size(), 3 * queries.len());
+        let mut half = DMatrix::zeros(self.model.trained.layout.size(), 3 * queries.len());
         let mut first = 0;
         for part in parts {
             half.columns_mut(first, part.ncols()).copy_from(&part);
@@ -86,10 +86,10 @@ impl Elsewhere {
 
     /// The motion of each point by every column that the session's stations do not find, in the axes of the base.
     fn rows(&self, queries: &[Query<'_>], own_target: bool) -> DMatrix<f64> {
-        let mut rows = DMatrix::zeros(3 * queries.len(), self.model.layout().size());
+        let mut rows = DMatrix::zeros(3 * queries.len(), self.model.trained.layout.size());
         for (place, query) in queries.iter().enumerate() {
             let query = Query { session: 0, own: true, ..*query };
-            let base = self.model.frames()[0].tracker_from_base(query.source).isometry();
+            let base = self.model.frames[0].tracker_from_base(query.source).isometry();
             let turn = base.rotation.inverse().to_rotation_matrix();
             let own = turn.matrix() * self.model.predict(&query).rows;
             rows.rows_mut(3 * place, 3).copy_from(&own);

@@ -54,7 +54,7 @@ impl Settled {
             return (self, None);
         };
         let kept = apart >= 0.0;
-        let rows = 3 * problem.observations().len();
+        let rows = 3 * problem.observations.len();
         let evidence = PartEvidence {
             name: "joint_curves",
             // The log likelihood of left-out residuals, each model with residuals of its own size.
@@ -226,8 +226,8 @@ fn folds(problem: &Problem<'_>, offsets: &DVector<f64>) -> Vec<usize> {
         let measured = point.map_or_else(predicted, |point| point.position);
         base.isometry().inverse_transform_point(&measured)
     };
-    let stations = stations(problem.observations()).into_iter();
-    let positions = stations.map(|own| position(&problem.observations()[own.start]));
+    let stations = stations(problem.observations).into_iter();
+    let positions = stations.map(|own| position(&problem.observations[own.start]));
     let positions: Vec<Point3<f64>> = positions.collect();
     Blocks::default().folds(&positions)
 }

@@ -227,12 +227,6 @@ struct Sized {
     noise: f64,
 }
 
-impl Sized {
-    const fn evidence(&self) -> f64 {
-        self.posterior.log_evidence
-    }
-}
-
 /// A step before a station, and the model with it.
 type Tried = Option<((usize, Columns), Sized)>;
 
@@ -250,7 +244,7 @@ impl<'a> Small<'a> {
         let placed = identify(arm, observations, 1, Freedom::BaseAndTarget, &fit).ok()?;
         let (frames, prior) = (&placed.frames, fit.prior());
         let problem = Problem::new(observations, arm.chain(), frames, Freedom::Geometry, &prior);
-        let start = DVector::zeros(problem.unknowns().len());
+        let start = DVector::zeros(problem.unknowns.len());
         let settings = FullSettings {
             harmonics: HARMONICS,
             gear_lines: false,
@@ -260,7 +254,7 @@ impl<'a> Small<'a> {
         };
         let up = up.map(UnitVector3::into_inner);
         let settled = train(&problem, start, &settings, up)?;
-        let unknowns = problem.unknowns();
+        let unknowns = &problem.unknowns;
         let places = |is: fn(&Unknown) -> bool| -> Vec<usize> {
             (0..unknowns.len()).filter(|&place| is(&unknowns[place])).collect()
         };
@@ -312,7 +306,9 @@ impl<'a> Small<'a> {
         let target = &[Columns::Target][..usize::from(has_target)];
         let [knock, slip, remounted] =
             [&[Columns::Base], &joints[..], target].map(|own| self.best(&near, own));
-        let evidence = |own: &Tried| own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.evidence());
+        let evidence = |own: &Tried| {
+            own.as_ref().map_or(f64::NEG_INFINITY, |own| own.1.posterior.log_evidence)
+        };
         // No least statistic: sizes found without a step grow with it, so that all statistics of a large one are alike.
         let is_that_motion = |own: &((usize, Columns), Sized)| match own.0.1 {
             Columns::Joint(joint) => statistics[1 + joint] >= SLIP_SHARE * statistics[0],
@@ -328,7 +324,7 @@ impl<'a> Small<'a> {
             (false, false) => knock,
         };
         let ((station, columns), with) = found?;
-        let gain = with.evidence() - without.evidence();
+        let gain = with.posterior.log_evidence - without.posterior.log_evidence;
         let step = (gain > GAIN).then(|| self.step_at(columns, &with))??;
         Some((self.observations[self.stations[station].start].station, step))
     }
@@ -337,7 +333,7 @@ impl<'a> Small<'a> {
     fn best(&self, near: &RangeInclusive<usize>, columns: &[Columns]) -> Tried {
         let tried = near.clone().flat_map(|station| columns.iter().map(move |own| (station, *own)));
         let sized = tried.filter_map(|step| Some((step, self.sized(Some(step))?)));
-        sized.max_by(|a, b| a.1.evidence().total_cmp(&b.1.evidence()))
+        sized.max_by(|a, b| a.1.posterior.log_evidence.total_cmp(&b.1.posterior.log_evidence))
     }
 
     /// The model with sizes of curves, drift and noise found by their likelihood; with a step before a station, where one is given.

@@ -91,14 +91,15 @@ impl Block {
 pub struct Layout {
     blocks: Vec<(Block, Range<usize>)>,
     size: usize,
-    period_turns: u32,
-    slide_periods_mm: Vec<Option<f64>>,
-    /// Empty in what was stored before curves aged.
+    pub period_turns: u32,
+    /// The period of each joint's curve, mm; `None` where it turns. Empty where all turn.
+    pub slide_periods_mm: Vec<Option<f64>>,
+    /// Age of each session, years before the latest of them. Empty where curves do not age, and in what was stored before they did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    ages_years: Vec<f64>,
-    /// Empty where no joint was repaired.
+    pub ages_years: Vec<f64>,
+    /// Repairs of each joint that were still to come in each session. Empty where none was.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    repairs_to_come: Vec<Vec<usize>>,
+    pub repairs_to_come: Vec<Vec<usize>>,
 }
 
 impl Layout {
@@ -114,17 +115,6 @@ impl Layout {
             ages_years: Vec::new(),
             repairs_to_come: Vec::new(),
         }
-    }
-
-    /// This layout for sessions of these ages: years before the latest of them. Empty where curves do not age.
-    #[must_use]
-    pub fn with_ages(mut self, ages_years: Vec<f64>) -> Self {
-        self.ages_years = ages_years;
-        self
-    }
-
-    pub fn ages_years(&self) -> &[f64] {
-        &self.ages_years
     }
 
     /// The share of the change of a joint over a step of years that a session came before. Of a session before a repair of the joint
@@ -147,17 +137,6 @@ impl Layout {
         alike.map(|(_, age)| *age).fold(f64::INFINITY, f64::min)
     }
 
-    /// This layout for sessions before which so many repairs of each joint were still to come; empty where none was.
-    #[must_use]
-    pub fn with_repairs(mut self, repairs_to_come: Vec<Vec<usize>>) -> Self {
-        self.repairs_to_come = repairs_to_come;
-        self
-    }
-
-    pub fn repairs_to_come(&self) -> &[Vec<usize>] {
-        &self.repairs_to_come
-    }
-
     /// The repairs of a joint that were still to come in a session; none of the arm as it is now.
     pub fn to_come(&self, session: Option<usize>, joint: usize) -> usize {
         let own = session.and_then(|session| self.repairs_to_come.get(session));
@@ -169,17 +148,6 @@ impl Layout {
         self.to_come(session, joint) == 0
     }
 
-    /// This layout for an arm whose axes slide: the period of each curve, mm; `None` where it turns. Empty where all turn.
-    #[must_use]
-    pub fn with_slides(mut self, periods_mm: Vec<Option<f64>>) -> Self {
-        self.slide_periods_mm = periods_mm;
-        self
-    }
-
-    pub fn slide_periods_mm(&self) -> &[Option<f64>] {
-        &self.slide_periods_mm
-    }
-
     pub fn slide_period_mm(&self, joint: usize) -> Option<f64> {
         self.slide_periods_mm.get(joint).copied().flatten()
     }
@@ -188,10 +156,6 @@ impl Layout {
     pub fn curve_unit(&self, joint: usize) -> f64 {
         let slides = self.slide_period_mm(joint);
         slides.map_or(f64::from(self.period_turns), |period_mm| period_mm / TAU)
-    }
-
-    pub const fn period_turns(&self) -> u32 {
-        self.period_turns
     }
 
     /// Appends a block of `columns` columns; not a gear line of a joint that slides, which has no turns.
@@ -239,7 +203,8 @@ mod tests {
 
     #[test]
     fn a_slide_has_its_own_circle_and_no_gear_lines() {
-        let mut layout = Layout::new(2).with_slides(vec![Some(5000.0), None]);
+        let mut layout = Layout::new(2);
+        layout.slide_periods_mm = vec![Some(5000.0), None];
         assert!((layout.curve_unit(0) * TAU - 5000.0).abs() < 1e-9);
         assert!((layout.curve_unit(1) - 2.0).abs() < 1e-15);
         for joint in [0, 1] {
@@ -252,12 +217,9 @@ mod tests {
 
     #[test]
     fn a_gear_before_a_repair_ages_by_what_happened_before_its_own_latest_session() {
-        let layout = Layout::new(1).with_ages(vec![2.0, 1.0, 0.5, 0.0]).with_repairs(vec![
-            vec![1, 0],
-            vec![1, 0],
-            vec![0, 0],
-            vec![0, 0],
-        ]);
+        let mut layout = Layout::new(1);
+        layout.ages_years = vec![2.0, 1.0, 0.5, 0.0];
+        layout.repairs_to_come = vec![vec![1, 0], vec![1, 0], vec![0, 0], vec![0, 0]];
         // The steps begin at 0, 0.1, 0.3, 0.7 and 1.5 years.
         let repaired: Vec<f64> = (0..5).map(|step| layout.ageing(0, 0, step)).collect();
         let wanted = (2.0 - 1.5) / 1.6;

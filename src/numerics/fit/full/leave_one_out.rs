@@ -293,8 +293,8 @@ pub(super) fn find_lines(
     settings: &FullSettings,
 ) -> Vec<FoundLine> {
     let joints = left_out.first().map_or(0, |own| own.noise.station.joints.ncols());
-    let firsts = stations(problem.observations()).into_iter();
-    let firsts: Vec<&Observation> = firsts.map(|own| &problem.observations()[own.start]).collect();
+    let firsts = stations(problem.observations).into_iter();
+    let firsts: Vec<&Observation> = firsts.map(|own| &problem.observations[own.start]).collect();
     let of_joint = |joint: usize| {
         // A gear before a repair had other lines.
         let is_now = |first: &Observation| layout.is_now(Some(first.session), joint);
@@ -319,7 +319,7 @@ pub(super) fn find_lines(
     // A joint that hardly moves the target has no evidence on its gears.
     let moves = |joint: &usize| {
         let curve = layout.columns(Block::Curve(*joint));
-        curve.is_some_and(|own| own.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize)
+        curve.is_some_and(|own| own.len() > 2 * FEW_HARMONICS * layout.period_turns as usize)
     };
     let found = (0..joints).into_par_iter().filter(moves).map(of_joint);
     found.collect::<Vec<_>>().into_iter().flatten().collect()

@@ -16,15 +16,16 @@ use super::layout::{Block, Layout};
 use super::leave_one_out::{leave_one_out, of_observations, of_readings};
 use super::regression::{Posterior, Root};
 use super::rows::{Around, State, stations};
+use super::stored::StoredFull;
 use super::whitening::sums;
-use super::{FullModel, FullSettings, Ready, at_fitted_bases};
+use super::{FullModel, FullSettings, at_fitted_bases};
 use crate::fit::frames::Frames;
 use crate::fit::gauge::{Gauge, Sees};
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Freedom, KnownGauge, KnownTarget, Owner, Prior, Problem, Unknown};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
 use crate::join::{SourceId, TargetId};
-use crate::kinematics::{Arm, Motion, Parameter};
+use crate::kinematics::Arm;
 use crate::linalg::{Cholesky, gram_of_columns};
 
 /// Rounds of rows, posterior and weights: the base's start is within a millimetre, so the second is exact to micrometres.
@@ -107,7 +108,7 @@ impl FullModel {
         warm_up: WarmUp,
     ) -> Option<Self> {
         let starts = [self.next_frames(mounting)];
-        let problem = empty(arm, &starts, &mounting.prior(), self.is_turned());
+        let problem = empty(arm, &starts, &mounting.prior(), self.trained.turned);
         let span = stations.max(1) as f64;
         let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
@@ -119,39 +120,35 @@ impl FullModel {
         }
         let (posterior, mean) = self.carried(&layout, &columns, fresh)?;
         let offset = |column: &Column| match column {
-            Column::Kept(past, _) => self.offsets[*past],
+            Column::Kept(past, _) => self.trained.offsets[*past],
             Column::Fresh => 0.0,
         };
-        let unknowns = columns.iter().take(problem.unknowns().len());
-        let offsets = DVector::from_iterator(problem.unknowns().len(), unknowns.map(offset));
+        let unknowns = columns.iter().take(problem.unknowns.len());
+        let offsets = DVector::from_iterator(problem.unknowns.len(), unknowns.map(offset));
         let unknown_warm_up = match warm_up {
-            WarmUp::Unknown => self.warm_up_variance,
+            WarmUp::Unknown => self.trained.warm_up_variance,
             WarmUp::Repeats => 0.0,
         };
-        Some(Self {
-            ready: Ready::of(&problem, &offsets, &layout, &mean),
-            frames: problem.frames(&offsets),
-            problem,
+        let trained = StoredFull {
+            starts: problem.starts.clone(),
+            scale: posterior.scale.clone(),
+            whitened: posterior.whitened.clone(),
             up: up.map(UnitVector3::into_inner),
             layout,
             rows_at: offsets.clone(),
             offsets,
-            drift_variance: self.drift_variance + unknown_warm_up,
-            warm_up_variance: self.warm_up_variance - unknown_warm_up,
-            middles: vec![self.middles[mounting.session]],
+            drift_variance: self.trained.drift_variance + unknown_warm_up,
+            warm_up_variance: self.trained.warm_up_variance - unknown_warm_up,
+            middles: vec![self.trained.middles[mounting.session]],
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
-            approach: self.approach.clone(),
             sides: None,
-            tails: self.tails,
             mean,
-            posterior,
             span,
-            repeatability: self.repeatability.clone(),
             weights: Vec::new(),
-            left_out: Vec::new(),
-            parts: self.parts.clone(),
-        })
+            ..self.trained.clone()
+        };
+        Some(Self::of(trained, problem, posterior, Vec::new()))
     }
 
     fn next_frames(&self, mounting: &Mounting) -> Frames {
@@ -168,12 +165,6 @@ impl FullModel {
         mounting.frames(source, target)
     }
 
-    pub(super) fn is_turned(&self) -> bool {
-        let is_turn =
-            |own: &Unknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
-        self.unknowns().iter().any(is_turn)
-    }
-
     fn next_columns(
         &self,
         problem: &Problem<'_>,
@@ -181,13 +172,13 @@ impl FullModel {
         settings: &FullSettings,
         warm_up: WarmUp,
     ) -> (Layout, Columns) {
-        let mut layout = Layout::new(self.layout.period_turns())
-            .with_slides(self.layout.slide_periods_mm().to_vec());
-        let unknowns = problem.unknowns().iter();
+        let mut layout = Layout::new(self.trained.layout.period_turns);
+        layout.slide_periods_mm.clone_from(&self.trained.layout.slide_periods_mm);
+        let unknowns = problem.unknowns.iter();
         let mut columns: Columns = unknowns.map(|own| self.next_unknown(own, mounting)).collect();
         layout.push(Block::Unknowns, columns.len());
         let few = 2 * super::columns::few_harmonics(settings);
-        for (block, range) in self.layout.blocks() {
+        for (block, range) in self.trained.layout.blocks() {
             let repeats = block == Block::WarmUp && warm_up == WarmUp::Repeats;
             if !block.is_of_arm() && !repeats {
                 continue;
@@ -206,7 +197,7 @@ impl FullModel {
                 columns.extend(vec![Column::Fresh; count]);
             }
         }
-        let joints = self.repeatability.joints.len();
+        let joints = self.trained.repeatability.joints.len();
         let mut fresh: Vec<(Block, usize)> = self.next_drift(settings).into_iter().collect();
         if settings.session_scale_ppm > 0.0 {
             fresh.push((Block::Scale(0), 1));
@@ -224,11 +215,11 @@ impl FullModel {
 
     /// Whether it was trained on commands that determine the command–feedback weight.
     pub fn knows_approach(&self) -> bool {
-        self.layout.columns(Block::CommandWeight).is_some()
+        self.trained.layout.columns(Block::CommandWeight).is_some()
     }
 
     fn next_drift(&self, settings: &FullSettings) -> Option<(Block, usize)> {
-        let mut drifts = self.layout.blocks().filter_map(|(block, columns)| {
+        let mut drifts = self.trained.layout.blocks().filter_map(|(block, columns)| {
             matches!(block, Block::Drift(_)).then_some(columns.len())
         });
         let count = drifts.next()?;
@@ -275,14 +266,14 @@ impl FullModel {
             Column::Fresh => None,
         };
         let kept: Vec<usize> = columns.iter().filter_map(kept).collect();
-        let past = self.covariance_of(&kept);
-        let mut places = vec![0; self.layout.size()];
+        let past = self.posterior.covariance_of(&kept);
+        let mut places = vec![0; self.trained.layout.size()];
         kept.iter().enumerate().for_each(|(place, &column)| places[column] = place);
         let mut mean = DVector::zeros(size);
         for (place, column) in columns.iter().enumerate() {
             if let Column::Kept(own, added) = *column {
                 scale[place] = self.posterior.scale[own].hypot(added.sqrt());
-                mean[place] = self.mean[own];
+                mean[place] = self.trained.mean[own];
             }
         }
         let mut whitened = DMatrix::identity(size, size);
@@ -321,7 +312,7 @@ impl FullModel {
                 | (Block::Drift(_), Block::Drift(_)) => true,
                 _ => false,
             };
-            let past = self.layout.blocks().find(|(past, _)| is_alike(*past));
+            let past = self.trained.layout.blocks().find(|(past, _)| is_alike(*past));
             let past = past.filter(|(_, past)| past.len() == columns.len());
             // A drift that one session did not need may occur in another.
             let found = past.map(|(_, past)| self.posterior.scale.rows(past.start, past.len()));
@@ -353,7 +344,7 @@ impl FullModel {
     /// The model once stations of its session are measured; `frames` are base and target that the nominal arm fits to
     /// them. `None` where a factorisation fails, which only rounding can cause.
     pub fn learned(&self, arm: &Arm, observations: &[Observation], frames: Frames) -> Option<Self> {
-        let turned = self.is_turned();
+        let turned = self.trained.turned;
         let mut observations = observations.to_vec();
         if !turned {
             for observation in &mut observations {
@@ -371,49 +362,42 @@ impl FullModel {
         let mut state = self.state(stations(&observations).len());
         for _ in 1..ROUNDS {
             let (posterior, expected, left_out) = self.round(&problem, &state)?;
-            state.weights = left_out.iter().map(|l| l.weight(self.tails)).collect();
+            state.weights = left_out.iter().map(|l| l.weight(self.trained.tails)).collect();
             state.offsets += (posterior.mean() + expected).rows(0, state.offsets.len());
         }
         let (posterior, expected, left_out) = self.round(&problem, &state)?;
         let mean = posterior.mean() + expected;
         let approach = ApproachOffsets::of(&observations, &state.layout, &mean);
-        let mean = at_fitted_bases(problem.unknowns(), &mut state.offsets, mean);
-        Some(Self {
-            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
-            frames: problem.frames(&state.offsets),
-            problem: empty(arm, &[frames], &Prior::default(), turned),
-            up: self.up,
-            drift_variance: self.drift_variance,
-            warm_up_variance: self.warm_up_variance,
+        let mean = at_fitted_bases(&problem.unknowns, &mut state.offsets, mean);
+        let trained = StoredFull {
+            starts: problem.starts.clone(),
             middles: state.middles,
-            scale_sd: self.scale_sd,
             scale_evidence: None,
-            approach: approach.or_else(|| self.approach.clone()),
-            tails: self.tails,
+            approach: approach.or_else(|| self.trained.approach.clone()),
             layout: state.layout,
             rows_at: state.offsets.clone(),
             offsets: state.offsets,
             mean,
-            posterior,
-            span: self.span,
-            repeatability: self.repeatability.clone(),
+            scale: posterior.scale.clone(),
+            whitened: posterior.whitened.clone(),
             weights: of_readings(&observations, &state.weights),
-            left_out: of_observations(&left_out),
             sides: None,
-            parts: self.parts.clone(),
-        })
+            ..self.trained.clone()
+        };
+        let empty = empty(arm, &[frames], &Prior::default(), turned);
+        Some(Self::of(trained, empty, posterior, of_observations(&left_out)))
     }
 
     fn state(&self, stations: usize) -> State {
         State {
-            layout: self.layout.clone(),
+            layout: self.trained.layout.clone(),
             components: Components::none(),
-            repeatability: self.repeatability.clone(),
-            tails: self.tails,
+            repeatability: self.trained.repeatability.clone(),
+            tails: self.trained.tails,
             weights: vec![1.0; stations],
-            offsets: self.offsets.clone(),
-            span: self.span,
-            middles: self.middles.clone(),
+            offsets: self.trained.offsets.clone(),
+            span: self.trained.span,
+            middles: self.trained.middles.clone(),
         }
     }
 
@@ -423,10 +407,10 @@ impl FullModel {
         problem: &Problem<'_>,
         state: &State,
     ) -> Option<(Posterior, DVector<f64>, Vec<super::LeftOut>)> {
-        let around = Around::new(problem, state, self.up);
-        let mut expected = self.mean.clone();
+        let around = Around::new(problem, state, self.trained.up);
+        let mut expected = self.trained.mean.clone();
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
-        unknowns -= &state.offsets - &self.offsets;
+        unknowns -= &state.offsets - &self.trained.offsets;
         let posterior = sums(&around, &expected).posterior_after(&self.posterior)?;
         let left_out = leave_one_out(&around, &expected, &posterior, posterior.inverse());
         Some((posterior, expected, left_out))
@@ -435,12 +419,12 @@ impl FullModel {
     /// A draw of all coefficients from the posterior: `mean + S L⁻ᵀ z`, whose covariance is the posterior's when `z`
     /// are independent normal numbers.
     pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
-        &self.mean + self.posterior.backward(z).component_mul(&self.posterior.scale)
+        &self.trained.mean + self.posterior.backward(z).component_mul(&self.posterior.scale)
     }
 
     /// Offsets of the arm's own chain and the frames of a session, at coefficients of all columns.
     pub fn geometry_of(&self, coefficients: &DVector<f64>, session: usize) -> (Vec<f64>, Frames) {
-        let offsets = &self.offsets + coefficients.rows(0, self.offsets.len());
+        let offsets = &self.trained.offsets + coefficients.rows(0, self.trained.offsets.len());
         (self.problem.geometry(&offsets), self.problem.frames(&offsets).swap_remove(session))
     }
 }

@@ -39,7 +39,7 @@ pub struct Sums {
 
 #[derive(Debug, Clone)]
 pub struct Posterior {
-    /// Prior standard deviation of each column, `√v`.
+    /// Prior standard deviation of each column, `√v`, found by the session's own likelihood.
     pub scale: DVector<f64>,
     pub(super) root: Root,
     /// `u`, the mean over `√v`.

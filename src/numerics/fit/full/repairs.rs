@@ -7,10 +7,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{WallTime, per_radian};
+use crate::units::WallTime;
 
 /// Standard deviation of a joint's zero before its repair relative to now, rad: wider than a mastering leaves open.
-const ZERO_SD_RAD: f64 = 0.02;
+pub(super) const ZERO_SD_RAD: f64 = 0.02;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -68,11 +68,6 @@ pub(super) fn to_come(repairs: &[Repair], days: &[Option<f64>], joints: usize) -
         return Vec::new();
     }
     to_come
-}
-
-/// Prior variance of the zero of a joint before its repair, rad²; mm² where it slides.
-pub(super) fn zero_variance(slides: bool) -> f64 {
-    (ZERO_SD_RAD * per_radian(slides)).powi(2)
 }
 
 #[cfg(test)]

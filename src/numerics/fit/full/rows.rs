@@ -134,9 +134,9 @@ pub(super) fn stations(observations: &[Observation]) -> Vec<Range<usize>> {
 /// The prior mean of the columns, relative to the offsets where the rows are evaluated.
 pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
     let mut mean = DVector::zeros(state.layout.size());
-    for (place, precision) in problem.prior_precision().iter().enumerate() {
+    for (place, precision) in problem.precision.iter().enumerate() {
         if *precision > 0.0 {
-            mean[place] = problem.prior_mean()[place] - state.offsets[place];
+            mean[place] = problem.expected[place] - state.offsets[place];
         }
     }
     mean
@@ -160,14 +160,14 @@ pub(super) struct Around<'p> {
 impl<'p> Around<'p> {
     /// The stations of `problem` at `state`.
     pub fn new(problem: &'p Problem<'p>, state: &'p State, up: Option<Vector3<f64>>) -> Self {
-        let sessions = problem.starts().len();
-        let partition = Partition::of(&state.layout, problem.unknowns(), sessions);
+        let sessions = problem.starts.len();
+        let partition = Partition::of(&state.layout, &problem.unknowns, sessions);
         let joints = state.repeatability.joints.len();
         let seen = |session| Seen::of(&state.layout, &partition, session, joints);
         Self {
             frames: problem.frames(&state.offsets),
             chains: problem.held(&state.offsets),
-            stations: stations(problem.observations()),
+            stations: stations(problem.observations),
             seen: (0..sessions).map(seen).collect(),
             all: OnceLock::new(),
             partition,
@@ -182,7 +182,7 @@ impl<'p> Around<'p> {
     }
 
     pub fn row_count(&self) -> usize {
-        self.problem.observations().iter().map(|own| own.measured.kind().rows()).sum()
+        self.problem.observations.iter().map(|own| own.measured.kind().rows()).sum()
     }
 
     pub fn seen(&self, session: usize) -> &Seen {
@@ -190,7 +190,7 @@ impl<'p> Around<'p> {
     }
 
     pub fn session(&self, station: usize) -> usize {
-        self.problem.observations()[self.stations[station].start].session
+        self.problem.observations[self.stations[station].start].session
     }
 
     /// All stations, in batches whose rows are held at once: each one's session and the places of its stations.
@@ -205,9 +205,8 @@ impl<'p> Around<'p> {
     }
 
     pub fn rows(&self, stations: &[usize]) -> Cow<'_, [Row]> {
-        let row = |&place: &usize| {
-            self.station(&self.problem.observations()[self.stations[place].clone()])
-        };
+        let row =
+            |&place: &usize| self.station(&self.problem.observations[self.stations[place].clone()]);
         let made = || stations.par_iter().with_min_len(CHUNK).map(row).collect();
         if stations.len() == self.count() && self.count() <= AT_ONCE {
             return Cow::Borrowed(self.all.get_or_init(made));

@@ -15,14 +15,15 @@ use base64::engine::general_purpose::STANDARD;
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::FullModel;
 use super::approach::ApproachOffsets;
 use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::partition::Partition;
 use super::regression::sessions::{Arrow, OwnRoot};
 use super::regression::{Posterior, Root};
+use super::stored::StoredFull;
 use super::student::Tails;
-use super::{FullModel, Ready};
 use crate::fit::model::PartEvidence;
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{SavedError, SavedSession, SavedUnknown, VERSION, read, same_length};
@@ -166,29 +167,29 @@ impl FullModel {
             version: VERSION,
             arm: arm.clone(),
             sessions: SavedSession::all(names, self.starts()),
-            up: self.up.map(Into::into),
+            up: self.trained.up.map(Into::into),
             unknowns: self.unknowns().iter().map(SavedUnknown::of).collect(),
-            offsets: self.offsets.as_slice().to_vec(),
-            blocks: self.layout.blocks().map(block).collect(),
-            mean: self.mean.as_slice().to_vec(),
+            offsets: self.trained.offsets.as_slice().to_vec(),
+            blocks: self.trained.layout.blocks().map(block).collect(),
+            mean: self.trained.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.saved_factor().lower()),
             own_factors: self.posterior.own_factors().iter().map(SavedOwn::of).collect(),
-            curve_period_turns: NonZeroU32::new(self.layout.period_turns())
+            curve_period_turns: NonZeroU32::new(self.trained.layout.period_turns)
                 .expect("a layout's curves repeat after a turn or more"),
-            slide_periods_mm: self.layout.slide_periods_mm().to_vec(),
-            ages_years: self.layout.ages_years().to_vec(),
-            repairs_to_come: self.layout.repairs_to_come().to_vec(),
-            span_stations: self.span,
-            student_t: self.tails.setting(),
-            drift_variance_mm2: self.drift_variance,
-            warm_up_variance_mm2: self.warm_up_variance,
-            middles_mm: self.middles.iter().map(|middle| middle.coords.into()).collect(),
-            scale_sd: self.scale_sd,
-            approach: self.approach.clone(),
+            slide_periods_mm: self.trained.layout.slide_periods_mm.clone(),
+            ages_years: self.trained.layout.ages_years.clone(),
+            repairs_to_come: self.trained.layout.repairs_to_come.clone(),
+            span_stations: self.trained.span,
+            student_t: self.trained.tails.setting(),
+            drift_variance_mm2: self.trained.drift_variance,
+            warm_up_variance_mm2: self.trained.warm_up_variance,
+            middles_mm: self.trained.middles.iter().map(|middle| middle.coords.into()).collect(),
+            scale_sd: self.trained.scale_sd,
+            approach: self.trained.approach.clone(),
             log_evidence: self.posterior.log_evidence,
-            repeatability: self.repeatability.clone(),
-            parts: self.parts.clone(),
+            repeatability: self.trained.repeatability.clone(),
+            parts: self.trained.parts.clone(),
         }
     }
 
@@ -198,7 +199,7 @@ impl FullModel {
         let scale = DVector::from_column_slice(&saved.scale);
         let mean = DVector::from_column_slice(&saved.mean);
         let problem = saved.problem()?;
-        let root = saved.root(Partition::of(&layout, problem.unknowns(), saved.sessions.len()))?;
+        let root = saved.root(Partition::of(&layout, &problem.unknowns, saved.sessions.len()))?;
         let posterior = Posterior {
             // A dropped column has no scale, and its coefficient is zero.
             whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
@@ -207,10 +208,11 @@ impl FullModel {
             log_evidence: saved.log_evidence,
         };
         let offsets = DVector::from_column_slice(&saved.offsets);
-        Ok(Self {
-            ready: Ready::of(&problem, &offsets, &layout, &mean),
-            frames: problem.frames(&offsets),
-            problem,
+        let trained = StoredFull {
+            starts: problem.starts.clone(),
+            turned: saved.turned(),
+            scale: posterior.scale.clone(),
+            whitened: posterior.whitened.clone(),
             up: saved.up.map(Vector3::from),
             layout,
             rows_at: offsets.clone(),
@@ -224,13 +226,12 @@ impl FullModel {
             scale_evidence: None,
             approach: saved.approach.clone(),
             sides: None,
-            posterior,
             span: saved.span_stations,
             repeatability: saved.repeatability.clone(),
             weights: Vec::new(),
-            left_out: Vec::new(),
             parts: saved.parts.clone(),
-        })
+        };
+        Ok(Self::of(trained, problem, posterior, Vec::new()))
     }
 }
 
@@ -274,10 +275,10 @@ impl SavedFull {
             self.arm.joints().len(),
             self.repeatability.joints.len(),
         )?;
-        let mut layout = Layout::new(self.curve_period_turns.get())
-            .with_slides(self.slide_periods_mm()?)
-            .with_ages(self.ages_years.clone())
-            .with_repairs(self.repairs_to_come.clone());
+        let mut layout = Layout::new(self.curve_period_turns.get());
+        layout.slide_periods_mm = self.slide_periods_mm()?;
+        layout.ages_years.clone_from(&self.ages_years);
+        layout.repairs_to_come.clone_from(&self.repairs_to_come);
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block, block.columns);
@@ -338,13 +339,18 @@ impl SavedFull {
         })
     }
 
+    /// Whether the targets' own orientations are among the unknowns.
+    fn turned(&self) -> bool {
+        let turns =
+            |own: &SavedUnknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
+        self.unknowns.iter().any(turns)
+    }
+
     /// The problem without observations, whose unknowns are those saved.
     fn problem(&self) -> Result<Problem<'static>, SavedError> {
         let frames =
             self.sessions.iter().map(SavedSession::frames).collect::<Result<Vec<_>, _>>()?;
-        let turns =
-            |own: &SavedUnknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
-        let turned = self.unknowns.iter().any(turns);
+        let turned = self.turned();
         // The prior is in `scale`; predictions of a problem without observations do not depend on a prior.
         let problem = Problem::with_target_turn(
             &[],
@@ -354,9 +360,9 @@ impl SavedFull {
             &Prior::default(),
             turned,
         );
-        same_length("unknowns", problem.unknowns().len(), self.unknowns.len())?;
-        same_length("offsets", problem.unknowns().len(), self.offsets.len())?;
-        let other = problem.unknowns().iter().map(SavedUnknown::of).zip(&self.unknowns);
+        same_length("unknowns", problem.unknowns.len(), self.unknowns.len())?;
+        same_length("offsets", problem.unknowns.len(), self.offsets.len())?;
+        let other = problem.unknowns.iter().map(SavedUnknown::of).zip(&self.unknowns);
         match other.into_iter().find(|(own, saved)| own != *saved) {
             None => Ok(problem),
             Some((_, saved)) => Err(SavedError::Unknown(saved.parameter)),

@@ -12,11 +12,11 @@ use crate::fit::scale::{FittedScale, PPM, ScaleEvidence, lengths};
 impl FullModel {
     /// The scale of a session, by its index in the model; `None` where the model has no scales.
     pub fn fitted_scale(&self, session: usize) -> Option<FittedScale> {
-        let column = self.layout.columns(Block::Scale(session))?.start;
+        let column = self.trained.layout.columns(Block::Scale(session))?.start;
         Some(FittedScale {
-            ppm: PPM * self.mean[column],
-            sd_ppm: PPM * self.covariance_of(&[column])[(0, 0)].sqrt(),
-            kept: self.parts.iter().any(|part| part.name == "session_scale" && part.kept),
+            ppm: PPM * self.trained.mean[column],
+            sd_ppm: PPM * self.posterior.covariance_of(&[column])[(0, 0)].sqrt(),
+            kept: self.trained.parts.iter().any(|part| part.name == "session_scale" && part.kept),
         })
     }
 }

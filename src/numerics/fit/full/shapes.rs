@@ -178,11 +178,9 @@ mod tests {
 
     /// Three sessions of one joint, repaired before the second, and the blocks that have its shapes.
     fn layout() -> Layout {
-        let mut layout = Layout::new(1).with_ages(vec![1.0, 0.2, 0.0]).with_repairs(vec![
-            vec![1],
-            vec![0],
-            vec![0],
-        ]);
+        let mut layout = Layout::new(1);
+        layout.ages_years = vec![1.0, 0.2, 0.0];
+        layout.repairs_to_come = vec![vec![1], vec![0], vec![0]];
         layout.push(Block::Curve(0), 8);
         layout.push(Block::Earlier { joint: 0, to_come: 1 }, 9);
         for session in 0..3 {

@@ -46,7 +46,7 @@ impl Sides {
         prior_mean: &DVector<f64>,
         posterior: &Posterior,
     ) -> Option<Self> {
-        let observations = around.problem.observations();
+        let observations = around.problem.observations;
         let stations = stations(observations).into_iter();
         let firsts: Vec<_> = stations.map(|own| &observations[own.start]).collect();
         let came = firsts.iter().map(|own| (own.session, &own.axes[..]));

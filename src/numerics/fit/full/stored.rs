@@ -8,6 +8,7 @@
 use nalgebra::{DVector, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::FullModel;
 use super::approach::ApproachOffsets;
 use super::layout::Layout;
 use super::noise::Repeatability;
@@ -18,7 +19,6 @@ use super::settings::FullSettings;
 use super::sides::Sides;
 use super::student::Tails;
 use super::whitening::evidence;
-use super::{FullModel, Ready};
 use crate::fit::frames::Frames;
 use crate::fit::model::PartEvidence;
 use crate::fit::observation::Observation;
@@ -31,55 +31,39 @@ use crate::kinematics::Arm;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StoredFull {
-    up: Option<Vector3<f64>>,
-    starts: Vec<Frames>,
-    turned: bool,
-    layout: Layout,
-    offsets: DVector<f64>,
-    rows_at: DVector<f64>,
-    drift_variance: f64,
-    warm_up_variance: f64,
-    middles: Vec<Point3<f64>>,
-    scale_sd: f64,
-    scale_evidence: Option<ScaleEvidence>,
-    approach: Option<ApproachOffsets>,
-    sides: Option<Sides>,
-    tails: Tails,
-    mean: DVector<f64>,
-    scale: DVector<f64>,
-    whitened: DVector<f64>,
-    span: f64,
-    repeatability: Repeatability,
-    weights: Vec<f64>,
-    parts: Vec<PartEvidence>,
-}
-
-impl FullModel {
-    pub fn stored(&self) -> StoredFull {
-        StoredFull {
-            up: self.up,
-            starts: self.problem.starts().to_vec(),
-            turned: self.is_turned(),
-            layout: self.layout.clone(),
-            offsets: self.offsets.clone(),
-            rows_at: self.rows_at.clone(),
-            drift_variance: self.drift_variance,
-            warm_up_variance: self.warm_up_variance,
-            middles: self.middles.clone(),
-            scale_sd: self.scale_sd,
-            scale_evidence: self.scale_evidence.clone(),
-            approach: self.approach.clone(),
-            sides: self.sides.clone(),
-            tails: self.tails,
-            mean: self.mean.clone(),
-            scale: self.posterior.scale.clone(),
-            whitened: self.posterior.whitened.clone(),
-            span: self.span,
-            repeatability: self.repeatability.clone(),
-            weights: self.weights.clone(),
-            parts: self.parts.clone(),
-        }
-    }
+    pub(super) up: Option<Vector3<f64>>,
+    /// The frames that the unknowns of each session are relative to.
+    pub(super) starts: Vec<Frames>,
+    /// Whether the targets' own orientations are unknowns.
+    pub(super) turned: bool,
+    pub layout: Layout,
+    pub(super) offsets: DVector<f64>,
+    /// The offsets at which the training's last round evaluated its rows: those of the bases have moved since.
+    pub(super) rows_at: DVector<f64>,
+    /// Variance per axis of a session's own drift, mm².
+    pub(super) drift_variance: f64,
+    /// Variance per axis of the warm-up drift that all sessions repeat, mm².
+    pub(super) warm_up_variance: f64,
+    /// The middle of each session's stations, in the base frame, mm.
+    pub(super) middles: Vec<Point3<f64>>,
+    /// Standard deviation of a session's own scale, as a share of the distance from the middle of its stations: for commands
+    /// used in another session, and for unseen sessions.
+    pub scale_sd: f64,
+    /// The stations' evidence on lengths and scales; `None` where the model has no scales, or was read from a file.
+    pub scale_evidence: Option<ScaleEvidence>,
+    pub(super) approach: Option<ApproachOffsets>,
+    /// Backlash of which `approach` has the variance.
+    pub sides: Option<Sides>,
+    pub(super) tails: Tails,
+    pub(super) mean: DVector<f64>,
+    /// [`Posterior::scale`].
+    pub(super) scale: DVector<f64>,
+    /// [`Posterior::whitened`].
+    pub(super) whitened: DVector<f64>,
+    pub(super) span: f64,
+    pub repeatability: Repeatability,
+    pub weights: Vec<f64>,
+    pub parts: Vec<PartEvidence>,
 }
 
 /// Largest difference of a whitened coefficient that other processor features explain.
@@ -118,30 +102,7 @@ impl StoredFull {
 
     fn with(self, posterior: Posterior, arm: &Arm, prior: &Prior) -> FullModel {
         let problem = self.problem(arm, &[], prior);
-        FullModel {
-            ready: Ready::of(&problem, &self.offsets, &self.layout, &self.mean),
-            frames: problem.frames(&self.offsets),
-            parts: self.parts,
-            problem,
-            up: self.up,
-            layout: self.layout,
-            offsets: self.offsets,
-            rows_at: self.rows_at,
-            drift_variance: self.drift_variance,
-            warm_up_variance: self.warm_up_variance,
-            middles: self.middles,
-            scale_sd: self.scale_sd,
-            scale_evidence: self.scale_evidence,
-            approach: self.approach,
-            sides: self.sides,
-            tails: self.tails,
-            mean: self.mean,
-            posterior,
-            span: self.span,
-            repeatability: self.repeatability,
-            weights: self.weights,
-            left_out: Vec::new(),
-        }
+        FullModel::of(self, problem, posterior, Vec::new())
     }
 
     fn problem<'o>(
@@ -155,8 +116,8 @@ impl StoredFull {
     }
 
     fn check_lengths(&self, problem: &Problem<'_>) -> Result<(), SavedError> {
-        let (unknowns, columns) = (problem.unknowns().len(), self.layout.size());
-        let (observations, sessions) = (problem.observations().len(), self.starts.len());
+        let (unknowns, columns) = (problem.unknowns.len(), self.layout.size());
+        let (observations, sessions) = (problem.observations.len(), self.starts.len());
         for (what, expected, found) in [
             ("offsets", unknowns, self.offsets.len()),
             ("offsets of the rows", unknowns, self.rows_at.len()),
@@ -182,7 +143,7 @@ impl StoredFull {
             layout: self.layout.clone(),
             repeatability: self.repeatability.clone(),
             tails: self.tails,
-            weights: stations(problem.observations())
+            weights: stations(problem.observations)
                 .into_iter()
                 .map(|readings| self.weights[readings.start])
                 .collect(),

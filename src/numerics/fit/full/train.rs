@@ -120,7 +120,7 @@ impl State {
         settings: &FullSettings,
         has_up: bool,
     ) -> Self {
-        let observations = problem.observations();
+        let observations = problem.observations;
         let last = observations.iter().map(|o| o.station).max().unwrap_or(0);
         let span = (last + 1) as f64;
         let layout = layout(problem, &offsets, settings, has_up, span);

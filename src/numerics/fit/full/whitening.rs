@@ -19,7 +19,8 @@ pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Eviden
     let own = partition.own.iter().map(Vec::len).max();
     // A pool is factored session by session: the columns are those that one session sees.
     let columns = partition.common.len() + own.unwrap_or(0);
-    if FewRows::are_few(around.row_count() + distances, columns) {
+    // Then each step on the rows costs less than one on the columns.
+    if 2 * (around.row_count() + distances) <= columns {
         return Evidence::Rows(kept(around, prior_mean));
     }
     let sums = summed(around, prior_mean);
@@ -152,7 +153,7 @@ fn distances(around: &Around<'_>) -> Vec<(usize, DVector<f64>, f64)> {
     let (problem, offsets) = (around.problem, &around.state.offsets);
     let row = |distance: crate::fit::problem::DistanceRow| {
         let (unknown, _) = distance.entries[0];
-        let session = problem.unknowns()[unknown].session().unwrap_or(0);
+        let session = problem.unknowns[unknown].session().unwrap_or(0);
         let seen = around.seen(session);
         let mut row = DVector::zeros(seen.columns.len());
         for (unknown, by) in distance.entries {

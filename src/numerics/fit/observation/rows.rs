@@ -33,7 +33,8 @@ pub struct Stations {
 /// Whitened rows of a block: one column for each unknown of its channel, and the residual as the last column.
 #[derive(Debug, Clone, Default)]
 pub struct BlockRows {
-    unknowns: Vec<usize>,
+    /// The unknown of each column; the residual's column comes after them.
+    pub unknowns: Vec<usize>,
     rows: usize,
     values: Vec<f64>,
     /// The chain's columns before whitening; the memory is reused.
@@ -304,11 +305,6 @@ impl BlockRows {
         for row in 0..3 {
             self.values[first + (3 + row) * BLOCK + i] = white[row];
         }
-    }
-
-    /// The unknown of each column; the residual's column comes after them.
-    pub fn unknowns(&self) -> &[usize] {
-        &self.unknowns
     }
 
     /// The column `k`.

@@ -36,7 +36,7 @@ impl Triangle {
                 column.clear();
                 column.resize(part.len(), 0.0);
             }
-            for (place, &unknown) in rows.unknowns().iter().enumerate() {
+            for (place, &unknown) in rows.unknowns.iter().enumerate() {
                 block[unknown].copy_from_slice(&rows.column(place)[part.clone()]);
             }
             self.take_columns(&mut block);

@@ -52,7 +52,7 @@ impl FullModel {
 
 impl PoseModel for FullModel {
     fn frames(&self) -> &[Frames] {
-        self.frames()
+        &self.frames
     }
 
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
@@ -85,7 +85,7 @@ impl PoseModel for FullModel {
     ) -> Vec<Spread> {
         let open: Vec<&Open> = predictions.iter().filter_map(|own| own.open.as_ref()).collect();
         // Without a prediction there are rows of the model's columns still, none of them.
-        let mut rows = DMatrix::zeros(3 * open.len(), self.layout().size());
+        let mut rows = DMatrix::zeros(3 * open.len(), self.trained.layout.size());
         for (place, own) in open.iter().enumerate() {
             rows.rows_mut(3 * place, 3).copy_from(&own.rows);
         }
@@ -111,7 +111,7 @@ impl PoseModel for FullModel {
     }
 
     fn scale_sd(&self) -> f64 {
-        self.scale_sd()
+        self.trained.scale_sd
     }
 
     fn parts(&self) -> &'static [&'static str] {
@@ -119,15 +119,15 @@ impl PoseModel for FullModel {
     }
 
     fn optional_parts(&self) -> &[PartEvidence] {
-        &self.parts
+        &self.trained.parts
     }
 
     fn parameter_count(&self) -> usize {
-        self.layout().size()
+        self.trained.layout.size()
     }
 
     fn weights(&self) -> &[f64] {
-        &self.weights
+        &self.trained.weights
     }
 
     fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>> {

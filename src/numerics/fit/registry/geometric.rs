@@ -29,16 +29,6 @@ pub struct IdentifiedGeometry {
     pub misfit_mm: f64,
 }
 
-impl From<&Calibration> for IdentifiedGeometry {
-    fn from(calibration: &Calibration) -> Self {
-        Self {
-            chain: calibration.chain.clone(),
-            frames: calibration.frames.clone(),
-            misfit_mm: calibration.misfit_mm,
-        }
-    }
-}
-
 pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedCalibration::read(text)?;
     let model = IdentifiedGeometry {

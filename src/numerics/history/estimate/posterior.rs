@@ -104,7 +104,7 @@ impl Estimate {
         let frames = model.fitted_frames();
         let frames = frames.first()?;
         // A size of readings' own noise is found where the fit knows what they share.
-        let compared = match model.repeatability.own {
+        let compared = match model.trained.repeatability.own {
             Some(_) => Compared::of(frames),
             None => Compared::of_independent(frames),
         };
@@ -146,11 +146,11 @@ impl Posterior {
             shared_columns(model, &frames).into_iter().unzip();
         let values = slide_curves(model, ranges);
         let size = places.len() + values.iter().map(|own| own.columns.len()).sum::<usize>();
-        let mut rows = DMatrix::zeros(size, model.layout().size());
+        let mut rows = DMatrix::zeros(size, model.trained.layout.size());
         let mut precision = DMatrix::zeros(size, size);
         for (row, &place) in places.iter().enumerate() {
             rows[(row, place)] = 1.0;
-            precision[(row, row)] = model.prior_sd()[place].powi(-2);
+            precision[(row, row)] = model.posterior.scale[place].powi(-2);
         }
         let mut first = places.len();
         for own in values {
@@ -206,7 +206,7 @@ impl Posterior {
 
 /// Whether a column of gravity, by its place among them, is the deflection of a joint that slides, in mm.
 fn is_of_a_slide(model: &FullModel, place: usize) -> bool {
-    let periods = model.layout().slide_periods_mm();
+    let periods = &model.trained.layout.slide_periods_mm;
     let rows = periods.iter().enumerate();
     let mut columns =
         rows.flat_map(|(joint, period)| vec![period.is_some(); periods.len() - joint]);
@@ -216,11 +216,12 @@ fn is_of_a_slide(model: &FullModel, place: usize) -> bool {
 /// Columns of the model that are compared between sessions, with their places; dropped parts have no scale and are left out.
 fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> {
     let mut shared = Vec::new();
-    for (block, own) in model.layout().blocks() {
+    for (block, own) in model.trained.layout.blocks() {
         let first = own.start;
         match block {
             Block::Unknowns => {
-                let slides = |joint: usize| model.layout().slide_period_mm(joint - 1).is_some();
+                let slides =
+                    |joint: usize| model.trained.layout.slide_period_mm(joint - 1).is_some();
                 let unknowns = own.zip(model.unknowns());
                 let unknowns = unknowns.filter(|(_, unknown)| frames.has_unknown(unknown));
                 shared.extend(
@@ -238,7 +239,7 @@ fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> 
                 shared.extend(own.map(|place| (place, column(place - first))));
             }
             // The coefficients of a slide's curve are of its own session's functions: its values are compared.
-            Block::Curve(joint) if model.layout().slide_period_mm(joint).is_none() => {
+            Block::Curve(joint) if model.trained.layout.slide_period_mm(joint).is_none() => {
                 let coefficient =
                     |place| Column::Curve { joint: joint + 1, coefficient: place - first };
                 shared.extend(own.take(2 * CURVE_PAIRS).map(|place| (place, coefficient(place))));
@@ -246,14 +247,14 @@ fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> 
             _ => {}
         }
     }
-    shared.retain(|(place, _)| model.prior_sd()[*place] > 0.0);
+    shared.retain(|(place, _)| model.posterior.scale[*place] > 0.0);
     shared
 }
 
 /// The values of the curves of joints that slide at positions that their session measured; none of a curve that was dropped.
 fn slide_curves(model: &FullModel, ranges: &[[f64; 2]]) -> Vec<Values> {
     let curve = |(joint, range): (usize, &[f64; 2])| {
-        model.layout().slide_period_mm(joint)?;
+        model.trained.layout.slide_period_mm(joint)?;
         let (places, positions): (Vec<i64>, Vec<f64>) = positions(*range).into_iter().unzip();
         let rows = model.curve_rows(joint, &positions);
         let precision = model.prior_covariance_of_rows(&rows).cholesky()?.inverse();

@@ -72,7 +72,8 @@ impl Buffer for JointBuffer {
     fn judge(&self, block: &DecodedJoints, place: &Place<'_>) -> Rows {
         let faulty = RowFault::in_angles(&block.angles);
         Rows::judge(&block.stamps, place, SpanClock::Controller, |row| {
-            if faulty { RowFault::of_angles(&block.angles, row) } else { None }
+            let is_finite = || block.angles.row(row).iter().all(|angle| angle.is_finite());
+            (faulty && !is_finite()).then_some(RowFault::Angle)
         })
     }
 

@@ -74,7 +74,7 @@ impl PoseBuffer {
     }
 
     /// Some of the samples, labelled with their clock `C`.
-    pub fn rows<C>(&self, rows: Range<usize>) -> PoseSamples<C> {
+    pub fn rows<C: Copy>(&self, rows: Range<usize>) -> PoseSamples<C> {
         PoseSamples {
             stamps: self.stamps[rows.clone()].iter().map(|&ns| Stamp::from_ns(ns)).collect(),
             positions: self.positions[rows.clone()].to_vec(),

@@ -136,11 +136,6 @@ impl LengthSource<'_> {
         (self.reads == LengthRead::Distance).then_some(offset_mm.min(0.0))
     }
 
-    /// Whether a length can be a reading of it: one of distances is above the least, where zeros are missing readings.
-    pub fn can_read(&self, mm: f64) -> bool {
-        is_length(self.least_mm(), mm)
-    }
-
     /// Place of its target among those with these names; `None` where there is no such target.
     pub fn target_among(&self, names: &[String]) -> Option<usize> {
         match self.target {

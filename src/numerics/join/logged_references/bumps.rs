@@ -216,7 +216,7 @@ fn keep_largest(
 ) -> Result<(), JoinError> {
     let readings = Readings::find(readings, settings)?;
     let mut dwells = vec![0_usize; parts.len()];
-    for own in &readings.stationary().stretches {
+    for own in &readings.stationary.stretches {
         let at = Stamp::from_ns(own.start_ns);
         let begun = parts.partition_point(|part| part.from <= at);
         dwells[begun.saturating_sub(1)] += 1;

@@ -35,26 +35,15 @@ impl Marks {
     }
 
     pub(super) fn retain(&mut self, fits: &impl Fn([f64; 2]) -> bool) -> usize {
-        let before = self.len();
         match self {
             Self::Line(points)
             | Self::Points(points)
             | Self::Rings(points)
-            | Self::Steps(points) => points.retain(|point| fits(*point)),
+            | Self::Steps(points) => points.extract_if(.., |point| !fits(*point)).count(),
             Self::Band(spans) | Self::Whiskers(spans) => {
-                spans.retain(|&[x, low, high]| fits([x, low]) && fits([x, high]));
+                let fits = |&[x, low, high]: &[f64; 3]| fits([x, low]) && fits([x, high]);
+                spans.extract_if(.., |span| !fits(span)).count()
             }
-        }
-        before - self.len()
-    }
-
-    const fn len(&self) -> usize {
-        match self {
-            Self::Line(points)
-            | Self::Points(points)
-            | Self::Rings(points)
-            | Self::Steps(points) => points.len(),
-            Self::Band(spans) | Self::Whiskers(spans) => spans.len(),
         }
     }
 

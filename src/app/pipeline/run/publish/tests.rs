@@ -214,7 +214,7 @@ fn parameters_say_what_is_identifiable() {
     assert_eq!(full.len(), geometric.unknowns.len() + weights);
     // Parameters of the full error model have the standard errors of its own covariance.
     let full_model = OUTCOME.full.as_ref().unwrap();
-    let variance = full_model.covariance_of(&[3])[(0, 0)];
+    let variance = full_model.posterior.covariance_of(&[3])[(0, 0)];
     assert!((table.f64("standard_error").value(full[3]) - variance.sqrt()).abs() < 1e-15);
 }
 
@@ -243,13 +243,13 @@ fn a_saved_full_model_predicts_as_the_model_did() {
         assert!((here - then).norm() < 1e-12 * here.norm(), "{here} {then}");
     }
     // Text restores numbers to the last digit or the one before.
-    for (back, there) in again.parts.iter().zip(&model.parts) {
+    for (back, there) in again.trained.parts.iter().zip(&model.trained.parts) {
         assert_eq!((back.name, back.kept), (there.name, there.kept));
         assert!((back.gain - there.gain).abs() <= 1e-12 * there.gain.abs());
     }
-    assert_eq!(again.parts.len(), model.parts.len());
-    assert_eq!(again.layout(), model.layout());
-    assert!((again.log_evidence() - model.log_evidence()).abs() < 1e-9);
+    assert_eq!(again.trained.parts.len(), model.trained.parts.len());
+    assert_eq!(again.trained.layout, model.trained.layout);
+    assert!((again.posterior.log_evidence - model.posterior.log_evidence).abs() < 1e-9);
 }
 
 /// A way to damage a saved model.
@@ -340,7 +340,7 @@ fn compensation_is_stated_in_the_frame_of_commands() {
         ["flange_from_target_x_mm", "flange_from_target_y_mm", "flange_from_target_z_mm"],
         node,
     );
-    let frames = OUTCOME.error_frame.frames();
+    let frames = OUTCOME.error_frame.frames;
     assert_eq!(target, frames.flange_from_target.origin().coords());
     // The base frame stated in the table brings the node back to its lattice.
     let origin =

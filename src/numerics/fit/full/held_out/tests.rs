@@ -31,7 +31,7 @@ fn curves(truth: &Truth) -> PartEvidence {
     let (frames, offsets, prior) = geometry(truth, &seen);
     let up: Option<UnitVector3<f64>> = None;
     let model = FullModel::train(&truth.arm, &seen, &frames, &offsets, &prior, &settings(), up);
-    model.expect("a model").parts[0].clone()
+    model.expect("a model").trained.parts[0].clone()
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn with_settled(harmonics: usize, check: impl Fn(&Problem<'_>, &Settled)) {
         &prior,
         false,
     );
-    let mut start = DVector::zeros(problem.unknowns().len());
+    let mut start = DVector::zeros(problem.unknowns.len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
     let settings = FullSettings { harmonics, ..settings() };
     let settled = train(&problem, start, &settings, None).expect("a model");
@@ -217,7 +217,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
         &prior,
         false,
     );
-    let mut start = DVector::zeros(problem.unknowns().len());
+    let mut start = DVector::zeros(problem.unknowns.len());
     start.rows_mut(0, offsets.len()).copy_from_slice(&offsets);
     let settings = FullSettings { harmonics: 2, gear_lines: true, drift: true, ..settings() };
     let settled = train(&problem, start, &settings, None).expect("a model");

@@ -43,11 +43,6 @@ pub struct FewRoot {
 }
 
 impl FewRows {
-    /// Whether `rows` rows of `columns` columns are few: then each step on the rows costs less than one on the columns.
-    pub const fn are_few(rows: usize, columns: usize) -> bool {
-        2 * rows <= columns
-    }
-
     /// No rows: the posterior is the prior, and takes no room.
     pub fn none(columns: usize) -> Self {
         Self {

@@ -356,7 +356,7 @@ fn outcome() -> Outcome<'static> {
         test: Vec::new(),
         frame: StatedFrame {
             is_surveyed: false,
-            tracker_from_base: *error_frame.frames().tracker_from_base.isometry(),
+            tracker_from_base: *error_frame.frames.tracker_from_base.isometry(),
             sd_mm: Some(0.01),
             sd_deg: Some(0.001),
             lever_sd_mm: None,
@@ -379,7 +379,7 @@ fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSampl
 }
 
 fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calibration) -> Grids {
-    let reach = Reach::new(&ARM, *error_frame.flange_from_tool());
+    let reach = Reach::new(&ARM, error_frame.flange_from_tool);
     let attained: Vec<_> = stations.iter().filter(|s| s.one_reading().is_some()).collect();
     let tools: Vec<_> = attained.iter().map(|s| error_frame.nominal_tool(&s.joints)).collect();
     let positions: Vec<_> = tools.iter().map(|tool| tool.translation.vector.into()).collect();
