@@ -118,7 +118,6 @@ pub enum Exception {
 pub struct JointCommand {
     /// The angles at which the nominal arm attains the target.
     pub target: Vec<f64>,
-    /// The angles to command.
     pub command: Vec<f64>,
 }
 
@@ -209,7 +208,7 @@ fn by_pose(
         first = false;
         let predicted = predicted.map_err(gap)?;
         let covariance = table.spread(0, SourceId::ONLY, &predicted).covariance();
-        let error = predicted.error_from(&place);
+        let error = predicted.error.unwrap_or_else(|| predicted.position - place);
         table.terms().validity.admit_error(&error)?;
         Ok((error, covariance))
     })?;

@@ -10,9 +10,7 @@ const CONVERGED_MM: f64 = 1e-6;
 /// Errors of any real arm converge in three or four iterations.
 const MOST_ITERATIONS: usize = 100;
 
-/// A converged command.
 pub(super) struct Converged<F> {
-    /// The command.
     pub(super) command: Point3<f64>,
     /// The further results at the command, given with the error.
     pub(super) found: F,

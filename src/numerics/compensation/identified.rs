@@ -158,7 +158,7 @@ impl IdentifiedArm {
     /// After what each joint's errors repeat, rad: a turn or several, as the joint curves do. `None` for a linear joint, and for one
     /// that moves axes by another share than whole turns.
     pub(super) fn periods(&self) -> Vec<Option<f64>> {
-        let turns = self.model.is::<FullModel>().map_or(1, FullModel::curve_period_turns);
+        let turns = self.model.is::<FullModel>().map_or(1, |full| full.trained.layout.period_turns);
         let of = |variable| {
             let repeats = variable == JointVariable::Turning;
             repeats.then(|| TAU * f64::from(turns))
@@ -232,7 +232,7 @@ impl Correction<'_> {
         let target = Point3::from(translation.vector);
         let converged = converge(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), commanded);
-            joints = self.reach.solve(&pose, &joints)?;
+            joints = self.reach.inverse.joints(&pose, &joints)?;
             let error = self.errors.error(&joints).map_err(Reason::Target)?;
             self.identified.validity.admit_error(&error)?;
             // Errors hardly change with so small a turn: the next round's is the last digit of this one's.

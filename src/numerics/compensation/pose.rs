@@ -94,7 +94,7 @@ impl<'a> Poses<'a> {
             return Err(Reason::Apart { apart_mm });
         }
         // Even when the angles already reach the pose, this checks limits and singularities.
-        let joints = self.reach.solve(&base_from_tool, &joints)?;
+        let joints = self.reach.inverse.joints(&base_from_tool, &joints)?;
         Ok(Wanted { base_from_tool, joints, turns_rad })
     }
 
@@ -168,10 +168,10 @@ impl<'a> Poses<'a> {
     /// Joint angles of a pose, in the wanted arm configuration. An arm without configurations takes, of the ways that the search
     /// finds, one within the ranges measured.
     fn solution(&self, pose: &Isometry3<f64>, wanted: Option<&str>) -> Result<Vec<f64>, Reason> {
-        self.reach.within_links(pose)?;
+        self.reach.inverse.within_links(pose)?;
         let (mut first, mut beyond) = (None, None);
         for seed in self.nearest(wanted, pose)? {
-            match self.reach.solve(pose, &seed.joints) {
+            match self.reach.inverse.joints(pose, &seed.joints) {
                 Ok(joints) => {
                     let joints = self.on_measured_turn(joints);
                     let is_measured = self.identified.within_measured(&joints).is_ok();

@@ -13,11 +13,8 @@ use crate::units::MM_PER_M;
 /// A unit that a target's numbers are probably in, though their columns say another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Slip {
-    /// Radians where degrees are said.
     RadiansAsDegrees,
-    /// Degrees where radians are said.
     DegreesAsRadians,
-    /// Metres where millimetres are said.
     MetresAsMillimetres,
 }
 

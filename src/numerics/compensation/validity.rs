@@ -54,7 +54,6 @@ pub enum Term {
     Tool,
     Payload,
     Mounting,
-    /// The base frame.
     Base,
     ControllerModel,
     /// The controller's own absolute-accuracy option.

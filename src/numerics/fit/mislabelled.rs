@@ -287,7 +287,9 @@ fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroug
     sessions.find_map(|(session, own)| {
         let places = places(own);
         let found = |against| move |swap| SwappedThroughout { session, swap, against };
-        let stated = stated_places(settings, places.len());
+        let stated = settings.prior().targets.into_iter().enumerate().take(places.len());
+        let stated = stated.filter_map(|(at, known)| Some((at, Vector3::from(known?.xyz_mm))));
+        let stated: Vec<_> = stated.collect();
         if stated.len() > 1 {
             return by_places(&places, &stated).map(found(Against::Places));
         }
@@ -302,11 +304,6 @@ fn throughout(frames: &[Frames], settings: &FitSettings) -> Option<SwappedThroug
 
 fn places(frames: &Frames) -> Vec<Vector3<f64>> {
     frames.targets().iter().map(|target| target.isometry().translation.vector).collect()
-}
-
-fn stated_places(settings: &FitSettings, targets: usize) -> Vec<(usize, Vector3<f64>)> {
-    let stated = settings.prior().targets.into_iter().enumerate().take(targets);
-    stated.filter_map(|(target, known)| Some((target, Vector3::from(known?.xyz_mm)))).collect()
 }
 
 /// The permutation of targets under which fitted places are those wanted, but for one shift of all.

@@ -202,15 +202,22 @@ impl<'q> Query<'q> {
         }
     }
 
+    /// The only target at these axis variables in a session of the training, at no moment of it.
+    pub const fn at(axes: &'q [f64], session: usize, known: Known<'q>) -> Self {
+        Self {
+            axes,
+            known,
+            lever: Vector3::new(0.0, 0.0, 0.0),
+            session,
+            source: SourceId::ONLY,
+            target: TargetId::ONLY,
+            own: true,
+            station: None,
+        }
+    }
+
     pub const fn channel(&self) -> Channel {
         Channel { session: self.session, source: self.source, target: self.target }
-    }
-}
-
-impl Prediction {
-    /// Attained minus commanded position, mm.
-    pub fn error_from(&self, command: &Point3<f64>) -> Vector3<f64> {
-        self.error.unwrap_or_else(|| self.position - command)
     }
 }
 

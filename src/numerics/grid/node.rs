@@ -88,7 +88,7 @@ pub struct Reach<'a> {
     arm: &'a Arm,
     flange_from_tool: Isometry3<f64>,
     settings: InverseSettings,
-    inverse: Inverse<'a>,
+    pub inverse: Inverse<'a>,
     /// Radians that one unit of each joint's variable counts as, in the arm's order.
     pub counted: Vec<f64>,
 }
@@ -113,7 +113,7 @@ impl<'a> Reach<'a> {
         seed: &[f64],
     ) -> Result<Vec<f64>, Refusal> {
         let pose = Isometry3::from_parts(Translation3::from(position.coords), *orientation);
-        self.solve(&pose, seed).map_err(|error| match error {
+        self.inverse.joints(&pose, seed).map_err(|error| match error {
             InverseError::NotReachable { .. }
             | InverseError::Orientation { .. }
             | InverseError::LimitReached { .. } => Refusal::OutOfReach,
@@ -122,16 +122,6 @@ impl<'a> Reach<'a> {
             }
             InverseError::NearSingularity { .. } => Refusal::Singularity,
         })
-    }
-
-    /// Joint angles for a tool pose, in the configuration of `seed`; the error states how far from reachable the pose is.
-    pub fn solve(&self, pose: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
-        self.inverse.joints(pose, seed)
-    }
-
-    /// Refuses a tool pose that the links of the arm together do not reach.
-    pub fn within_links(&self, pose: &Isometry3<f64>) -> Result<(), InverseError> {
-        self.inverse.within_links(pose)
     }
 
     /// Joint angles for a tool pose that `accepts`, from seeds all over the joint limits.

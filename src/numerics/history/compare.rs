@@ -73,7 +73,7 @@ impl ChiSquare {
 impl Comparison {
     pub fn new(earlier: &Estimate, later: &Estimate) -> Self {
         let both = earlier.plus(later);
-        let (base, target) = both.frames();
+        let (base, target) = (both.base.as_ref(), both.target.as_ref());
         let columns = both.columns.clone();
         let (first, first_moment) = earlier.spread(&columns, base, target);
         let (second, second_moment) = later.spread(&columns, base, target);

@@ -52,14 +52,10 @@ impl Estimate {
 
     /// Whether the target is more than `limit` mm or mrad from its place in `other`; false when one has none.
     pub(super) fn target_is_far_from(&self, other: &Self, limit: f64) -> bool {
-        is_far(other.target.zip(self.target), self.turns_target(), limit)
-    }
-
-    fn turns_target(&self) -> bool {
         let turns = |column: &Column| {
             matches!(column, Column::Chain(Parameter::Target(Motion::Rotation(_))))
         };
-        self.columns.iter().any(turns)
+        is_far(other.target.zip(self.target), self.columns.iter().any(turns), limit)
     }
 
     /// A copy without the information on the columns for which `is_forgotten` is true; these stay free.
@@ -155,10 +151,6 @@ impl Estimate {
         let noise =
             DVector::from_fn(size, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]);
         Self { moment: &self.information * offsets + &eigen.eigenvectors * noise, ..self.clone() }
-    }
-
-    pub(super) const fn frames(&self) -> (Option<&Isometry3<f64>>, Option<&Isometry3<f64>>) {
-        (self.base.as_ref(), self.target.as_ref())
     }
 }
 

@@ -182,7 +182,9 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
         .filter(|hypothesis| match hypothesis {
             // Without curve columns it would repeat the offset.
             Hypothesis::JointCurve(_) => {
-                columns.iter().any(|column| column.is_of_a_curve() && hypothesis.has(column))
+                let is_of_curve =
+                    |own: &Column| matches!(own, Column::Curve { .. } | Column::SlideCurve { .. });
+                columns.iter().any(|column| is_of_curve(column) && hypothesis.has(column))
             }
             _ => true,
         })

@@ -103,10 +103,6 @@ impl JointAngles {
         }
     }
 
-    pub fn truncate(&mut self, rows: usize) {
-        self.values.truncate(rows * self.joints);
-    }
-
     pub(super) fn evict(&mut self, rows: usize) {
         self.values.drain(..rows * self.joints);
     }
@@ -145,7 +141,7 @@ mod tests {
         angles.scale_from(2, &[10.0, 100.0]);
         angles.evict(1);
         assert_eq!(angles.all(), [2.0, -2.0, 30.0, -300.0]);
-        angles.truncate(1);
+        angles = angles.picked(&[0]);
         assert_eq!(angles.rows().count(), 1);
     }
 

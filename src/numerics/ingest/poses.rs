@@ -50,13 +50,8 @@ pub(super) fn scale<const N: usize>(column: &mut [[f64; N]], factor: f64) {
     }
 }
 
-/// Normalises the quaternions; returns how many had a norm that differs from 1 by more than a thousandth.
-pub(super) fn normalise_all(column: &mut [[f64; 4]]) -> u64 {
-    column.iter_mut().filter_map(normalise).filter(|norm| (norm - 1.0).abs() > 1e-3).count() as u64
-}
-
 /// Normalises a quaternion and returns its norm before; a zero quaternion becomes the identity and gives `None`.
-fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
+pub(super) fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
     let largest = quaternion.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     if largest < f64::MIN_POSITIVE.sqrt() {
         *quaternion = [0.0, 0.0, 0.0, 1.0];

@@ -69,12 +69,6 @@ struct Change {
     by_s: f64,
 }
 
-/// Whether so many pairs leave dwells unexplained.
-fn leaves_some(dwells: Dwells, pairs: usize) -> bool {
-    let most = dwells.arm.len().min(dwells.target.len());
-    (pairs as f64) < ENOUGH * most as f64
-}
-
 /// The decision on a session's clocks; where one of them stepped, the dwells of the arm behind the step are moved by it.
 pub(super) fn decided(
     seen: &mut Observation,
@@ -82,9 +76,10 @@ pub(super) fn decided(
 ) -> Result<(Decision, Vec<ClockStep>), JoinError> {
     let alone = decide(seen.dwells(), gate_mm);
     let pairs = alone.as_ref().map_or(0, |own| own.support.len());
+    let most = seen.arm.len().min(seen.dwells().target.len());
     let mut changes = match &alone {
         // A step shorter than a dwell leaves all of them paired.
-        Ok(own) if !leaves_some(seen.dwells(), pairs) => short(seen.dwells(), &own.support),
+        Ok(own) if pairs as f64 >= ENOUGH * most as f64 => short(seen.dwells(), &own.support),
         _ => changes(seen.dwells(), pairs),
     };
     if changes.is_empty() {

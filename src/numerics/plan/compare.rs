@@ -16,7 +16,7 @@ use super::settings::{PlanSettings, Region};
 use super::steps::{Grid, test_poses};
 use super::{PlanError, Trial, line_of_sight};
 use crate::figures::Figures;
-use crate::fit::full::FullModel;
+use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{FramePair, Observation, SourceId, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::Lattice;
@@ -86,7 +86,7 @@ impl Designs {
         let model = settings.known.as_ref().map_or(&unknown, |known| &known.model);
         let measured = measurements(arm, &candidates.0, model, settings);
         progress.begin("choosing poses", 2 * most as u64);
-        let visit = |axes: &Vec<f64>| model.visit_covariance(&super::design::query(axes));
+        let visit = |axes: &Vec<f64>| model.visit_covariance(&Query::at(axes, 0, Known::Reported));
         let visit: Vec<_> = region.iter().map(visit).collect();
         let mut design = Design::new(model, &measured, &region);
         let (mut by_variance, mut expected) = (Vec::new(), Vec::new());

@@ -15,7 +15,6 @@ use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
-use crate::fit::{SourceId, TargetId};
 use crate::linalg::transposed;
 
 /// Number of candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
@@ -167,7 +166,8 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
     let part = |axes: &[&[f64]]| {
         let mut rows = DMatrix::zeros(3 * axes.len(), model.trained.layout.size());
         for (place, axes) in axes.iter().enumerate() {
-            rows.rows_mut(3 * place, 3).copy_from(&model.predict(&query(axes)).rows);
+            rows.rows_mut(3 * place, 3)
+                .copy_from(&model.predict(&Query::at(axes, 0, Known::Reported)).rows);
         }
         model.posterior.half(&rows)
     };
@@ -179,20 +179,6 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
         first += part.ncols();
     }
     half
-}
-
-/// The target at a pose in the planned session.
-pub(super) fn query(axes: &[f64]) -> Query<'_> {
-    Query {
-        axes,
-        known: Known::Reported,
-        lever: Vector3::zeros(),
-        session: 0,
-        source: SourceId::ONLY,
-        target: TargetId::ONLY,
-        own: true,
-        station: None,
-    }
 }
 
 fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {

@@ -15,7 +15,6 @@ use super::design::{Candidate, Design};
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::settings::PlanSettings;
 use crate::fit::full::{FullModel, Known, Query};
-use crate::fit::{SourceId, TargetId};
 use crate::simulate::{Ingredient, Stream};
 
 /// Number of arms that are drawn; a promise for 95 % with 95 % confidence needs 59.
@@ -38,7 +37,7 @@ pub fn promised(
     let mut rows = DMatrix::zeros(3 * region.len(), model.trained.layout.size());
     let mut alone = Vec::with_capacity(region.len());
     for (place, axes) in region.iter().enumerate() {
-        let query = commanded(axes, session);
+        let query = Query::at(axes, session, Known::Commanded);
         let predicted = model.predict(&query);
         rows.rows_mut(3 * place, 3).copy_from(&predicted.rows);
         alone.push(half(&(predicted.approach + model.visit_covariance(&query))));
@@ -75,7 +74,7 @@ pub fn next(
     settings: &PlanSettings,
 ) -> Next {
     let of_visit = |axes: &Vec<f64>| {
-        let query = commanded(axes, 0);
+        let query = Query::at(axes, 0, Known::Commanded);
         model.visit_covariance(&query) + model.predict(&query).approach
     };
     let visit: Vec<Matrix3<f64>> = region.iter().map(of_visit).collect();
@@ -87,20 +86,6 @@ pub fn next(
         are_enough = expected(&design) <= wanted;
     }
     Next { poses: design.chosen.clone(), are_enough }
-}
-
-/// A pose as commanded in another session.
-const fn commanded(axes: &[f64], session: usize) -> Query<'_> {
-    Query {
-        axes,
-        known: Known::Commanded,
-        lever: Vector3::new(0.0, 0.0, 0.0),
-        session,
-        source: SourceId::ONLY,
-        target: TargetId::ONLY,
-        own: true,
-        station: None,
-    }
 }
 
 /// A matrix H with `H Hᵀ` = covariance.

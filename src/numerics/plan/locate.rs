@@ -8,17 +8,17 @@
 //!    remains at each has a covariance: what training left open, how far sessions differ, the warm-up and drift that are still to
 //!    come, settling errors that a command does not tell, and one visit's repeatability. Errors are drawn from it.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3};
 
 use super::PlanError;
 use super::compare::{Expected, candidates};
 use super::order::visiting_order;
-use super::place::{Drawn, Placer};
+use super::place::Placer;
 use super::settings::{PlanSettings, Region};
+use crate::fit::SourceId;
 use crate::fit::full::elsewhere::Elsewhere;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::locate::Poses;
-use crate::fit::{SourceId, TargetId};
 use crate::kinematics::Arm;
 use crate::report::locate::{LEAST_STATIONS, frame_columns};
 use crate::report::refit::Placed;
@@ -44,8 +44,6 @@ pub struct LocatePlan {
     pub others: Vec<(usize, Expected)>,
     /// Expected errors with base and target from the whole box, each pose of it measured: what only a better arm would improve.
     pub arm_alone: Expected,
-    /// Number of poses that were drawn, and the reasons why some were not taken.
-    pub candidates: Drawn,
 }
 
 impl LocatePlan {
@@ -66,14 +64,14 @@ pub fn locate(
     if settings.candidates < 2 * count {
         return Err(PlanError::FewCandidates { candidates: settings.candidates, poses: 2 * count });
     }
-    let (candidates, drawn) = candidates(arm, &placer, settings)?;
+    let (candidates, _) = candidates(arm, &placer, settings)?;
     let (model, session) = (identified.model, identified.session);
     let Some(elsewhere) = model.elsewhere(arm, session, &settings.full, settings.up) else {
         return Ok(None);
     };
     let region = in_the_box(&placer, settings)?;
     let site = Site { arm, identified, elsewhere: &elsewhere, region, settings };
-    Ok(site.planned(&candidates, drawn, count))
+    Ok(site.planned(&candidates, count))
 }
 
 fn in_the_box(placer: &Placer<'_>, settings: &PlanSettings) -> Result<Vec<Commanded>, PlanError> {
@@ -91,7 +89,7 @@ struct Site<'s> {
 }
 
 impl Site<'_> {
-    fn planned(&self, candidates: &[Commanded], drawn: Drawn, count: usize) -> Option<LocatePlan> {
+    fn planned(&self, candidates: &[Commanded], count: usize) -> Option<LocatePlan> {
         let all = candidates.iter().chain(&self.region).map(|pose| (pose.clone(), 0));
         let all: Vec<(Commanded, usize)> = all.collect();
         let poses = self.poses(&all, candidates.len());
@@ -110,7 +108,6 @@ impl Site<'_> {
             others: others.collect::<Option<_>>()?,
             arm_alone: self.arm_alone()?,
             poses: own,
-            candidates: drawn,
         })
     }
 
@@ -200,15 +197,7 @@ impl Site<'_> {
     }
 
     const fn query<'q>(&self, axes: &'q [f64], station: usize) -> Query<'q> {
-        Query {
-            axes,
-            known: Known::Commanded,
-            lever: Vector3::new(0.0, 0.0, 0.0),
-            session: self.identified.session,
-            source: SourceId::ONLY,
-            target: TargetId::ONLY,
-            own: false,
-            station: Some(station),
-        }
+        let session = self.identified.session;
+        Query { own: false, station: Some(station), ..Query::at(axes, session, Known::Commanded) }
     }
 }

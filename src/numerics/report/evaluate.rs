@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3};
 
 use super::refit::Placed;
 use super::tip::Turn;
@@ -93,16 +93,7 @@ pub(super) fn predictions<'m>(
         let axes = axes_at(o, angles)?;
         let known = known_at(o, angles);
         let session = if own { o.session } else { latest };
-        let query = Query {
-            axes: &axes,
-            known,
-            lever: Vector3::zeros(),
-            session,
-            source: o.source,
-            target: o.target,
-            own,
-            station: Some(o.station),
-        };
+        let query = Query { axes: &axes, known, session, own, ..Query::of(o) };
         Some(Predicted {
             target: model.predict(&At::Joints(query)).ok()?,
             turn: turn(model, &query, o).ok()?,

@@ -134,7 +134,6 @@ pub enum Characteristic {
 }
 
 impl Characteristic {
-    /// Whether it is an angle, rad.
     pub const fn is_angle(self) -> bool {
         matches!(self, Self::ApA | Self::ApB | Self::ApC | Self::RpA | Self::RpB | Self::RpC)
     }

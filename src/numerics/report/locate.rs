@@ -4,7 +4,7 @@
 //! pick by readings would flatter the others. They alone also test whether the target is the one that is known: where its displacement
 //! by them is significant (1 %, by the joint covariance of what they find and of what is known), it is the session's own.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3};
 use serde::{Deserialize, Serialize};
 
 use super::BaseRefit;
@@ -420,14 +420,5 @@ pub fn frame_columns(
 const LEAST_MM: f64 = 0.01;
 
 fn query<'q>(observation: &'q Observation, axes: &'q [f64], known: Known<'q>) -> Query<'q> {
-    Query {
-        axes,
-        known,
-        lever: Vector3::zeros(),
-        session: 0,
-        source: observation.source,
-        target: observation.target,
-        own: false,
-        station: Some(observation.station),
-    }
+    Query { axes, known, session: 0, own: false, ..Query::of(observation) }
 }

@@ -72,13 +72,6 @@ pub struct Mistake {
     pub is_pair: bool,
 }
 
-impl From<&Hypothesis> for Mistake {
-    fn from(hypothesis: &Hypothesis) -> Self {
-        let Hypothesis { mistake, edit, is_pair, .. } = hypothesis;
-        Self { what: mistake.clone(), edit: edit.clone(), is_pair: *is_pair }
-    }
-}
-
 /// The disagreement of a session with its set-up; `None` where they agree. `gate_mm` is how far a dwell of the right target may
 /// lie from the nominal arm: beyond it a disagreement that nothing explains is grave too.
 pub fn check(
@@ -222,11 +215,16 @@ impl<'a> Search<'a> {
         let first = tied.first()?;
         let (relation, worst) = self.agreement.worst_beside(&first.agreement);
         let is_large = worst > if relation.is_of_turns() { GRAVE_RAD } else { GRAVE_MM };
+        let mistake = |own: &Hypothesis| Mistake {
+            what: own.mistake.clone(),
+            edit: own.edit.clone(),
+            is_pair: own.is_pair,
+        };
         Some(Finding {
             relation,
             stated: worst,
             mended: first.agreement.get(relation),
-            mistakes: tied.iter().map(|tied| Mistake::from(&tied.hypothesis)).collect(),
+            mistakes: tied.iter().map(|tied| mistake(&tied.hypothesis)).collect(),
             is_grave: first.hypothesis.sort != Sort::Size || is_large,
             left: Some(first.agreement.worst()).filter(|(relation, left)| *left > relation.usual()),
         })

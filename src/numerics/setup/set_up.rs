@@ -39,7 +39,6 @@ pub struct SetUp {
     pub units: Units,
 }
 
-/// The units that are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Units {
     pub angles: AngleUnit,

@@ -289,8 +289,9 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
             SingularityFactors::of(&identified.arm, &nominal, joints)
                 .is_some_and(|factors| factors.smallest() > 0.1)
         };
-        let reachable =
-            |joints: &Vec<f64>| is_far(joints) && reach.solve(&pose(joints), joints).is_ok();
+        let reachable = |joints: &Vec<f64>| {
+            is_far(joints) && reach.inverse.joints(&pose(joints), joints).is_ok()
+        };
         let asked: Vec<Vec<f64>> = (0..400).map(spread).filter(reachable).collect();
         let targets: Vec<Target> = asked.iter().map(|joints| at_pose(identified, joints)).collect();
         let outcomes = identified.compensate(&targets, &[], Covariances::Given);

@@ -47,11 +47,6 @@ impl JointError {
 }
 
 impl FullModel {
-    /// After how many turns of a joint that turns its error curve repeats.
-    pub const fn curve_period_turns(&self) -> u32 {
-        self.trained.layout.period_turns
-    }
-
     pub fn joint_curves(&self) -> JointCurves {
         let pairs: Vec<Pair> = self
             .trained

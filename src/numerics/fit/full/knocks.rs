@@ -154,7 +154,6 @@ struct Slip {
     sd: f64,
 }
 
-/// The columns of a step.
 #[derive(Clone, Copy)]
 enum Columns {
     Base,
@@ -167,7 +166,6 @@ struct Small<'a> {
     observations: &'a [Observation],
     problem: Problem<'a>,
     settled: Settled,
-    /// The columns of the base.
     base: Vec<usize>,
     /// Whether each of them turns it.
     turns: Vec<bool>,

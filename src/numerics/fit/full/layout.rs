@@ -67,6 +67,7 @@ impl Block {
         )
     }
 
+    /// The joint and the session that the block belongs to alone; none of the unknowns, which have either kind.
     pub(super) const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
         match self {
             Self::Unknowns

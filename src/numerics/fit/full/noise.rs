@@ -172,7 +172,6 @@ pub struct StationNoise {
     pub joints: DMatrix<f64>,
 }
 
-/// The noise of one reading alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadingNoise {
     /// Covariance of the instrument, mm² and rad².
@@ -183,7 +182,6 @@ pub struct ReadingNoise {
 
 /// A reading as its station's noise is made from it.
 pub struct NoisyReading<'r> {
-    /// The reading.
     pub observation: &'r Observation,
     /// The part of the target's motion that it shows.
     pub shown: &'r Shown,

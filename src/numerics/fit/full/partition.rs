@@ -17,28 +17,6 @@ pub struct Partition {
     pub common: Vec<usize>,
 }
 
-impl Block {
-    /// The session that the block belongs to alone; `None` of a shared one, and of the unknowns, which have either kind.
-    const fn session(self) -> Option<usize> {
-        match self {
-            Self::SessionCommandWeight(session)
-            | Self::OwnCommandWeight(session)
-            | Self::Drift(session)
-            | Self::Scale(session)
-            | Self::SessionCurve { session, .. } => Some(session),
-            Self::Unknowns
-            | Self::Gravity
-            | Self::CommandWeight
-            | Self::ApproachOffset
-            | Self::WarmUp
-            | Self::Curve(_)
-            | Self::Earlier { .. }
-            | Self::Ageing { .. }
-            | Self::Line { .. } => None,
-        }
-    }
-}
-
 impl Partition {
     /// The partition of a model of `sessions` sessions.
     pub fn of(layout: &Layout, unknowns: &[Unknown], sessions: usize) -> Self {
@@ -48,7 +26,7 @@ impl Partition {
             for column in columns {
                 let owner = match block {
                     Block::Unknowns => unknowns[column - first].session(),
-                    _ => block.session(),
+                    _ => block.belongs_to().1,
                 };
                 match owner.filter(|_| sessions > 1) {
                     Some(session) => partition.own[session].push(column),
@@ -101,7 +79,7 @@ impl Block {
 
 impl Layout {
     pub(super) fn blocks_in(&self, session: usize) -> impl Iterator<Item = (Block, Range<usize>)> {
-        let is_seen = move |block: Block| block.session().is_none_or(|own| own == session);
+        let is_seen = move |block: Block| block.belongs_to().1.is_none_or(|own| own == session);
         self.blocks().filter(move |(block, _)| is_seen(*block))
     }
 }

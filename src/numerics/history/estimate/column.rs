@@ -64,11 +64,6 @@ impl Column {
         }
     }
 
-    /// Whether it is of a joint's error curve.
-    pub const fn is_of_a_curve(&self) -> bool {
-        matches!(self, Self::Curve { .. } | Self::SlideCurve { .. })
-    }
-
     /// The largest change expected of it, mm or rad.
     pub fn unit(&self) -> f64 {
         match self {

@@ -6,8 +6,8 @@ use super::Estimate;
 use super::column::Column;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{Frames, Owner, Sees, SourceId, TargetId, Unknown};
+use crate::fit::saved::{SavedCalibration, SavedError, SavedUnknown};
+use crate::fit::{Frames, Sees, SourceId, TargetId};
 use crate::kinematics::Parameter;
 
 /// Pairs `cos, sin` of the curve of a joint that turns that are compared between sessions: those with a period of at least 90°.
@@ -65,15 +65,6 @@ impl Compared {
             Parameter::Target(_) => TargetId(of) == TargetId::MAIN,
             Parameter::Gauge(_) => false,
         }
-    }
-
-    fn has_unknown(&self, unknown: &Unknown) -> bool {
-        let of = match unknown.owner {
-            Owner::Arm => 0,
-            Owner::Source { source, .. } => source.0,
-            Owner::Target { target, .. } => target.0,
-        };
-        self.has(unknown.parameter, of)
     }
 }
 
@@ -223,7 +214,10 @@ fn shared_columns(model: &FullModel, frames: &Compared) -> Vec<(usize, Column)> 
                 let slides =
                     |joint: usize| model.trained.layout.slide_period_mm(joint - 1).is_some();
                 let unknowns = own.zip(model.unknowns());
-                let unknowns = unknowns.filter(|(_, unknown)| frames.has_unknown(unknown));
+                let unknowns = unknowns.filter(|(_, unknown)| {
+                    let own = SavedUnknown::of(unknown);
+                    frames.has(own.parameter, own.of)
+                });
                 shared.extend(
                     unknowns.map(|(place, own)| (place, Column::of(own.parameter, slides))),
                 );

@@ -152,7 +152,8 @@ impl Buffer for PoseBuffer {
         if let Some(more) = orientations {
             let all = self.orientations.get_or_insert_default();
             rows.append(more, all);
-            self.not_unit += poses::normalise_all(&mut all[before..]);
+            let norms = all[before..].iter_mut().filter_map(poses::normalise);
+            self.not_unit += norms.filter(|norm| (norm - 1.0).abs() > 1e-3).count() as u64;
         }
         if let Some(more) = &block.covariances
             && self.wants_covariances

@@ -116,7 +116,7 @@ pub struct ReadingColumns {
 /// Columns of a covariance: the six on and above the diagonal of a position's, row by row; or the 21 of a pose's (x, y, z and the rotation
 /// about the axes x, y, z of the instrument's frame), or all its 36.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Vec<String>", into = "Vec<String>")]
+#[serde(try_from = "Vec<String>")]
 pub struct CovarianceColumns(Vec<String>);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -139,12 +139,6 @@ impl TryFrom<Vec<String>> for CovarianceColumns {
             6 | 21 | 36 => Ok(Self(columns)),
             other => Err(CovarianceError(other)),
         }
-    }
-}
-
-impl From<CovarianceColumns> for Vec<String> {
-    fn from(columns: CovarianceColumns) -> Self {
-        columns.0
     }
 }
 
