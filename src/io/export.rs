@@ -72,7 +72,9 @@ pub enum ExportErrorKind {
         "column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a single run"
     )]
     NotOne { column: String, row: usize },
-    #[error("the arm {0}, which a URDF cannot say; use tables `calibrations` and `joint_errors`")]
+    #[error(
+        "the arm {0}, which is not written anew; give its own URDF with --urdf, --base and --tip"
+    )]
     NoUrdf(&'static str),
     #[error(transparent)]
     Convention(RestateError),

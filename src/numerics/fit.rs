@@ -213,6 +213,11 @@ pub enum FitError {
     )]
     TooFewLengths { session: usize, instrument: usize, readings: usize, needed: usize },
     #[error(
+        "the lengths of {name:?} lie {off_mm:.1} mm off the arm, {factor:.0} times what is stated of them: look at their unit, their column, \
+         what they read (a distance, or a height), the place that is stated and the sign of an offset, or leave the instrument out"
+    )]
+    OtherLengths { name: String, off_mm: f64, factor: f64 },
+    #[error(
         "no reading of session {session} (the first is 0) is of target {target}, though others name later targets: number targets \
          without gaps"
     )]

@@ -282,6 +282,20 @@ fn what_cannot_be_read_is_left_out_and_a_damaged_generation_is_made_again() {
     let after = compacted(&lake);
     assert_eq!(after.runs, 7);
     assert_eq!(rows(&lake, &after.files, "runs")["2026-01"].len(), 3);
+    // So is one of a month that has no new run, and one that is gone.
+    let file = after.files.iter().find(|file| file.table == "accuracy").expect("there");
+    let path = folder.path().join(&file.file);
+    let sound = fs::read(&path).expect("there");
+    let mut flipped = sound.clone();
+    flipped[sound.len() / 2] ^= 0x10;
+    for harmed in [Some(flipped), None] {
+        match harmed {
+            Some(bytes) => fs::write(&path, bytes).expect("writable"),
+            None => fs::remove_file(&path).expect("there"),
+        }
+        assert_eq!(compacted(&lake).files, after.files);
+        assert_eq!(fs::read(&path).expect("there"), sound);
+    }
     let nowhere = posegrid().arg("compact").arg(folder.path().join("none")).output();
     assert_eq!(nowhere.expect("started").status.code(), Some(2));
 }

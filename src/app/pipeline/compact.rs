@@ -104,7 +104,13 @@ fn attempt(lake: &Lake, damaged: &BTreeSet<String>, progress: &dyn Progress) -> 
     }
     listed.extend(lake.requests(ASKED)?);
     let state = lake.compact_state()?;
-    let mut months = known(lake, &state, damaged);
+    let found = lake.damaged_months(&state)?;
+    for month in found.difference(damaged) {
+        tracing::warn!(
+            "files of the compact form of {month} are gone or damaged; it is made from its runs again"
+        );
+    }
+    let mut months = known(lake, &state, &(damaged | &found));
     let mut done = Compacted::default();
     compare(lake, &listed, &mut months, &mut done, progress);
     let mut files = Vec::new();

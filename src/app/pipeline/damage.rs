@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::io::tables::counts::{NOT_OF_ARM, REPEATED, SECOND};
+use crate::io::tables::counts::{NOT_OF_ARM, REPEATED, SECOND, UNUSABLE};
 use crate::join::Unmeasured;
 
 /// Names of a session's logs in its counts and in messages.
@@ -132,11 +132,13 @@ impl Counted {
         self.read.saturating_sub(beside.into_iter().flatten().sum())
     }
 
-    /// Those with which something is wrong: of messages all, of dwells those whose readings contradict the arm.
+    /// Those with which something is wrong: of messages all, of a table's readings those that cannot be used, of dwells those whose
+    /// readings contradict the arm.
     fn rejected(&self) -> u64 {
         let of_dwells = [Unmeasured::WrongTarget, Unmeasured::TargetMoved].map(Unmeasured::name);
         match (self.stage.as_str(), self.of.as_str()) {
             ("ingest", _) => self.wanted().saturating_sub(self.kept),
+            ("join", "readings") => self.rejected.get(UNUSABLE).copied().unwrap_or(0),
             ("join", "dwells") => {
                 of_dwells.iter().filter_map(|name| self.rejected.get(*name)).sum()
             }
@@ -198,11 +200,12 @@ mod tests {
     fn rejected_messages_count_by_topic() {
         let counts = r#"[{"stage": "ingest", "of": "joint messages", "read": 300, "kept": 95, "rejected": {"x": 5, "repeated": 100, "not_of_arm": 100}},
             {"stage": "ingest", "of": "reading messages", "read": 100, "kept": 94, "rejected": {"x": 6}},
-            {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 91}},
+            {"stage": "join", "of": "readings", "read": 94, "kept": 3, "rejected": {"moving": 85, "unusable": 6}},
             {"stage": "join", "of": "dwells", "read": 100, "kept": 50, "rejected": {"no_readings": 44, "wrong_target": 6}}]"#;
         let beyond = rejected_beyond(counts, 0.05);
-        assert_eq!(beyond.len(), 2, "{beyond:?}");
-        assert!(beyond[1].starts_with("6 of 100 dwells were rejected"), "{beyond:?}");
+        assert_eq!(beyond.len(), 3, "{beyond:?}");
+        assert!(beyond[2].starts_with("6 of 100 dwells were rejected"), "{beyond:?}");
+        assert!(beyond[1].starts_with("6 of 94 readings were rejected"), "{beyond:?}");
         assert!(beyond[0].starts_with("6 of 100 reading messages"), "{beyond:?}");
     }
 }

@@ -58,6 +58,7 @@ pub struct Head {
     pub key: Option<RunKey>,
     /// The program that wrote it; `None` where it does not state it.
     pub created_by: Option<String>,
+    pub columns: Vec<String>,
 }
 
 /// Reads a Parquet file as a table of `schema`, and checks that it keeps that contract.
@@ -214,7 +215,9 @@ pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
         .map_err(|panic| FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))?;
     let metadata = found.map_err(|source| FileErrorKind::Damaged(plain(&source)).at(path))?;
     let entries = entries(&metadata);
+    let columns = metadata.file_metadata().schema().get_fields();
     Ok(Head {
+        columns: columns.iter().map(|own| own.name().to_owned()).collect(),
         table: entries.get("posegrid.table").cloned(),
         key: key(&entries),
         created_by: metadata.file_metadata().created_by().map(str::to_owned),

@@ -42,7 +42,7 @@ pub fn write(
     let changed = steps.iter().zip(&origins.joints);
     let edits =
         changed.filter_map(|(step, origin)| Some(edits(&text, step.node, origin.as_ref()?)));
-    let corrected = edited(&text, edits.flatten().collect());
+    let corrected = edited(&text, edits.flatten().chain(encoding(&text)).collect());
     sink.write_all(corrected.as_bytes())?;
     Ok(remarks(&own, &steps, &origins, Limits::of(path)))
 }
@@ -81,6 +81,16 @@ fn edits(text: &str, joint: Node<'_, '_>, origin: &Isometry3<f64>) -> Vec<Edit> 
         None => (behind..behind, format!(" {name}=\"{value}\"")),
     };
     numbers.into_iter().map(edit).collect()
+}
+
+/// The encoding that an XML declaration states becomes that of what is written.
+fn encoding(text: &str) -> Option<Edit> {
+    let head = text.split_once("?>").filter(|(head, _)| head.contains("<?xml"))?.0;
+    let stated = head.find("encoding")?;
+    let quote = stated + head[stated..].find(['"', '\''])?;
+    let value = head[quote + 1..].split(&head[quote..=quote]).next()?;
+    let is_other = !value.eq_ignore_ascii_case("utf-8");
+    is_other.then(|| (quote + 1..quote + 1 + value.len(), "UTF-8".to_owned()))
 }
 
 /// An origin before the first element of a joint that has none.

@@ -16,7 +16,7 @@
 //! Files that the newest state does not name are kept for `KEPT` after the state that replaced them: a reader that
 //! began before has that long to end.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::io::{Read as _, Write as _};
 use std::time::{Duration, SystemTime};
 
@@ -143,15 +143,29 @@ impl Lake {
 
     /// Reads the paths of the rows of runs in the compact form; `None` where they are damaged or gone.
     pub fn read_compact_keys(&self, file: &CompactFile) -> Option<BTreeSet<String>> {
-        let mut packed = Vec::new();
-        let mut open = self.store.open(&file.file).ok()?;
-        open.read_to_end(&mut packed).ok()?;
-        let name = blake3::hash(&packed).to_hex();
-        if !file.file.ends_with(&format!("/{}.txt.zst", &name[..DIGITS])) {
-            return None;
-        }
+        let packed = self.as_written(file)?;
         let text = String::from_utf8(zstd::decode_all(&packed[..]).ok()?).ok()?;
         Some(text.lines().map(str::to_owned).collect())
+    }
+
+    /// The bytes of a file, whose name is their digest; `None` where they are others, or gone.
+    fn as_written(&self, file: &CompactFile) -> Option<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.store.open(&file.file).ok()?.read_to_end(&mut bytes).ok()?;
+        let (_, name) = file.file.rsplit_once('/')?;
+        name.starts_with(&blake3::hash(&bytes).to_hex()[..DIGITS]).then_some(bytes)
+    }
+
+    /// The months of which a file is gone, or has other bytes; in a bucket another size.
+    pub fn damaged_months(&self, state: &CompactState) -> Result<BTreeSet<String>> {
+        let listed = self.store.list(COMPACT, 2..=2)?;
+        let sizes: HashMap<&str, u64> =
+            listed.iter().map(|own| (own.key.as_str(), own.bytes)).collect();
+        let is_damaged = |own: &&CompactFile| {
+            sizes.get(own.file.as_str()) != Some(&own.bytes)
+                || self.folder().is_some() && self.as_written(own).is_none()
+        };
+        Ok(state.files.iter().filter(is_damaged).map(|own| own.month.clone()).collect())
     }
 
     /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their

@@ -38,6 +38,8 @@ const STREAMS: [(&str, &str); 7] = [
 pub const NOT_OF_ARM: &str = "not_of_arm";
 pub const REPEATED: &str = "repeated";
 pub const SECOND: &str = "second_publisher";
+/// Readings of a table that are there and cannot be used.
+pub const UNUSABLE: &str = "unusable";
 
 /// Messages of each stream that the pipeline file maps, where logs were read.
 fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
@@ -104,6 +106,7 @@ fn readings(sessions: &[&JoinedSession]) -> StageCount {
         ("moving", sum(|c| c.moving)),
         ("unpaired", sum(|c| c.unpaired)),
         ("missing", sum(|c| c.missing)),
+        (UNUSABLE, sum(|c| c.unusable)),
     ];
     let kept = sum(|c| c.kept);
     whole("join", "readings", kept, nonzero(rejected))

@@ -2,7 +2,8 @@ use std::path::Path;
 
 use arrow_array::Array as _;
 
-use super::{Place, Row, RowProblem, Rows, TargetsError};
+use super::angles::is_angle;
+use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
@@ -31,7 +32,18 @@ row! {
 }
 
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
-    let table = table::read_within(path, schema::find("targets")?, bound)?;
+    let schema = schema::find("targets")?;
+    let table = table::read_within(path, schema, bound)?;
+    let columns = table::head(path)?.columns;
+    names::check(columns.iter().map(String::as_str))
+        .map_err(|problem| TargetsErrorKind::Row(problem.into()).at(path))?;
+    if let Some(name) = columns.iter().find(|name| is_angle(name)) {
+        let problem = format!(
+            "{name:?} is one of text; a Parquet file has all of them in the list joints_rad"
+        );
+        return Err(TargetsErrorKind::Angles(problem).at(path));
+    }
+    let is_unused = |name: &String| schema.column(name).is_none() && !names::is_mark(name);
     let placed = TargetRow::read(&table).into_iter().enumerate();
     let placed = placed.map(|(number, row)| {
         let place = Place::Row(number);
@@ -39,7 +51,11 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
         Ok((place, found.map_err(|problem| problem.at(path, place))?))
     });
     let placed = placed.collect::<Result<_, TargetsError>>()?;
-    Ok(Rows { placed, unused: Vec::new(), units: AngleUnit::Rad.into() })
+    Ok(Rows {
+        placed,
+        unused: columns.into_iter().filter(is_unused).collect(),
+        units: AngleUnit::Rad.into(),
+    })
 }
 
 fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
@@ -68,4 +84,39 @@ fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
 fn lacks_an_angle(table: &Table, row: usize) -> bool {
     let lists = table.list("joints_rad");
     lists.is_valid(row) && lists.value(row).null_count() > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::iter;
+    use std::sync::Arc;
+
+    use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
+    use parquet::arrow::ArrowWriter;
+
+    use super::*;
+
+    #[test]
+    fn columns_that_are_not_read_are_refused_or_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |column: &str| {
+            let path = folder.path().join(format!("{column}.parquet"));
+            let target: ArrayRef = Arc::new(StringArray::from(vec!["A"]));
+            let number: ArrayRef = Arc::new(Float64Array::from(vec![1.0]));
+            let numbers = ["x_mm", "y_mm", "z_mm", column].map(|own| (own, number.clone()));
+            let columns = iter::once(("target", target)).chain(numbers);
+            let batch = RecordBatch::try_from_iter(columns).unwrap();
+            let file = File::create(&path).unwrap();
+            let mut writer = ArrowWriter::try_new(file, batch.schema(), None).unwrap();
+            writer.write(&batch).unwrap();
+            writer.close().unwrap();
+            rows(&path, Bound::TARGETS).map(|own| own.unused).map_err(|error| error.to_string())
+        };
+        assert_eq!(read("note"), Ok(vec!["note".to_owned()]));
+        for (column, says) in [("q1_deg", "the list joints_rad"), ("frame", "is not read here")] {
+            let told = read(column).unwrap_err();
+            assert!(told.contains(says), "{told}");
+        }
+    }
 }

@@ -25,7 +25,7 @@ const SEEDS: u32 = 2048;
 const TRIED: usize = 12;
 /// Weight of a turn of the tool by one radian when poses are compared, mm.
 const LEVER_MM: f64 = 500.0;
-/// A position and joint angles further apart than this contradict each other, mm: angles in whole hundredths of a degree
+/// A pose and joint angles further apart than this contradict each other, mm, also at the lever of a turn: angles in whole hundredths of a degree
 /// make half a millimetre on a large arm, a wrong tool or unit makes centimetres.
 const APART_MM: f64 = 2.0;
 
@@ -90,8 +90,9 @@ impl<'a> Poses<'a> {
         let nominal = self.error_frame.nominal_tool(&joints);
         let base_from_tool = self.pose(target, Some(&nominal))?;
         let apart_mm = (base_from_tool.translation.vector - nominal.translation.vector).norm();
-        if apart_mm > APART_MM {
-            return Err(Reason::Apart { apart_mm });
+        let apart_rad = base_from_tool.rotation.angle_to(&nominal.rotation);
+        if apart_mm > APART_MM || LEVER_MM * apart_rad > APART_MM {
+            return Err(Reason::Apart { apart_mm, apart_deg: apart_rad.to_degrees() });
         }
         // Even when the angles already reach the pose, this checks limits and singularities.
         let joints = self.reach.inverse.joints(&base_from_tool, &joints)?;

@@ -101,15 +101,12 @@ pub enum Reason {
         "states joint {joint:?} {}", if *slides { "as an angle, and it slides: give it in mm, as q1_mm for the first joint" } else { "in mm, and it turns: give it in rad or deg" }
     )]
     JointUnit { joint: String, slides: bool },
-    /// Position and joint angles that contradict each other.
+    /// A pose and joint angles that contradict each other.
     #[error(
-        "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \
-         unit of both, or leave one out"
+        "has a pose {apart_mm:.3} mm and {apart_deg:.2}° from that of the tool of the nominal arm at its joint angles; check tool, frame, units \
+         and the order of qx, qy, qz and qw, or leave one out"
     )]
-    Apart {
-        /// Their distance, mm.
-        apart_mm: f64,
-    },
+    Apart { apart_mm: f64, apart_deg: f64 },
     /// A pose alone, for an arm with more joints than a pose needs.
     #[error(
         "states no joint angles, and an arm with {joints} joints reaches it in infinitely many ways, each with an error of its \

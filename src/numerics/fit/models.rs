@@ -4,7 +4,7 @@ use nalgebra::UnitVector3;
 
 use super::full::{FullModel, FullSettings, Purpose};
 use super::observation::Observation;
-use super::{Calibration, FitError, FitSettings, Freedom, Prior, identify_from, start};
+use super::{Calibration, FitError, FitSettings, Freedom, Prior, SourceSize, identify_from, start};
 use crate::kinematics::Arm;
 
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +33,7 @@ pub fn train(
     let identified = |freedom| identify_from(arm, observations, &starts, freedom, settings.fit);
     let (base_target, geometric) =
         (identified(Freedom::BaseAndTarget), identified(Freedom::Geometry));
+    check_lengths(&geometric, settings)?;
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
@@ -48,6 +49,23 @@ pub fn train(
     };
     let full = if settings.full.enabled { train_full() } else { None };
     Ok(Models { base_target, geometric, full })
+}
+
+/// Lengths that the identified geometry leaves by more than this, mm, and by more than this factor of what is stated, are of something else.
+const FAR_OFF_MM: f64 = 2.0;
+const FAR_OFF: f64 = 10.0;
+
+/// Refuses an instrument of one length whose readings do not follow the arm.
+fn check_lengths(geometric: &Calibration, settings: &TrainingSettings<'_>) -> Result<(), FitError> {
+    let off_mm = |own: &SourceSize| own.factor * own.stated_mm;
+    let is_off = |own: &&SourceSize| {
+        own.kind.is_length() && own.factor > FAR_OFF && off_mm(own) > FAR_OFF_MM
+    };
+    let worst = geometric.sources.iter().filter(is_off);
+    worst.max_by(|a, b| a.factor.total_cmp(&b.factor)).map_or(Ok(()), |own| {
+        let name = settings.fit.source_name(own.source);
+        Err(FitError::OtherLengths { name, off_mm: off_mm(own), factor: own.factor })
+    })
 }
 
 /// The prior of the full error model that starts from an identified geometry.

@@ -188,6 +188,9 @@ pub struct ReadingCounts {
     pub unpaired: u64,
     /// Readings without a measurement: the zeros that some instruments write.
     pub missing: u64,
+    /// Readings that are there and cannot be used: a text, a distance below zero.
+    #[serde(default)]
+    pub unusable: u64,
 }
 
 impl AddAssign for ReadingCounts {
@@ -198,6 +201,7 @@ impl AddAssign for ReadingCounts {
         self.moving += more.moving;
         self.unpaired += more.unpaired;
         self.missing += more.missing;
+        self.unusable += more.unusable;
     }
 }
 

@@ -96,7 +96,11 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
     let Rows { file, rows, apart, references, mut rejects } = rows;
     let (rows, timed) = in_order(rows);
     let (mut rows, copies) = without_copies(rows);
-    let mut missing = rejects.iter().filter(|own| own.kind == RowItem::Reading).count() as u64;
+    let left_out = |is_unusable: bool| {
+        let of_readings = rejects.iter().filter(|own| own.kind == RowItem::Reading);
+        of_readings.filter(|own| (own.code == RejectCode::Unusable) == is_unusable).count() as u64
+    };
+    let (mut missing, unusable) = (left_out(false), left_out(true));
     missing += copies.iter().map(|(_, readings)| *readings as u64).sum::<u64>();
     rejects.extend(copies.into_iter().map(|(reject, _)| reject));
     let followed = follow(&mut rows, &apart, &references, timed);
@@ -131,7 +135,7 @@ pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
         read_references: followed.read,
         elsewhere: gates.elsewhere,
         knocks: Vec::new(),
-        counts: ReadingCounts { kept, unpaired, missing, ..ReadingCounts::default() },
+        counts: ReadingCounts { kept, unpaired, missing, unusable, ..ReadingCounts::default() },
         found: Thresholds { stationary_rad: 0.0, stationary_mm: 0.0, settle_s: 0.0 },
     }
 }

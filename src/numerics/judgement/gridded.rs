@@ -1,14 +1,16 @@
 //! Stations and models in the form that the grid stage needs.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::JoinedSession;
 use super::judged::Judges;
-use super::{StageSettings, lengths, stated};
+use super::{lengths, stated};
+use crate::figures::median;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{ErrorFrame, Models, ToolErrors};
+use crate::fit::observation::stated_of;
+use crate::fit::{ErrorFrame, Models, Observation, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach, StepAnswers};
-use crate::join::Station;
+use crate::join::{Reading, Station};
 use crate::progress::Progress;
 
 /// The session's paired stations for grids: commanded tool poses, and the errors relative to them. `fold` is the one of a station's
@@ -57,33 +59,42 @@ impl Judges<'_> {
         });
         let mut folds: Vec<ToolErrors<'_>> = errors.collect();
         let model = folds.pop().expect("that of all stations");
-        let guard_mm = guard_mm(stations, error_frame, settings);
+        let guard_mm = self.guard_mm();
         let input = GridInput { stations, folds: &folds, model, guard_mm };
         let reach = Reach::new(error_frame.arm, error_frame.flange_from_tool);
         grid::grids(&input, &reach, &settings.grid, &settings.tolerance, known, progress)
     }
-}
 
-/// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the
-/// scale of the session at the station furthest from there. The base is found from the same stations, so in their middle a scale does
-/// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it. The survey
-/// of the base, where errors are stated in it, is joined at the station furthest from the base.
-fn guard_mm(
-    stations: &[GridStation],
-    error_frame: &ErrorFrame<'_>,
-    settings: &StageSettings,
-) -> f64 {
-    let sum = stations.iter().fold(Vector3::zeros(), |sum, station| sum + station.position.coords);
-    let middle = Point3::from(sum / stations.len().max(1) as f64);
-    let in_tracker = error_frame.frames.tracker_from_base.isometry() * middle;
-    let from_middle = |station: &GridStation| (station.position - middle).norm();
-    let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
-    let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;
-    let source = settings.noise.source(error_frame.frames.source);
-    let tracker = source.uncertainty.covariance(&in_tracker);
-    let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
-    let from_base = |station: &GridStation| station.position.coords.norm();
-    let reach_mm = stations.iter().map(from_base).fold(0.0, f64::max);
-    let by_survey_mm = stated::uncertainty(settings).expanded_uncertainty_mm(reach_mm);
-    (2.0 * by_tracker_mm.hypot(by_scale_mm)).hypot(by_survey_mm)
+    /// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction, and by the scale of the session at the
+    /// station furthest from the stations' middle. The base is found from the same stations, so in their middle a scale does
+    /// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it. The survey
+    /// of the base, where errors are stated in it, is joined at the station furthest from the base.
+    fn guard_mm(&self) -> f64 {
+        let places = || self.stations.iter().map(|station| station.position);
+        let sum = places().fold(Vector3::zeros(), |sum, place| sum + place.coords);
+        let middle = Point3::from(sum / self.stations.len().max(1) as f64);
+        let furthest_mm = places().map(|place| (place - middle).norm()).fold(0.0, f64::max);
+        let by_scale_mm = 1e-6 * self.settings.full.session_scale_ppm * furthest_mm;
+        let reach_mm = places().map(|place| place.coords.norm()).fold(0.0, f64::max);
+        let by_survey_mm = stated::uncertainty(self.settings).expanded_uncertainty_mm(reach_mm);
+        (2.0 * self.of_instrument_mm(&middle).hypot(by_scale_mm)).hypot(by_survey_mm)
+    }
+
+    /// Standard deviation of a reading along its worst direction, mm: of readings that state their covariances, and of a camera's, the
+    /// median; of others that of the instrument at a place in the base frame.
+    fn of_instrument_mm(&self, place: &Point3<f64>) -> f64 {
+        let frames = &self.error_frame.frames;
+        let source = self.settings.noise.source(frames.source);
+        let worst = |of: Matrix3<f64>| of.symmetric_eigenvalues().max().max(0.0).sqrt();
+        let states = |own: &Reading| {
+            source.uncertainty.camera().is_some() || stated_of(own, source).is_some()
+        };
+        if !self.own().joined.stations.iter().flat_map(Station::measured).any(states) {
+            let place = frames.tracker_from_base.isometry() * place;
+            return worst(source.uncertainty.covariance(&place));
+        }
+        let own = self.observed.of_session(self.last()).map(|(own, _)| own);
+        let points = own.filter(|own| own.source == frames.source).filter_map(Observation::point);
+        median(&points.map(|point| worst(point.instrument)).collect::<Vec<_>>()).unwrap_or_default()
+    }
 }

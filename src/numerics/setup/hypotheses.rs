@@ -98,9 +98,14 @@ pub(super) fn of_the_join(stated: &SetUp, alternatives: &Alternatives) -> Vec<Hy
     all
 }
 
-/// Every ready robot file of another model in place of the stated one; models with one chain are one mistake.
+/// Every ready robot file of another model in place of the stated one; models with one chain are one mistake. One with the chain of the
+/// stated model's own is that ([`ready_file`]).
 fn other_arms(stated: &SetUp, known: &[KnownArm]) -> Vec<Hypothesis> {
-    let is_other = |known: &&KnownArm| known.arm.model() != stated.arm.model();
+    let own = known.iter().find(|known| known.arm.model() == stated.arm.model());
+    let is_other = |known: &&KnownArm| {
+        known.arm.model() != stated.arm.model()
+            && own.is_none_or(|own| own.arm.chain() != known.arm.chain())
+    };
     let others: Vec<&KnownArm> = known.iter().filter(is_other).collect();
     let alike = |own: &KnownArm| {
         let same = others.iter().filter(|other| other.arm.chain() == own.arm.chain());

@@ -36,3 +36,15 @@ fn attributes_of_an_origin_are_changed_or_added_and_nothing_else() {
         assert_eq!(changed(before), after);
     }
 }
+
+#[test]
+fn another_encoding_that_is_stated_becomes_that_of_what_is_written() {
+    let of = |text: &str| encoding(text).map(|edit| edited(text, vec![edit]));
+    let other = of("\u{feff}<?xml version='1.0' encoding = 'UTF-16'?><robot/>");
+    assert_eq!(other.as_deref(), Some("\u{feff}<?xml version='1.0' encoding = 'UTF-8'?><robot/>"));
+    for text in
+        ["<?xml version=\"1.0\" encoding=\"utf-8\"?>", "<?xml version=\"1.0\"?>", "<robot/>"]
+    {
+        assert_eq!(of(text), None, "{text}");
+    }
+}

@@ -176,6 +176,10 @@ fn a_pose_and_its_joint_angles_give_the_same_command() {
     let both = Target { joints: at_joints(JOINTS).joints, ..both };
     let by_both = one(&identified, both).expect("inside");
     assert!((by_both.command.coords() - by_joints.command.coords()).norm() < 1e-6);
+    let turned = at_pose(&identified, &radians(JOINTS)).orientation.map(|own| own.inverse());
+    let contrary = Target { orientation: turned, ..at_joints(JOINTS) };
+    let refused = one(&identified, contrary).expect_err("an orientation of other joint angles");
+    assert!(matches!(refused, Reason::Apart { apart_deg, .. } if apart_deg > 5.0), "{refused}");
     let (Some(a), Some(b)) = (by_pose.joints, by_joints.joints) else {
         panic!("joint angles");
     };
