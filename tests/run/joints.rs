@@ -248,7 +248,7 @@ fn targets_that_say_too_little_or_two_things_are_refused() {
         node.configuration
     );
     let run = Run::of("too-little", &arm_file(), &rows, &[]);
-    run.ended.expect(3, &["position 16.6", " mm from where"]);
+    run.ended.expect(3, &["pose 16.6", " mm and 0.00° from that"]);
     for (row, word) in
         ["no_orientation", "configuration", "configuration", "apart", ""].iter().enumerate()
     {
