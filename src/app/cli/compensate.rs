@@ -45,8 +45,8 @@ corrected by more than 1.5 times the largest error that the run's stations had b
 TARGETS is one of
   .csv, .parquet  the column target, then x_mm, y_mm, z_mm and, where known, qx, qy, qz, qw, configuration, tool, in the
                   frame of the controller's commands; or joint angles, q1_rad, q2_rad, … or q1_deg, q2_deg, …, of .parquet
-                  the list joints_rad; or both (`posegrid schema targets`); angles a whole turn away from the measured ones are corrected on their turn
-                  where the arm's errors repeat
+                  the list joints_rad; or both (`posegrid schema targets`); angles a whole turn away from the measured
+                  ones are corrected on their turn where the arm's errors repeat
   .json           an array of objects with the same keys, by itself or under the key targets
   .src, .mod, …   a whole robot program of KUKA or ABB: its files, a data list .dat with its .src, or the folder of a backup, with
                   --points and --cell; every byte but the numbers of positions stays; --undo gives the originals of a corrected

@@ -233,7 +233,10 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> Result<u8, LakeError> {
 /// Whether the pages of all nights lack what a batch did; on object storage no browser follows their links.
 fn has_stale_pages(lake: &Lake, endings: &[work::Ending]) -> bool {
     let has_result = || endings.iter().any(|own| matches!(own, work::Ending::Done(_)));
-    let is_current = |own: &work::Ending| matches!(own, work::Ending::Done(done) if !done.already_there || done.took_place.is_some());
+    let is_current = |own: &work::Ending| match own {
+        work::Ending::Done(done) => !done.already_there || done.took_place.is_some(),
+        _ => false,
+    };
     let is_new = || endings.iter().any(is_current);
     lake.folder().is_some() && (is_new() || has_result() && !lake.has_pages())
 }

@@ -455,12 +455,11 @@ impl Placed {
         placed.flange_from_tool = tool;
         placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
         if !section.target_is_tool && tool.is_none() {
-            return Err(ConfigurationErrorKind::missing(
-"[commanded] flange_from_tool",
-"target_is_tool = false states that the commanded point is not the measured target, so no other key \
-    states its position at the flange; state the controller's tool",
-)
-.at(path));
+            let why = "target_is_tool = false states that the commanded point is not the measured target, so no other key states its position at \
+                       the flange; state the controller's tool";
+            return Err(
+                ConfigurationErrorKind::missing("[commanded] flange_from_tool", why).at(path)
+            );
         }
         Ok(placed)
     }

@@ -29,7 +29,7 @@ pub(super) struct Sheet<'s> {
 }
 
 impl SheetCell<'_> {
-    /// What it holds, of a text without the spaces around it.
+    /// Its number, or its text without spaces at the ends.
     fn cell(&self) -> Cell<'_> {
         match self {
             Self::Blank => Cell::Blank,

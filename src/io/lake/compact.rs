@@ -156,7 +156,8 @@ impl Lake {
         name.starts_with(&blake3::hash(&bytes).to_hex()[..DIGITS]).then_some(bytes)
     }
 
-    /// The months of which a file is gone, or has other bytes; in a bucket another size.
+    /// The months of which a table is gone, or has other bytes; in a bucket another size. Paths of rows are held against their digest
+    /// where they are read.
     pub fn damaged_months(&self, state: &CompactState) -> Result<BTreeSet<String>> {
         let listed = self.store.list(COMPACT, 2..=2)?;
         let sizes: HashMap<&str, u64> =
@@ -165,7 +166,8 @@ impl Lake {
             sizes.get(own.file.as_str()) != Some(&own.bytes)
                 || self.folder().is_some() && self.as_written(own).is_none()
         };
-        Ok(state.files.iter().filter(is_damaged).map(|own| own.month.clone()).collect())
+        let tables = state.files.iter().filter(|own| own.table != KEYS);
+        Ok(tables.filter(is_damaged).map(|own| own.month.clone()).collect())
     }
 
     /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their

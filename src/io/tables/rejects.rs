@@ -7,8 +7,8 @@ use crate::judgement::JoinedSession;
 use crate::rows::{Word, row, words};
 
 row! {
-#[derive(Default)]
-pub struct RejectRow of "rejects" {
+    #[derive(Default)]
+    pub struct RejectRow of "rejects" {
         reject: usize,
         stage: Stage,
         kind: RejectKind,

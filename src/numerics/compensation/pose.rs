@@ -25,8 +25,8 @@ const SEEDS: u32 = 2048;
 const TRIED: usize = 12;
 /// Weight of a turn of the tool by one radian when poses are compared, mm.
 const LEVER_MM: f64 = 500.0;
-/// A pose and joint angles further apart than this contradict each other, mm, also at the lever of a turn: angles in whole hundredths of a degree
-/// make half a millimetre on a large arm, a wrong tool or unit makes centimetres.
+/// A pose and joint angles further apart than this contradict each other, mm, of a turn at [`LEVER_MM`]: angles in whole hundredths of
+/// a degree make half a millimetre on a large arm, a wrong tool or unit makes centimetres.
 const APART_MM: f64 = 2.0;
 
 /// The pose and the joint angles that a target stands for.

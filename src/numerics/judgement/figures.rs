@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
 use super::commands::{commanded_turns, why_no_turns};
 use super::judged::Judges;
@@ -112,16 +112,11 @@ impl FigureMaker<'_> {
         }
     }
 
-    /// The middle of the stations in the instrument's frame, mm.
-    fn middle(&self) -> Point3<f64> {
-        let positions = self.judges.stations.iter().map(|station| station.position.coords);
-        let middle = positions.sum::<Vector3<f64>>() / self.judges.stations.len().max(1) as f64;
-        self.judges.error_frame.frames.tracker_from_base.isometry() * Point3::from(middle)
-    }
-
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let source = self.judges.settings.noise.source(self.judges.error_frame.frames.source);
-        let orientation_rad = source.uncertainty.orientation_rad(&self.middle());
+        let frames = &self.judges.error_frame.frames;
+        let source = self.judges.settings.noise.source(frames.source);
+        let middle = frames.tracker_from_base.isometry() * self.judges.middle();
+        let orientation_rad = source.uncertainty.orientation_rad(&middle);
         expanded_uncertainty_mm(self.grids.guard_mm, orientation_rad.unwrap_or_default(), lever)
     }
 

@@ -1,10 +1,11 @@
 //! Stations and models in the form that the grid stage needs.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 
 use super::JoinedSession;
 use super::judged::Judges;
-use super::{lengths, stated};
+use super::lengths::{self, worst_sd_mm};
+use super::stated;
 use crate::figures::median;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::observation::stated_of;
@@ -70,9 +71,8 @@ impl Judges<'_> {
     /// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it. The survey
     /// of the base, where errors are stated in it, is joined at the station furthest from the base.
     fn guard_mm(&self) -> f64 {
+        let middle = self.middle();
         let places = || self.stations.iter().map(|station| station.position);
-        let sum = places().fold(Vector3::zeros(), |sum, place| sum + place.coords);
-        let middle = Point3::from(sum / self.stations.len().max(1) as f64);
         let furthest_mm = places().map(|place| (place - middle).norm()).fold(0.0, f64::max);
         let by_scale_mm = 1e-6 * self.settings.full.session_scale_ppm * furthest_mm;
         let reach_mm = places().map(|place| place.coords.norm()).fold(0.0, f64::max);
@@ -80,21 +80,27 @@ impl Judges<'_> {
         (2.0 * self.of_instrument_mm(&middle).hypot(by_scale_mm)).hypot(by_survey_mm)
     }
 
+    /// The middle of the stations in the base frame, mm.
+    pub(super) fn middle(&self) -> Point3<f64> {
+        let positions = self.stations.iter().map(|station| station.position.coords);
+        Point3::from(positions.sum::<Vector3<f64>>() / self.stations.len().max(1) as f64)
+    }
+
     /// Standard deviation of a reading along its worst direction, mm: of readings that state their covariances, and of a camera's, the
     /// median; of others that of the instrument at a place in the base frame.
     fn of_instrument_mm(&self, place: &Point3<f64>) -> f64 {
         let frames = &self.error_frame.frames;
         let source = self.settings.noise.source(frames.source);
-        let worst = |of: Matrix3<f64>| of.symmetric_eigenvalues().max().max(0.0).sqrt();
         let states = |own: &Reading| {
             source.uncertainty.camera().is_some() || stated_of(own, source).is_some()
         };
         if !self.own().joined.stations.iter().flat_map(Station::measured).any(states) {
             let place = frames.tracker_from_base.isometry() * place;
-            return worst(source.uncertainty.covariance(&place));
+            return worst_sd_mm(&source.uncertainty.covariance(&place));
         }
         let own = self.observed.of_session(self.last()).map(|(own, _)| own);
         let points = own.filter(|own| own.source == frames.source).filter_map(Observation::point);
-        median(&points.map(|point| worst(point.instrument)).collect::<Vec<_>>()).unwrap_or_default()
+        let worst: Vec<f64> = points.map(|point| worst_sd_mm(&point.instrument)).collect();
+        median(&worst).unwrap_or_default()
     }
 }

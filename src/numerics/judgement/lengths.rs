@@ -3,7 +3,7 @@
 //! They train, and nothing behind the fit is stated by them: errors, grids and figures are of positions. What each model leaves of
 //! their readings, along the direction read, is in the table `length_residuals`; its size where held out is in `sources`.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::StageSettings;
 use super::judged::TestSession;
@@ -63,12 +63,16 @@ fn guard_mm(observations: &[Observation], settings: &StageSettings) -> f64 {
     let middle = sum / points.len().max(1) as f64;
     let of = |own: &&MeasuredPoint| {
         let away_mm = (own.position.coords - middle).norm();
-        let tracker = own.instrument.symmetric_eigenvalues().max().max(0.0).sqrt();
-        (tracker, 1e-6 * settings.full.session_scale_ppm * away_mm)
+        (worst_sd_mm(&own.instrument), 1e-6 * settings.full.session_scale_ppm * away_mm)
     };
     let worst =
         points.iter().map(of).fold((0.0, 0.0), |(a, b): (f64, f64), (c, d)| (a.max(c), b.max(d)));
     2.0 * worst.0.hypot(worst.1)
+}
+
+/// Standard deviation along the worst direction of a position's covariance, mm.
+pub(super) fn worst_sd_mm(covariance: &Matrix3<f64>) -> f64 {
+    covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
 }
 
 /// The sources of all models: base + target, geometry and the full error model; `left` are the residuals of their lengths.

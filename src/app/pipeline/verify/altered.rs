@@ -1,9 +1,10 @@
 //! Files compared with their digests: those that a run wrote, and those that it read.
 
+use std::collections::BTreeMap;
+
 use super::claim::Claim;
 use crate::io::lake::Lake;
 use crate::manifest::{Input, RunKey, Written, digest};
-use std::collections::BTreeMap;
 
 /// A file that a run wrote, and its present state.
 #[derive(Debug, Clone, PartialEq, Eq)]
