@@ -4,7 +4,7 @@
 //! loop it is unknown where the loop sets it to anything else; at a label it is what holds before the first jump or label, outside all
 //! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
 //! always sets or does not change, and nothing at all where the routine is in no given file. A routine that an interrupt's leaves early, or
-//! whose error its caller handles, ends anywhere: behind it holds what nothing in it changes. So a setting that is known holds on every way through the program.
+//! behind whose error its caller goes on, ends anywhere: behind it holds what nothing in it changes. So a setting that is known holds on every way through the program.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -201,6 +201,8 @@ pub enum Step {
     Label,
     /// An error handler, up to the end: it may be entered from anywhere, and may go back to there.
     Handler,
+    /// An error handler goes on behind the statement that failed, be it a call.
+    GoesOn,
     /// Settings for all up to [`Step::EndWith`].
     With(Vec<(Slot, Known)>),
     EndWith,
@@ -532,6 +534,8 @@ struct Walk<'w, M> {
     any_time: AtAnyTime,
     /// Whether the routine handles errors, also those of routines that it calls.
     has_handler: bool,
+    /// Whether such a call may end anywhere.
+    goes_on: bool,
     state: State,
     blocks: Vec<Block>,
 }
@@ -552,7 +556,9 @@ pub fn walk(
         add(&mut any_time.effects, &summaries.effects(&routine.steps[handler..], motions));
     }
     let (has_handler, state) = (handler.is_some(), entry.clone());
-    let mut walk = Walk { summaries, motions, any_time, has_handler, state, blocks: Vec::new() };
+    let goes_on = routine.steps.contains(&Step::GoesOn);
+    let blocks = Vec::new();
+    let mut walk = Walk { summaries, motions, any_time, has_handler, goes_on, state, blocks };
     let mut before_jumps = entry.clone();
     let behind = summaries.effects(&routine.steps[first_jump..], walk.motions);
     for (place, step) in routine.steps.iter().enumerate() {
@@ -621,8 +627,13 @@ impl<M: Motions> Walk<'_, M> {
             Step::If => self.open_if(),
             Step::Switch => self.open_switch(),
             Step::With(own) => self.with(own),
-            Step::Loop | Step::Jump | Step::Return | Step::Resume | Step::Label | Step::Handler => {
-            }
+            Step::Loop
+            | Step::Jump
+            | Step::Return
+            | Step::Resume
+            | Step::Label
+            | Step::Handler
+            | Step::GoesOn => {}
             Step::Else { is_last } => self.branch_else(*is_last),
             Step::Tested => {
                 if let Some(Block::If { entry, .. }) = self.blocks.last_mut() {
@@ -653,12 +664,12 @@ impl<M: Motions> Walk<'_, M> {
         self.interrupted();
         let effects = self.summaries.call(routine, at);
         if self.has_handler {
-            // The handler may make the call again after an error within it, or go on behind it.
+            // The handler may make the call again after an error within it.
             self.state.after(&effects);
         }
         self.motions.calls(routine, &self.state);
         self.state.after(&effects);
-        let exit = self.summaries.exits.get(routine).filter(|_| !self.has_handler);
+        let exit = self.summaries.exits.get(routine).filter(|_| !self.goes_on);
         let exit = exit.iter().flat_map(|exit| &exit.slots);
         for (own, exit) in self.state.slots.iter_mut().zip(exit).filter(|(_, exit)| exit.is_ok()) {
             own.clone_from(exit);

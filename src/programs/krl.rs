@@ -22,7 +22,7 @@ use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
 use crate::program::File;
-use crate::reading::{Common, Used};
+use crate::reading::{Common, Used, has};
 use crate::refusal::{Place, Refusal};
 
 pub(crate) use frames::abc;
@@ -39,6 +39,9 @@ pub const KRL: Dialect = Dialect {
     comments_elements: false,
     in_names: b"_$",
 };
+
+/// Programs of the system itself in every backup: what they do is known by their routines' names, and their own statements are not followed.
+const SYSTEM: &str = "BAS.SRC IR_STOPM.SRC P00.SRC";
 
 /// The content of the KRL files that have been read.
 pub(crate) struct Reading<'f> {
@@ -74,7 +77,9 @@ enum Tools {
 
 /// Positions, motions and the arm's base of the KRL files among `files`.
 pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
-    let own = KRL.files(files).map(|(place, file)| (place, tokens(&file.bytes, &KRL)));
+    let own =
+        KRL.files(files).filter(|(_, file)| !has(SYSTEM, &file.base_name().to_ascii_uppercase()));
+    let own = own.map(|(place, file)| (place, tokens(&file.bytes, &KRL)));
     let mut own: Vec<(usize, Vec<Token>)> = own.collect();
     // What routines assign is known once lists have declared it.
     own.sort_by_key(|(file, _)| !files[*file].is_list());

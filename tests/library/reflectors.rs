@@ -256,6 +256,38 @@ fn of(figures: &[Accuracy], model: Model, angles: Angles, split: Split) -> &Accu
     figures.iter().find(is_it).expect("a figure")
 }
 
+#[test]
+fn wrong_orientations_of_a_6_dof_target_are_named_and_not_fitted() {
+    let arm = common::arm("kr210-r2700-extra");
+    let simulated = simulated(&arm, 60, true);
+    let sound = six_dof(&common::joined("monday", &arm, &simulated.recording, tool()));
+    let settings = settings(&simulated, true);
+    let wrong = |session: &JoinedSession| {
+        let found = outcome(&arm, session.clone(), Vec::new(), &settings);
+        let rejects = found.training[0].joined.rejects.iter();
+        let wrong = rejects.filter(|own| own.reason.starts_with("wrong orientation"));
+        wrong.map(|own| own.reason.clone()).collect::<Vec<String>>()
+    };
+    assert_eq!(wrong(&sound), Vec::<String>::new());
+
+    // Two that were written at each other's station, and one of a target that was turned by five degrees.
+    let mut session = sound.clone();
+    let stations = &mut session.joined.stations;
+    let turns = [10, 20, 30].map(|own| stations[own].readings[0].orientation().expect("a pose"));
+    let fifth = UnitQuaternion::from_scaled_axis(Vector3::x() * 5_f64.to_radians());
+    for (at, turn) in [(10, turns[1]), (20, turns[0]), (30, fifth * turns[2])] {
+        match &mut stations[at].readings[0].value {
+            Value::Pose(_, own) => own.orientation = turn,
+            _ => panic!("a pose"),
+        }
+    }
+    let named = wrong(&session);
+    assert_eq!(named.len(), 3, "{named:?}");
+    for (own, at) in named.iter().zip([10, 20, 30]) {
+        assert!(own.contains(&format!("station {at} ")), "{own}");
+    }
+}
+
 /// Readings that are missing: every seventh station lacks the main reflector, every eleventh the second, every twentieth both.
 fn some_missing(station: &Station, target: usize) -> bool {
     let number = station.number;

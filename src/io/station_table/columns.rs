@@ -70,7 +70,7 @@ impl Columns {
         let lengths = settings.lengths.iter().map(|own| Length::find(table, own));
         let commanded = settings.commanded.as_ref();
         let temperature = settings.temperature.as_ref();
-        Ok(Self {
+        let columns = Self {
             joints: sums(table, "joints", &settings.joints)?,
             station: named("station", &settings.station)?,
             target: named("target", &settings.target)?,
@@ -82,7 +82,28 @@ impl Columns {
             measured: measured.collect::<Found<_>>()?,
             references: references.collect::<Found<_>>()?,
             lengths: lengths.collect::<Found<_>>()?,
-        })
+        };
+        match columns.read_twice() {
+            // Where a column names the target of a row, what is read of all of them stands in the same columns.
+            Some((key, place)) if columns.target.is_none() => {
+                Err(StationTableErrorKind::Twice { key, column: table.columns()[place].clone() })
+            }
+            _ => Ok(columns),
+        }
+    }
+
+    /// What is read of a joint, a target, a reference or an instrument and was before of another one: its key and a column of it.
+    fn read_twice(&self) -> Option<(&'static str, usize)> {
+        let measured = self.measured.iter().flat_map(|own| &own.pose.position);
+        let keyed = self.joints.iter().map(|own| ("joints", own));
+        let keyed = keyed.chain(measured.map(|own| ("measured.position", own)));
+        let references = self.references.iter().flatten();
+        let keyed = keyed.chain(references.map(|own| ("references.position", own)));
+        let keyed = keyed.chain(self.lengths.iter().map(|own| ("lengths.column", &own.reading)));
+        let keyed: Vec<(&'static str, &Sum)> = keyed.collect();
+        let twice = |place: &usize| keyed[..*place].iter().any(|(_, own)| *own == keyed[*place].1);
+        let (key, sum) = keyed[(0..keyed.len()).find(twice)?];
+        Some((key, sum.columns().next()?))
     }
 }
 

@@ -18,6 +18,10 @@ pub enum StationTableErrorKind {
         "[stations] {key} = {value:?} names no column: write a column, or columns and numbers with \" + \" or \" - \" between them"
     )]
     Empty { key: String, value: String },
+    #[error(
+        "[stations] {key}: {column:?} is read for something else already; two things are never read from one column"
+    )]
+    Twice { key: &'static str, column: String },
     #[error("it has no row of a station")]
     NoRows,
     #[error("{kept} of its {rows} rows can be used; the first other, line {line}{}: {reason}", column.as_ref().map_or_else(String::new, |column| format!(", column {column:?}")))]

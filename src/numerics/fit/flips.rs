@@ -1,13 +1,13 @@
-//! Flipped views of a planar target: readings of its second solution, named and not fitted.
+//! Wrong orientations of targets, flipped views of planar ones among them: named and not fitted.
 //!
 //! A small planar target looks nearly alike from two orientations: the one that it has, and the one whose normal is mirrored about the
 //! viewing ray. Where noise decides, the detector states the wrong one ([`crate::method::uncertainty`]). Inputs: the observations of
-//! all sessions and their noise. Output: the readings whose orientation is the mirrored one. Steps:
-//! 1. base and targets are fitted with Cauchy's loss, so that flipped readings do not pull them;
-//! 2. a reading is flipped where its whitened orientation residual is far beyond the others' and its mirrored orientation leaves at most
-//!    a third of it, in standard deviations and as an angle.
+//! all sessions and their noise. Output: the readings whose orientation the fit contradicts. Steps:
+//! 1. base and targets are fitted with Cauchy's loss, so that wrong readings do not pull them;
+//! 2. an orientation is wrong where its whitened residual is far beyond the others';
+//! 3. a camera's is a flipped view where its mirrored orientation leaves at most a third of it, in standard deviations and as an angle.
 //!
-//! A target seen nearly from the front has both solutions within the noise: such a reading stays as it is.
+//! A planar target seen nearly from the front has both solutions within the noise: such a reading stays as it is.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -29,10 +29,11 @@ struct Compared {
     place: usize,
     /// Norm of the whitened residual, and angle, rad.
     as_measured: (f64, f64),
-    as_mirrored: (f64, f64),
+    /// `None` of a reading that no camera made.
+    as_mirrored: Option<(f64, f64)>,
 }
 
-/// Flipped views among readings of cameras.
+/// Wrong orientations among the readings.
 pub fn check(
     arm: &Arm,
     observations: &[Observation],
@@ -40,8 +41,7 @@ pub fn check(
     settings: &FitSettings,
     noise: &Noise,
 ) -> Result<Vec<Suspect>, SwappedThroughout> {
-    let is_of_camera = noise.sources.iter().any(|source| source.uncertainty.camera().is_some());
-    if !is_of_camera || !noise.takes_orientations() {
+    if !noise.takes_orientations() {
         return Ok(Vec::new());
     }
     let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
@@ -50,28 +50,29 @@ pub fn check(
         return Ok(Vec::new());
     };
     let compared = observations.iter().enumerate().filter_map(|(place, own)| {
-        let camera = noise.sources.get(own.source.0)?.uncertainty.camera()?;
+        let camera = noise.sources.get(own.source.0)?.uncertainty.camera();
         let frames = &fitted.frames[own.session];
         let base = frames.tracker_from_base(own.source).isometry();
         let target = frames.flange_from_target(own.target).isometry();
         let predicted = base * arm.chain().nominal(&own.axes) * target;
-        compared(place, own, &predicted, camera.mounted)
+        compared(place, own, &predicted, camera.map(|own| own.mounted))
     });
     let compared: Vec<Compared> = compared.collect();
     let norms: Vec<f64> = compared.iter().map(|own| own.as_measured.0).collect();
     let gate = FAR * median(&norms).unwrap_or(0.0).max(LEAST_MEDIAN);
-    let flipped = compared.iter().filter_map(|own| {
+    let wrong = compared.iter().filter(|own| own.as_measured.0 > gate).map(|own| {
         let reading = &observations[own.place];
-        Some(Suspect::of(reading, own.flipped(gate, reading.station)?, Unmeasured::FlippedView))
+        let (reason, otherwise) = own.wrong(reading.station);
+        Suspect::of(reading, reason, otherwise)
     });
-    Ok(flipped.collect())
+    Ok(wrong.collect())
 }
 
 fn compared(
     place: usize,
     own: &Observation,
     predicted: &Isometry3<f64>,
-    mounted: Mounted,
+    camera: Option<Mounted>,
 ) -> Option<Compared> {
     let (point, turn) = (own.point()?, own.measured.turn()?);
     let measured = Isometry3::from_parts(point.position.into(), turn.orientation);
@@ -80,24 +81,34 @@ fn compared(
         let residual = turn.residual(&predicted.rotation);
         (turn.whitened(&away, &residual).norm(), residual.norm())
     };
-    let mirrored = MeasuredOrientation { orientation: mirrored(&measured, mounted), ..*turn };
-    Some(Compared { place, as_measured: of(turn), as_mirrored: of(&mirrored) })
+    let as_mirrored = camera.map(|mounted| {
+        of(&MeasuredOrientation { orientation: mirrored(&measured, mounted), ..*turn })
+    });
+    Some(Compared { place, as_measured: of(turn), as_mirrored })
 }
 
 impl Compared {
-    /// The reason for which the reading is left out; `None` where it is not flipped.
-    fn flipped(&self, gate: f64, station: usize) -> Option<String> {
-        let ((away, turned), (mirrored, mirrored_rad)) = (self.as_measured, self.as_mirrored);
+    /// The reason for which the reading is left out.
+    fn wrong(&self, station: usize) -> (String, Unmeasured) {
+        let (away, turned) = self.as_measured;
+        let far = format!(
+            "the orientation of station {station} is {:.1}° ({away:.0} standard deviations) from the fit",
+            turned.to_degrees()
+        );
         // Perspective moves the second solution a little away from the mirrored one, by more than a large target's noise.
-        let explains = mirrored <= EXPLAINS * away && mirrored_rad <= EXPLAINS * turned;
-        (away > gate && explains).then(|| {
-            format!(
-                "flipped view of a planar target: the orientation of station {station} is {:.1}° ({away:.0} standard deviations) from \
-                 the fit, and {:.1}° ({mirrored:.1}) with its normal mirrored about the viewing ray",
-                turned.to_degrees(),
-                mirrored_rad.to_degrees()
-            )
-        })
+        let explains = |(mirrored, mirrored_rad): &(f64, f64)| {
+            *mirrored <= EXPLAINS * away && *mirrored_rad <= EXPLAINS * turned
+        };
+        match self.as_mirrored.filter(explains) {
+            Some((mirrored, mirrored_rad)) => (
+                format!(
+                    "flipped view of a planar target: {far}, and {:.1}° ({mirrored:.1}) with its normal mirrored about the viewing ray",
+                    mirrored_rad.to_degrees()
+                ),
+                Unmeasured::FlippedView,
+            ),
+            None => (format!("wrong orientation: {far}"), Unmeasured::WrongTarget),
+        }
     }
 }
 

@@ -91,6 +91,13 @@ impl ReferenceCourse {
     }
 }
 
+/// Whether an instrument can have read a reference there, in its own frame: none reads within 20 mm or beyond a kilometre, where references in
+/// another unit seem to stand. One within a millimetre of the origin may define the frame.
+pub fn can_be_read(position: &Point3<f64>) -> bool {
+    let away_mm = position.coords.norm();
+    away_mm <= 1.0 || (20.0..1e6).contains(&away_mm)
+}
+
 /// How often and where each of `references` was read at `stops`, which are in order of time.
 pub(super) fn read(stops: &[Stop<'_>], references: &[(String, StandsOn)]) -> Vec<ReadReference> {
     let named = references.iter().map(|(name, on)| ReadReference {

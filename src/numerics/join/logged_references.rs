@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, robust_sigma};
-use super::courses::{Origin, RowReference, Stop, courses, read, taken_out, undo};
+use super::courses::{Origin, RowReference, Stop, can_be_read, courses, read, taken_out, undo};
 use super::readings::pieces;
 use super::references::ReferenceId;
 use super::{
@@ -142,10 +142,12 @@ impl<'a> Looking<'a> {
             let seen = seen?;
             for row in seen.rows.clone() {
                 let at = seen.stamp(row);
-                if seen.is_measured(row) {
+                if !seen.is_measured(row) {
+                    gathering.missing.add(at, 1);
+                } else if can_be_read(&Point3::from(seen.position(row))) {
                     gathering.take(self.when(at), at, seen.position(row));
                 } else {
-                    gathering.missing.add(at, 1);
+                    gathering.nowhere.add(at, 1);
                 }
             }
         }
@@ -183,6 +185,7 @@ struct Gathering {
     runs: Vec<Run>,
     outliers: LeftOut,
     missing: LeftOut,
+    nowhere: LeftOut,
 }
 
 impl Gathering {
@@ -196,6 +199,7 @@ impl Gathering {
             runs: Vec::new(),
             outliers: LeftOut::default(),
             missing: LeftOut::default(),
+            nowhere: LeftOut::default(),
         }
     }
 
@@ -247,6 +251,11 @@ impl Gathering {
             self.runs.into_iter().partition(|run| run.scatter_mm <= reach_mm);
         let left_out = [
             (self.missing, RejectCode::Missing, "without a measurement"),
+            (
+                self.nowhere,
+                RejectCode::Outlier,
+                "where no instrument reads anything: is the unit right?",
+            ),
             (self.outliers, RejectCode::Outlier, "far from the others of their look"),
         ];
         let left_out = left_out

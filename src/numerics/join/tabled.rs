@@ -23,7 +23,7 @@ use crate::ingest::StandsOn;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, NS_PER_S, Stamp, round_ns};
 
-pub use super::courses::{LookAt, ReadReference, ReferenceCourse, RowReference};
+pub use super::courses::{LookAt, ReadReference, ReferenceCourse, RowReference, can_be_read};
 use super::courses::{Origin, Stop, courses, read as read_references, taken_out, undo};
 pub use super::{RejectCode, RowItem, RowReject};
 

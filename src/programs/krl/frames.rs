@@ -4,7 +4,8 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 use super::Reading;
 use crate::flow::{Known, Setting, known, unknown};
-use crate::frame::{Chain, Frame};
+use crate::frame::Chain;
+use crate::names::Written;
 use crate::names::{Scope, parts};
 use crate::reading::Here;
 use crate::refusal::Refusal;
@@ -128,14 +129,21 @@ impl Reading<'_> {
         let everywhere = [String::new()];
         let machine = format!("MACHINE_FRAME_DAT[{number}]");
         if data == "BASE_DATA"
-            && let Ok(own) =
-                self.common.names.constant(&everywhere, &machine, self.common.files, "")
+            && let Some(own) = self.stated(&everywhere, &machine)?
             && own.value.number_of("MACH_DEF_INDEX").is_some_and(|index| index.value > 0.0)
         {
             let at = self.common.files[own.file].at(own.line);
             return Err(Refusal::Moving { name: name.to_owned(), at });
         }
         self.value(&everywhere, name, "$config.dat")
+    }
+
+    /// What files state of a name that may stand in none of them.
+    fn stated(&self, scopes: &[Scope], name: &str) -> Result<Option<&Written>, Refusal> {
+        match self.common.names.constant(scopes, name, self.common.files, "") {
+            Err(Refusal::NotGiven { .. }) => Ok(None),
+            own => own.map(Some),
+        }
     }
 
     fn value(&self, scopes: &[Scope], name: &str, give: &str) -> Result<Isometry3<f64>, Refusal> {
@@ -176,20 +184,20 @@ impl Reading<'_> {
 
     /// `$ROBROOT`: the arm's base in `$WORLD`.
     pub(super) fn root(&self) -> Chain {
+        Chain::one("$ROBROOT", self.standing())
+    }
+
+    /// An error where a linear unit carries the arm.
+    fn standing(&self) -> Result<Isometry3<f64>, Refusal> {
         let everywhere = [String::new()];
-        let own = self.common.names.constant(&everywhere, "$EX_KIN", self.common.files, "");
-        if let Ok(own) = own
+        if let Some(own) = self.stated(&everywhere, "$EX_KIN")?
             && let Value::Fields { fields, .. } = &own.value
             && fields.iter().any(|(_, value)| *value == Value::Name("#ERSYS".to_owned()))
         {
             let at = self.common.files[own.file].at(own.line);
-            let name = "$ROBROOT".to_owned();
-            return Chain(vec![Frame {
-                value: Err(Refusal::Moving { name: name.clone(), at }),
-                name,
-            }]);
+            return Err(Refusal::Moving { name: "$ROBROOT".to_owned(), at });
         }
-        Chain::one("$ROBROOT", self.value(&everywhere, "$ROBROOT", "$machine.dat"))
+        self.value(&everywhere, "$ROBROOT", "$machine.dat")
     }
 }
 

@@ -6,6 +6,7 @@ use super::data::{Statement, lines, routine, statement};
 use super::{Reading, Tools};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
+use crate::program::Computed;
 use crate::reading::{Here, has};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
@@ -155,8 +156,27 @@ impl Reading<'_> {
                         self.written = (is_data && !statement.part)
                             .then(|| (name.to_owned(), self.frames(here, name, value)));
                     }
-                    None => self.common.reads(here, line),
+                    None => {
+                        self.passed(here, word, line);
+                        self.common.reads(here, line);
+                    }
                 }
+            }
+        }
+    }
+
+    /// Positions that are passed to a routine in no file, which may move to them.
+    fn passed(&mut self, here: &Here<'_>, word: &str, line: Cursor<'_>) {
+        let is_given = self.local.contains(&self.full_name(here.file, word));
+        if is_given || is_keyword(word) || is_harmless(word) {
+            return;
+        }
+        for token in line.tokens.iter().filter(|token| token.kind == Kind::Name) {
+            let name = crate::lex::capitals(line.text(token));
+            let variable = self.common.names.find(here.scopes, &name);
+            if variable.is_some_and(|own| has("AXIS E6AXIS E6POS POS", &own.kind)) {
+                let (file, line, word) = (here.file, here.line, word.to_owned());
+                self.common.found.computed.push(Computed { file, line, word, text: name });
             }
         }
     }
@@ -325,7 +345,8 @@ impl Reading<'_> {
         for name in names {
             let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
-            if has(SENSOR_ON, &name) {
+            // TouchSense corrects what follows, but for the call that prepares it.
+            if (name == "H70" && !prepares(line)) || has(SENSOR_ON, &name) {
                 self.any_sensor = true;
                 let what = SENSOR;
                 steps.push(Step::Set(Slot::Displacement, unknown(Refusal::Displaced { what })));
@@ -334,6 +355,15 @@ impl Reading<'_> {
             }
         }
     }
+}
+
+/// `H70 (1, CD0)`.
+fn prepares(line: Cursor<'_>) -> bool {
+    let mut rest = line;
+    rest.take_name();
+    let first = rest.take_sign(b'(').then(|| rest.take_part(b',')).flatten();
+    let number = first.and_then(|own| super::frames::whole(own.value().number()?.value));
+    number == Some(1)
 }
 
 /// The statement that a line declares for an interrupt or a trigger.

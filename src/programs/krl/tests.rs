@@ -357,6 +357,8 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
         ("BASE_CORR_ON=TRUE\r\n", "(BASE_CORR_ON"),
         ("BASE_CORR_ON=FALSE\r\nP00(#EXT_ERR,0)\r\n", "ok"),
         ("N=RSI_ON(#RELATIVE)\r\nN=RSI_OFF()\r\n", "ok"),
+        ("H70(6,CD1)\r\n", "a sensor: RSI"),
+        ("H70 (1,CD0)\r\n", "ok"),
     ];
     for (begin, expected) in cases {
         let source = format!("DEF P( )\r\n{begin}{set}END\r\n");
@@ -371,6 +373,52 @@ fn what_may_change_a_frame_without_its_list_is_refused() {
         let told = told.map_or_else(|why| why.to_string(), |_| "ok".to_owned());
         assert!(told.contains(expected), "{begin}{told}");
     }
+}
+
+#[test]
+fn files_of_a_whole_backup_that_state_two_things_are_not_believed_and_those_of_the_system_not_followed()
+ {
+    let told = |more: &[(&str, &str)]| {
+        let list = format!("DEFDAT P\r\n{POINT}\r\nENDDAT\r\n");
+        let own = [
+            ("$config.dat", CONFIG),
+            ("$machine.dat", MACHINE),
+            ("p.src", "DEF P( )\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\nEND\r\n"),
+            ("p.dat", &list),
+        ];
+        let files = own.iter().chain(more).map(|(name, text)| file(name, text)).collect();
+        read(files, &cell()).ask(0, &cell()).map_or_else(|why| why.to_string(), |_| "ok".to_owned())
+    };
+    assert_eq!(told(&[]), "ok");
+    let kinematics = |word: &str| {
+        format!("DEFDAT $MACHINE PUBLIC\r\n$EX_KIN={{ET1 {word},ET2 #NONE}}\r\nENDDAT\r\n")
+    };
+    let (none, unit) = (kinematics("#NONE"), kinematics("#ERSYS"));
+    assert_eq!(told(&[("KRC/R1/Mada/$machine.dat", &none)]), "ok");
+    let unit_told = told(&[("KRC/R1/Mada/$machine.dat", &unit)]);
+    assert!(unit_told.contains("moves with an external axis"), "{unit_told}");
+    let both = [("KRC/R1/Mada/$machine.dat", &*none), ("old/$machine.dat", &*unit)];
+    assert!(told(&both).contains("$EX_KIN has two values"), "{}", told(&both));
+    let frame = |index: u8| {
+        format!(
+            "DEFDAT $CONFIG\r\nMACHINE_FRAME_DAT[1]={{MACH_DEF_INDEX {index},PARENT[] \"WORLD\"}}\r\nENDDAT\r\n"
+        )
+    };
+    let (fixed, moved) = (frame(0), frame(1));
+    let both = [("KRC/R1/System/$config.dat", &*fixed), ("old/$config.dat", &*moved)];
+    assert!(told(&both).contains("MACHINE_FRAME_DAT[1] has two values"), "{}", told(&both));
+
+    let bas = "DEF BAS(COMMAND :IN,NUMBER :IN)\r\nSWITCH COMMAND\r\nCASE #FRAMES\r\n$IPO_MODE=IPO_FRAME\r\nENDSWITCH\r\nEND\r\n";
+    assert_eq!(told(&[("KRC/R1/System/bas.src", bas)]), "ok");
+}
+
+#[test]
+fn positions_passed_to_a_routine_of_no_file_are_counted() {
+    let source =
+        "MOVE_TO(XP1)\r\nIR_STOPM(XP1)\r\nOWN(XP1)\r\nEND\r\nDEF OWN(X :IN)\r\nDECL E6POS X";
+    let found = programs(source, POINT);
+    let computed: Vec<&str> = found.computed.iter().map(|own| own.word.as_str()).collect();
+    assert_eq!(computed, ["MOVE_TO"]);
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use super::Reading;
 use super::statement::{Header, Statement, assignment, header};
-use crate::lex::Kind;
-use crate::names::Written;
+use crate::lex::{Kind, capitals};
+use crate::names::{Variable, Written};
 use crate::reading::{Here, called};
 use crate::value::{Cursor, Value};
 
@@ -141,7 +141,10 @@ impl Reading<'_> {
                 if let Some(value) = declaration.value {
                     self.common.reads(&here, value);
                 }
-            } else if let Some((left, _)) = assignment(own) {
+            } else if let Some((left, value)) = assignment(own) {
+                if self.is_as_declared(&here, left, value) {
+                    continue;
+                }
                 let name = Cursor { tokens: &left.tokens[..1], ..left };
                 self.common.touches(&here, name);
                 self.touch_shared(&here, name);
@@ -165,6 +168,18 @@ impl Reading<'_> {
                 self.common.touches(&Here { scopes: &scopes[..1], ..here }, statement.all);
             }
         }
+    }
+
+    /// Whether a tool or a work object is set to what its declaration states, as off-line tools do it.
+    fn is_as_declared(&self, here: &Here<'_>, left: Cursor<'_>, value: Cursor<'_>) -> bool {
+        let [name] = left.tokens else { return false };
+        let name = capitals(left.text(name));
+        let names = &self.common.names;
+        let is_frame = |own: &Variable| matches!(own.kind.as_str(), "TOOLDATA" | "WOBJDATA");
+        names.find(here.scopes, &name).is_some_and(is_frame)
+            && names
+                .constant(here.scopes, &name, self.common.files, "")
+                .is_ok_and(|own| own.value.is_same(&value.value()))
     }
 
     /// Marks what calls of given routines may change, wherever in a statement they stand.

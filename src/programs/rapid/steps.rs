@@ -98,6 +98,9 @@ impl Reading<'_> {
         if all.has_name(&["RETURN", "RAISE"]) {
             steps.push(Step::Return);
         }
+        if all.has_name(&["TRYNEXT"]) {
+            steps.push(Step::GoesOn);
+        }
         if matches!(word.as_str(), "IF" | "ELSEIF") {
             return self.condition(here, statement, &word, steps);
         }

@@ -49,6 +49,16 @@ fn a_position_stands_in_its_work_object_and_that_in_the_world() {
 }
 
 #[test]
+fn a_tool_that_is_set_to_what_its_declaration_states_is_known() {
+    let set = |x: &str| {
+        let tool = format!("[TRUE,[[{x},0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]]");
+        only(&format!("tool1:={tool}; MoveL p10,v100,fine,tool1\\WObj:=wobj1;"), "")
+    };
+    assert_eq!(set("0.000"), "ok");
+    assert!(set("0.001").contains("TOOL1 is worked out at run time"), "{}", set("0.001"));
+}
+
+#[test]
 fn every_form_of_a_motion_is_read() {
     let bodies = [
         "MoveJ p10,v100,fine,tool1;",
@@ -494,6 +504,7 @@ fn a_routine_whose_error_its_caller_handles_ends_anywhere() {
     assert_eq!(body(""), "ok");
     let handled = body("ERROR TRYNEXT;");
     assert!(handled.contains("displacement"), "{handled}");
+    assert_eq!(body("ERROR RETRY;"), "ok");
     // RETRY begins the call again.
     let again = "PDispOff; sub; ERROR RETRY; ENDPROC PROC sub() MoveL p10,v100,z10,tool1\\WObj:=wobj1; PDispSet pose1; reg1:=1/reg2; PDispOff;";
     let again = again.replacen("PROC sub", "LOCAL PROC sub", 1);

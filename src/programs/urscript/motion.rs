@@ -24,8 +24,8 @@ const DEGREES: f64 = 180.0 / PI;
 /// The way of a motion to a position; [`Way::Other`] of one that is refused.
 pub(super) fn way(word: &str) -> Option<Way> {
     match word {
-        "MOVEJ" => Some(Way::Joints),
-        "MOVEL" | "MOVEP" => Some(Way::Straight),
+        "MOVEJ" | "OPTIMOVEJ" => Some(Way::Joints),
+        "MOVEL" | "MOVEP" | "OPTIMOVEL" => Some(Way::Straight),
         "MOVEC" => Some(Way::Circle),
         "SERVOJ" | "SERVOC" | "SERVOL" | "MOVE_THROUGH" => Some(Way::Other),
         _ => None,
@@ -197,7 +197,8 @@ impl Reading<'_> {
         for ((_, part), read) in all.iter().zip(&reads) {
             let (target, feature, is_near) = self.target(here, word, *part, read.as_ref());
             // By joints the arm may be led into any arm configuration, but for a pose into the nearest.
-            let is_led = matches!(word, "MOVEJ" | "SERVOJ") && !self.is_pose(&target, *part);
+            let is_led =
+                matches!(word, "MOVEJ" | "OPTIMOVEJ" | "SERVOJ") && !self.is_pose(&target, *part);
             states =
                 is_near || is_led || self.is_all(&target, |own| matches!(own, Shape::Joints(_)));
             features.push(feature);

@@ -43,7 +43,7 @@ fn verdicts(programs: &Programs) -> Vec<String> {
 #[test]
 fn a_pose_is_in_metres_and_a_rotation_vector_under_its_feature_and_tool() {
     let programs =
-        programs(&format!("{BEGIN}\nmovel(pose_trans(Plane_1, Part_p), a=1.2, v=0.25, r=0.01)"));
+        programs(&format!("{BEGIN}\noptimovel(pose_trans(Plane_1, Part_p), a=0.3, v=0.3, r=0.01)"));
     let names: Vec<&str> = programs.positions.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names, ["OVER_P", "PART_P"]);
     assert_eq!(verdicts(&programs), ["ok", "ok"]);

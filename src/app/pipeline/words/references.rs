@@ -2,6 +2,8 @@
 
 mod silent;
 
+use std::collections::BTreeSet;
+
 use crate::join::moved::{Elsewhere, Knock};
 use crate::join::references::{Event, Followed, Motion};
 use crate::join::tabled::ReferenceCourse;
@@ -20,7 +22,7 @@ pub(in crate::pipeline) fn followed(outcome: &Outcome<'_>) -> Vec<String> {
 pub(in crate::pipeline) fn warned(outcome: &Outcome<'_>, least_mm: f64) -> Vec<String> {
     let sessions = || outcome.training.iter().chain(&outcome.test);
     let of_course = |(session, course): (&JoinedSession, &ReferenceCourse)| {
-        let events = course.followed.events.iter();
+        let events = course.followed.events.iter().filter(|event| !is_of_a_bump(course, event));
         let (small, large): (Vec<&Event>, Vec<&Event>) =
             events.partition(|event| size_mm(event).is_some_and(|mm| mm < least_mm));
         let words = large.into_iter().filter_map(|event| warning(course, event));
@@ -112,6 +114,13 @@ fn size_mm(event: &Event) -> Option<f64> {
     }
 }
 
+/// Whether a move of one reference is how a bump turned the instrument, of which the references tell no rotation.
+fn is_of_a_bump(course: &ReferenceCourse, event: &Event) -> bool {
+    let Event::Moved { look, .. } = event else { return false };
+    let is_bump = |own: &Event| matches!(own, Event::Bump { before, .. } if before == look);
+    !course.followed.tells_turns && course.followed.events.iter().any(is_bump)
+}
+
 fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
     match *event {
         Event::Bump { after, before, shift_mm, turn_rad } => {
@@ -120,7 +129,19 @@ fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
             let tied = if course.followed.is_bridged() {
                 "the references tie both parts of the session together"
             } else {
-                "two parts of the session have nothing in common; only the larger is used"
+                match course
+                    .followed
+                    .places
+                    .iter()
+                    .map(|own| own.reference)
+                    .collect::<BTreeSet<_>>()
+                    .len()
+                {
+                    1 => {
+                        "or the one reference was: a second tells which. Only the larger of the two parts is used"
+                    }
+                    _ => "two parts of the session have nothing in common; only the larger is used",
+                }
             };
             let (from, to) = (moment(course, after), moment(course, before));
             Some(format!(

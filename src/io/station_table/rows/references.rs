@@ -6,11 +6,8 @@ use super::super::name;
 use super::{Fault, Long, Reader};
 use crate::ingest::LengthUnit;
 use crate::join::references::ReferenceId;
-use crate::join::tabled::{ApartRow, RowItem, RowReference};
+use crate::join::tabled::{ApartRow, RowItem, RowReference, can_be_read};
 use crate::measured_table::Cell;
-
-/// Coordinates beyond this are no reading of a cell, mm: a hundred kilometres.
-const FARTHEST_MM: f64 = 1e8;
 
 impl Reader<'_> {
     /// The references that a row of a wide table has readings of.
@@ -67,9 +64,9 @@ impl Reader<'_> {
         unit: LengthUnit,
     ) -> Result<RowReference, Fault> {
         let position = self.place(sums, row, unit)?;
-        if position.coords.amax() > FARTHEST_MM {
+        if !can_be_read(&position) {
             return Err(Fault::of(format!(
-                "a position of ({:e}, {:e}, {:e}) mm is farther than any instrument reads",
+                "at ({}, {}, {}) mm no instrument reads anything: is the unit right?",
                 position.x, position.y, position.z
             )));
         }
