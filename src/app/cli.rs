@@ -34,7 +34,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory as _, Parser, Subcommand};
 
 use crate::files::memory::keep_what_is_freed;
-use messages::LogFormat;
+use messages::{LogFormat, Printable};
 use progress::Bars;
 use streams::Undelivered;
 
@@ -172,10 +172,14 @@ fn outlive_limits_of_files() {
 
 /// Prints the argument parser's answer: help and version are results, anything else is a message.
 fn answered(answer: &clap::Error) -> u8 {
-    let written = answer.print().and_then(|()| io::stdout().flush());
     if answer.use_stderr() {
+        let text = answer.render().to_string();
+        let lines = text.lines().map(|line| format!("{}\n", Printable(line)));
+        // A failure has nowhere to be reported.
+        let _ = io::stderr().write_all(lines.collect::<String>().as_bytes());
         return BAD_USAGE;
     }
+    let written = answer.print().and_then(|()| io::stdout().flush());
     messages::start(LogFormat::Text, &Bars::new(LogFormat::Text));
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }

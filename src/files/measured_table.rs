@@ -150,6 +150,7 @@ const MOST_COLUMNS: usize = 4096;
 const LONGEST_NAME: usize = 1024;
 /// Most cells of a table: half a gigabyte of them.
 const MOST_CELLS: usize = 1 << 26;
+const MOST_LEFT_OUT: usize = 1 << 20;
 
 /// Errors name the file and, wherever there is one, line and column.
 pub fn read(path: &Path, bound: Bound, form: &Form) -> Result<MeasuredTable, MeasuredTableError> {

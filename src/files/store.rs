@@ -93,6 +93,10 @@ pub struct Listed {
 /// An error for a bucket without the feature, or when the environment does not state how to reach it.
 pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
     match place {
+        Place::Path(path) if path.to_str().is_some_and(|path| path.contains("://")) => {
+            let problem = "no other scheme than s3 is one, in small letters";
+            Err(StoreError::Address { place: place.clone(), problem })
+        }
         Place::Path(path) => Ok(Arc::new(Folder::new(path))),
         #[cfg(feature = "s3")]
         Place::Url(_) => Ok(Arc::new(bucket::Bucket::from_environment(place)?)),

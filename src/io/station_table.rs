@@ -60,7 +60,10 @@ pub fn read(
     // Of readings that are all left out there is a reason; a table of lengths alone has none.
     let is_unmeasured = !rejects.is_empty() && rows.iter().all(|row| row.readings.is_empty());
     if rows.is_empty() || is_unmeasured || rejects.len() > rows::MOST_REJECTS {
-        return Err(at(StationTableErrorKind::nothing(own.len(), &read.rows)));
+        return Err(at(StationTableErrorKind::nothing(
+            own.len() + table.left_out.len(),
+            &read.rows,
+        )));
     }
     Ok(read)
 }

@@ -1,6 +1,6 @@
 //! Frames of a program by their names: where each has its value, and how the cell says it was found.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::PathBuf;
 
@@ -157,6 +157,10 @@ pub enum CellError {
     #[error("[frames.{name:?}] is found = \"surveyed\" and taught_with an arm; one of them holds")]
     Both { name: String },
     #[error(
+        "[frames] has {name:?} twice: in names of frames capitals do not count; keep one of the two"
+    )]
+    Twice { name: String },
+    #[error(
         "[frames.{name:?}]: a point is stated by joints_deg, or by pose with status (S of KUKA) or cf (cf1, cf4, cf6, cfx of ABB)"
     )]
     Point { name: String },
@@ -198,7 +202,11 @@ pub struct Cell {
 
 impl Cell {
     pub fn check(&self) -> Result<(), CellError> {
+        let mut names = BTreeSet::new();
         for (name, frame) in &self.frames {
+            if !names.insert(capitals(name.as_bytes())) {
+                return Err(CellError::Twice { name: name.clone() });
+            }
             let poses = frame.points.iter().filter_map(|point| point.pose.as_ref());
             for place in frame.place.iter().chain(&frame.tool).chain(poses) {
                 place.isometry()?;

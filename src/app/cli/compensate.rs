@@ -21,8 +21,8 @@ use clap::builder::ArgPredicate;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
-use crate::compensation::validity::Held;
-use crate::compensation::{Corrected, Covariances, Exception, Refused};
+use crate::compensation::validity::{Held, Outside};
+use crate::compensation::{Corrected, Covariances, Exception, Refused, Target, Term};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::{self, Targets};
@@ -158,6 +158,7 @@ pub fn run(args: &CompensateArgs, stdout: impl Write) -> Result<Compensated> {
     recorded.check_file(&args.targets)?;
     let targets = targets::read(&args.targets)?;
     recorded.check_targets(&args.targets, &targets.targets, 1)?;
+    needed.extend(args.admit_tool(&source, &targets)?);
     let outcomes = args.outcomes(&source, &needed, &targets);
     let joint_names = source.joint_names();
     let by = source.by(&joint_names);
@@ -204,6 +205,24 @@ impl CompensateArgs {
             return Ok(held);
         }
         Err(CompensateCommandError::Outside(refused))
+    }
+
+    /// Refuses poses of a tool that no run was told of; gives the exception where that is allowed.
+    fn admit_tool(&self, source: &Source, targets: &Targets) -> Result<Option<Exception>> {
+        let is_pose = |target: &Target| target.joints.is_none();
+        if !source.validity().tool_is_target || !targets.targets.iter().any(is_pose) {
+            return Ok(None);
+        }
+        let needed = Exception::Term(Term::Tool);
+        if self.allow.contains(&needed) {
+            return Ok(Some(needed));
+        }
+        let words = format!(
+            "the run knows no tool of the controller and would take their positions for those of its {}; for another point state \
+             flange_from_tool in [stations] and run the session again",
+            source.reflector()
+        );
+        Err(CompensateCommandError::Outside(vec![Outside { term: Term::Tool, words }]))
     }
 
     /// What becomes of each target; the exceptions that all of them need stand at each.

@@ -74,8 +74,14 @@ struct Beside(Bars);
 
 impl Write for Beside {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let shown = str::from_utf8(bytes).ok().map(|text| {
+            let escaped =
+                |c: char| if is_unseen(c) { c.escape_default().to_string() } else { c.into() };
+            without_secrets(text).chars().map(escaped).collect::<String>()
+        });
+        let shown = shown.as_deref().map_or(bytes, str::as_bytes);
         // A failure has nowhere to be reported.
-        let _ = self.0.write_aside(Stream::Messages, bytes);
+        let _ = self.0.write_aside(Stream::Messages, shown);
         Ok(bytes.len())
     }
     fn flush(&mut self) -> io::Result<()> {
@@ -130,8 +136,11 @@ impl Display for Printable<'_> {
 
 /// Whether a terminal would act on a character: it controls, or turns the direction of the text, or is not seen.
 fn is_acted_on(c: char) -> bool {
-    let unseen = matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
-    c.is_control() || unseen
+    c.is_control() || is_unseen(c)
+}
+
+const fn is_unseen(c: char) -> bool {
+    matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 
 #[cfg(test)]

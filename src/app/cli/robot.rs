@@ -162,9 +162,11 @@ impl RobotArgs {
         Ok(stated)
     }
 
-    /// The robot file as TOML: its own text where nothing is changed.
+    /// The robot file as TOML: its own text where that is TOML and nothing is changed.
     fn printed(&self, path: &Path, text: String, stated: &Stated) -> Result<String, RobotProblem> {
-        let is_changed = self.arm.joints.is_some() || self.convention.is_some();
+        let is_changed = self.arm.joints.is_some()
+            || self.convention.is_some()
+            || text.parse::<toml::Table>().is_err();
         let Some(left_out) = &stated.left_out else {
             return Ok(if is_changed { written::toml(&stated.file)? } else { text });
         };

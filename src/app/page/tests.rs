@@ -306,6 +306,7 @@ fn of_arm(name: &str) -> ArmColumns {
             largest_error_mm: Some(2.0),
             joint_lower_rad: vec![-1.0],
             joint_upper_rad: vec![1.0],
+            tool_is_target: Some(false),
             conditions: Conditions { tool: Some(name.to_owned()), ..Conditions::default() },
             temperature_min_c: None,
             temperature_max_c: None,

@@ -444,7 +444,11 @@ impl Placed {
         };
         let tip = file.report.tool_tip.as_ref();
         let Some(section) = &file.commanded else {
-            placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, None)).transpose()?;
+            let tool = file.stations.as_ref().and_then(|own| own.flange_from_tool.as_ref());
+            let tool =
+                tool.map(|tool| isometry("[stations] flange_from_tool", tool)).transpose()?;
+            placed.flange_from_tool = tool;
+            placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
             return Ok(placed);
         };
         let tool = section.flange_from_tool.as_ref();

@@ -15,6 +15,7 @@ use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
 use crate::join::{Pairing, Station, began};
 use crate::judgement::{JoinedSession, Outcome, gravity};
+use crate::kinematics::Arm;
 use crate::page::percent;
 use crate::report::compared::{Compared, Pairs, TableAndArm};
 pub use crate::report::next::Next;
@@ -55,9 +56,14 @@ pub(super) fn summary(
     findings.extend(before_and_after(pairs, table_state));
     findings.extend(identified(parameters));
     findings.extend(no_gravity(outcome));
-    let (stated, doubts) = (Stated::of(&configuration.arm), outcome.doubts_set_up());
+    let (stated, doubts) = (stated(outcome, &configuration.arm), outcome.doubts_set_up());
     let next = Next::of(verdict, &outcome.frame, tolerance, stated, doubts);
     Summary { read: read(outcome), warnings: warnings(outcome, tolerance), findings, next }
+}
+
+/// What targets have to state: joint angles where poses would be refused, as no tool of the controller is known.
+pub(super) fn stated(outcome: &Outcome<'_>, arm: &Arm) -> Stated {
+    if outcome.tool_is_target() { Stated::Joints } else { Stated::of(arm) }
 }
 
 /// What has to be known of a run before anything else: that its frame is not fixed, where its logs disagree with the stated set-up, and

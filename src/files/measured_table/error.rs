@@ -3,7 +3,7 @@ use std::io;
 use strsim::generic_levenshtein;
 use thiserror::Error;
 
-use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS};
+use super::{LONGEST_NAME, MOST_CELLS, MOST_COLUMNS, MOST_LEFT_OUT, RowLeftOut};
 use crate::at::At;
 
 pub type MeasuredTableError = At<MeasuredTableErrorKind>;
@@ -99,6 +99,8 @@ pub enum MeasuredTableErrorKind {
         "its cells take more memory than a table may: more than {MOST_CELLS} cells, or half a gigabyte of texts; split it by session"
     )]
     TooManyCells,
+    #[error("more than {MOST_LEFT_OUT} of its rows are none of the table; the first, line {}: {}", first.line, first.reason)]
+    TooManyLeftOut { first: RowLeftOut },
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Error)]

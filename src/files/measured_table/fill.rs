@@ -7,7 +7,8 @@ use super::number::{Contrary, Numbers};
 use super::separator::Marks;
 use super::split::comment;
 use super::{
-    Cell, Counted, LeftOutFor, MeasuredTable, MeasuredTableErrorKind, Records, Result, RowLeftOut,
+    Cell, Counted, LeftOutFor, MOST_LEFT_OUT, MeasuredTable, MeasuredTableErrorKind, Records,
+    Result, RowLeftOut,
 };
 
 pub(super) trait Written {
@@ -97,8 +98,13 @@ impl<'h> Filling<'h> {
         self.records.blank += count;
     }
 
-    pub(super) fn leave_out(&mut self, line: u64, reason: LeftOutFor) {
+    pub(super) fn leave_out(&mut self, line: u64, reason: LeftOutFor) -> Result<()> {
+        if let Some(first) = self.left_out.first().filter(|_| self.left_out.len() >= MOST_LEFT_OUT)
+        {
+            return Err(MeasuredTableErrorKind::TooManyLeftOut { first: *first });
+        }
         self.left_out.push(RowLeftOut { line, reason });
+        Ok(())
     }
 
     pub(super) fn record(&mut self, line: u64, cells: &[impl Written]) -> Result<()> {
@@ -107,10 +113,7 @@ impl<'h> Filling<'h> {
             return Ok(());
         }
         match self.left_out_for(cells) {
-            Some(reason) => {
-                self.leave_out(line, reason);
-                Ok(())
-            }
+            Some(reason) => self.leave_out(line, reason),
             None => self.row(line, cells),
         }
     }

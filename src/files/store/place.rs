@@ -71,7 +71,7 @@ impl Place {
 /// A text without the credentials that stand before the `@` of an address in it.
 pub fn without_secrets(text: &str) -> Cow<'_, str> {
     // A path made of an address has one stroke.
-    let schemes = ["s3:/", "http:/", "https:/"];
+    let schemes = ["s3:/", "S3:/", "http:/", "https:/"];
     if !text.contains('@') || !schemes.iter().any(|scheme| text.contains(scheme)) {
         return Cow::Borrowed(text);
     }

@@ -56,7 +56,7 @@ pub(super) fn read(path: &Path, text: &str) -> Result<RobotFile, String> {
     };
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(RobotFile {
-        model: "Universal Robots arm with its factory calibration".to_owned(),
+        model: format!("Universal Robots arm with its factory calibration{hash}"),
         source: format!("calibration file of a UR {file:?}{hash}"),
         convention: Convention::Urdf,
         home_deg: None,

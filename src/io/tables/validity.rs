@@ -30,6 +30,7 @@ columns! {
         largest_error_mm: Option<f64>,
         joint_lower_rad: Vec<f64>,
         joint_upper_rad: Vec<f64>,
+        tool_is_target: Option<bool>,
         conditions: Conditions,
         temperature_min_c: Option<f64>,
         temperature_max_c: Option<f64>,
@@ -61,6 +62,7 @@ impl ValidFor {
             largest_error_mm: largest_error_mm(outcome),
             joint_lower_rad,
             joint_upper_rad,
+            tool_is_target: Some(outcome.tool_is_target()),
             conditions: context.valid_for.clone(),
             temperature_min_c,
             temperature_max_c,
@@ -71,6 +73,7 @@ impl ValidFor {
         let temperature_c = self.temperature_min_c.zip(self.temperature_max_c);
         Validity {
             conditions: self.conditions.clone(),
+            tool_is_target: self.tool_is_target == Some(true),
             temperature_c: temperature_c.map(<[f64; 2]>::from),
             largest_error_mm: self.largest_error_mm,
         }

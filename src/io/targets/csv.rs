@@ -1,7 +1,7 @@
 //! Targets in CSV: a first line that names the columns, one line per target, an empty cell where a value is absent.
 //!
-//! Commas, semicolons, tabs or bars separate cells: what parts `target` from the other names of the first line. Above it may stand
-//! `sep=;`. Where no number has a decimal point, and commas do not separate, a comma is the decimal mark.
+//! Commas, semicolons, tabs or bars separate cells: what parts `target` from the other names. Above that line may stand a title,
+//! comments or `sep=;`. Where no number has a decimal point, and commas do not separate, a comma is the decimal mark.
 
 use std::io;
 use std::path::Path;
@@ -28,8 +28,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let decoded = decode(&bytes)
         .map_err(|fault| TargetsErrorKind::Read(io::Error::other(fault.to_string())).at(path))?;
     let text: &str = &decoded.text;
-    let above = text.split_once('\n').filter(|(line, _)| line.to_lowercase().starts_with("sep="));
-    let text = above.map_or(text, |(_, behind)| behind);
+    let (above, text) = header(text);
     let separator = separator(text);
     let mut reader = ReaderBuilder::new();
     let mut reader = reader.trim(Trim::All).delimiter(separator).from_reader(text.as_bytes());
@@ -40,7 +39,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let mut rows = Vec::with_capacity(records.len());
     for record in records {
         let line = record.position().map_or(0, ::csv::Position::line);
-        let place = Place::Line(line + u64::from(above.is_some()));
+        let place = Place::Line(line + above);
         let row = header.row(&record);
         rows.push((place, row.map_err(|problem| problem.at(path, place))?));
     }
@@ -49,14 +48,31 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     Ok(Rows { placed: rows, unused: header.unused(), units })
 }
 
+/// Most lines above the names of the columns.
+const MOST_ABOVE: usize = 30;
+
+/// The number of lines above the first that names `target`, and the text from that one on; all of it where none does.
+fn header(text: &str) -> (u64, &str) {
+    let mut rest = text;
+    for above in 0..MOST_ABOVE as u64 {
+        if b",;\t|".iter().any(|sign| names_target(rest, *sign)) {
+            return (above, rest);
+        }
+        let Some((_, behind)) = rest.split_once('\n') else { break };
+        rest = behind;
+    }
+    (0, text)
+}
+
+fn names_target(text: &str, sign: u8) -> bool {
+    let first = text.lines().next().unwrap_or_default();
+    first.split(char::from(sign)).any(|cell| cell.trim().trim_matches('"') == TARGET)
+}
+
 /// The sign that parts the name `target` from others in the first line; a comma where none does.
 fn separator(text: &str) -> u8 {
-    let first = text.lines().next().unwrap_or_default();
-    let parts = |sign: &u8| {
-        let mut cells = first.split(char::from(*sign));
-        cells.any(|cell| cell.trim().trim_matches('"') == TARGET)
-    };
-    b";\t|".iter().copied().find(parts).filter(|_| !parts(&b',')).unwrap_or(b',')
+    let comma = names_target(text, b',');
+    b";\t|".iter().copied().find(|sign| !comma && names_target(text, *sign)).unwrap_or(b',')
 }
 
 struct Header {
@@ -274,6 +290,13 @@ mod tests {
             let error = targets(&format!("{head}{good}{line}")).unwrap_err();
             assert!(error.contains(expected), "{error}");
         }
+    }
+
+    #[test]
+    fn lines_above_the_names_are_passed_over_and_counted() {
+        let text = "Panel 7, left\n# measured on Monday\n\ntarget;x_mm;y_mm;z_mm\nA;1;2;x\n";
+        let error = targets(text).unwrap_err();
+        assert!(error.contains("line 5: column \"z_mm\" holds \"x\""), "{error}");
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub struct Conditions {
 pub struct Validity {
     /// The conditions stated in the pipeline file.
     pub conditions: Conditions,
+    /// Whether no tool of the controller is stated: positions are corrected as those of the measured target.
+    pub tool_is_target: bool,
     /// Lowest and highest temperature during the measurement, °C. `None`: the logs do not state it.
     pub temperature_c: Option<[f64; 2]>,
     /// The largest error of the stations before correction, in the error reference frame, mm. `None`: the table does not say.
@@ -204,6 +206,7 @@ mod tests {
 
     fn table() -> Validity {
         Validity {
+            tool_is_target: false,
             conditions: Conditions {
                 tool: Some("drill".to_owned()),
                 payload_kg: Some(12.5),

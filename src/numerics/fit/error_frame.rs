@@ -72,6 +72,7 @@ pub struct ErrorFrame<'a> {
     pub frames: FramePair,
     /// The controller's own tool in the flange frame, mm.
     pub flange_from_tool: Isometry3<f64>,
+    pub tool_is_stated: bool,
     oriented: bool,
 }
 
@@ -88,7 +89,13 @@ impl<'a> ErrorFrame<'a> {
     ) -> Self {
         let target = frames.flange_from_target.isometry().translation;
         let at_target = Isometry3::from_parts(target, UnitQuaternion::identity());
-        Self { arm, frames, flange_from_tool: flange_from_tool.unwrap_or(at_target), oriented }
+        Self {
+            arm,
+            frames,
+            flange_from_tool: flange_from_tool.unwrap_or(at_target),
+            tool_is_stated: flange_from_tool.is_some(),
+            oriented,
+        }
     }
 
     pub fn lever(&self) -> Vector3<f64> {

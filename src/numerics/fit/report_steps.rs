@@ -7,6 +7,8 @@
 //! 3. It is a step where the medians on both sides differ by more than servos and rounded models do, and by more than the angles
 //!    scatter, and no other joint's differ by half as much.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DMatrix, DVector, UnitQuaternion};
 
 use super::commanded::{CommandFrames, away};
@@ -33,7 +35,12 @@ pub fn check(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Result<
     let known: Vec<(&Station, DVector<f64>)> = stations.iter().filter_map(angles).collect();
     let joints = arm.joints();
     let steps = joints.iter().enumerate().filter_map(|(joint, own)| {
-        let values: Vec<f64> = known.iter().map(|(_, angles)| angles[joint]).collect();
+        // Half a turn away, which a frame may be, is on either side of the reported angles.
+        let first = known.first()?.1[joint];
+        let whole = |by: f64| if own.slides { 0.0 } else { TAU * (by / TAU).round() };
+        let since = |by: f64| by - whole(by);
+        let values: Vec<f64> =
+            known.iter().map(|(_, angles)| since(angles[joint] - first)).collect();
         Some((joint, step(&values)?, own.counted()))
     });
     let mut steps: Vec<(usize, Step, f64)> = steps.collect();
@@ -150,11 +157,21 @@ mod tests {
     use nalgebra::Isometry3;
 
     use super::*;
+    use crate::geometry::isometry_from_rpy;
     use crate::kinematics::RobotFile;
     use crate::simulate::{Poses, SimulateSettings, simulate};
 
     /// The error of 120 stations of one orientation, before the 41st of which what a joint reports steps by so many degrees.
     fn stepped(joint: usize, by_deg: f64) -> Option<String> {
+        told(joint, by_deg, 0.0)
+    }
+
+    /// The error of those without a step where the tool is stated as turned about its axis.
+    fn turned(by_deg: f64) -> Option<String> {
+        told(0, 0.0, by_deg)
+    }
+
+    fn told(joint: usize, by_deg: f64, tool_deg: f64) -> Option<String> {
         let text = include_str!("../../../pipelines/robots/kr210-r2700-extra.toml");
         let arm = toml::from_str::<RobotFile>(text).expect("a robot file").arm().expect("an arm");
         let home = [0.0_f64, -75.0, 100.0, 25.0, 55.0, -15.0].map(f64::to_radians).to_vec();
@@ -168,12 +185,10 @@ mod tests {
         let settings = SimulateSettings::realistic(1, home, poses);
         let frames = CommandFrames {
             base_from_command: Isometry3::identity(),
-            flange_from_tool: Some(
-                nalgebra::Translation3::from(nalgebra::Vector3::from(
-                    settings.cell.flange_from_target_mm,
-                ))
-                .into(),
-            ),
+            flange_from_tool: Some(isometry_from_rpy(
+                settings.cell.flange_from_target_mm,
+                [0.0, 0.0, tool_deg.to_radians()],
+            )),
         };
         let mut stations = simulate(&arm, &settings).expect("in reach").stations();
         assert!(stations.len() > 80, "{}", stations.len());
@@ -208,6 +223,7 @@ mod tests {
     #[test]
     fn a_joint_whose_report_steps_against_its_commands_is_named() {
         assert_eq!(stepped(0, 0.0), None);
+        assert_eq!(turned(180.0), None);
         for (joint, by_deg) in [(0, 0.2), (2, 1.0), (3, -0.5), (4, 1.0), (5, 0.3)] {
             let words = stepped(joint, by_deg).expect("a step");
             let name = format!("joint \"joint_a{}\" reports stepped by ", joint + 1);

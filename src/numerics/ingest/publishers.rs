@@ -1,8 +1,8 @@
 //! Samples of one topic in order of time → whether one publisher states them.
 //!
-//! Two publishers show in one of four ways: stamps that are there twice with other contents; messages that repeat the one before them a
+//! Two publishers show in one of five ways: stamps that are there twice with other contents; messages that repeat the one before them a
 //! little later; contents that leave those of the messages around them by far and come back; contents that leave them by little, and
-//! always by turns or always soon behind the message before.
+//! always by turns or always soon behind the message before; of poses, each followed soon by one that is moved by always the same.
 
 use crate::units::NS_PER_S;
 
@@ -42,6 +42,9 @@ pub(super) struct Publishers {
     /// Samples that the next one goes back from, and those of them that the one before went back from too or that come soon behind it.
     returns: u64,
     turns: u64,
+    /// The first difference of a pose from one soon before it, and the samples with the same.
+    moved: Option<Vec<f64>>,
+    beside: u64,
     /// Contents that were one of both in every conflict so far; `None` before the first.
     constant: Option<Vec<Vec<f64>>>,
 }
@@ -67,6 +70,12 @@ impl Publishers {
                 let both = || vec![before.to_vec(), own.to_vec()];
                 let constant = self.constant.get_or_insert_with(both);
                 constant.retain(|known| *known == before || *known == own);
+            }
+            if !bounded && before != own && is_read && (soon as f64) < SOON * later as f64 {
+                let by: Vec<f64> =
+                    own.iter().zip(before).map(|(own, before)| own - before).collect();
+                let first = self.moved.get_or_insert_with(|| by.clone());
+                self.beside += u64::from(apart(first, &by) < BACK * apart(own, before));
             }
             // Poses may be stated once more when they are attained.
             let is_soon = bounded && soon > 0 && (soon as f64) < SOON * later as f64;
@@ -118,6 +127,13 @@ impl Publishers {
                 "{copies} of {samples} messages repeat the one before them {after_ms:.1} ms later"
             ));
         }
+        if self.is_many(self.beside) && 2.0 * self.beside as f64 >= BY_TURNS * *samples as f64 {
+            let by = self.moved.iter().flatten().map(|own| format!("{own:.4}"));
+            let by = by.collect::<Vec<String>>().join(", ");
+            return Some(format!(
+                "half of the {samples} messages state the one before them moved by {by}"
+            ));
+        }
         let to: Vec<String> = self.jumped_to.iter().map(|own| format!("{own:.4}")).collect();
         let by_turns = self.is_many(*turns) && *turns as f64 >= BY_TURNS * self.returns as f64;
         (by_turns || self.is_many(*jumps)).then(|| {
@@ -164,5 +180,30 @@ mod tests {
         }
         // An arm that goes to and fro between two points, each read once.
         assert_eq!(of_readings(2000, 4000, 250.0), None);
+    }
+
+    /// What is said of a hundred poses, a few seconds apart, and of those behind each by `after_ns`, moved by `by`.
+    fn poses(after_ns: i64, by: impl Fn(usize) -> f64) -> Option<String> {
+        let place = |k: usize| vec![(0.7 * k as f64).sin(), 0.1 * (k % 7) as f64, 1.0];
+        let mut all = Publishers::default();
+        let (mut stamps, mut poses) = (Vec::new(), Vec::new());
+        for k in 0..100 {
+            let moved = place(k).iter().map(|own| own + by(k)).collect();
+            stamps.extend([4_000_000_000 * k as i64, 4_000_000_000 * k as i64 + after_ns]);
+            poses.extend([place(k), moved]);
+        }
+        all.push(&stamps, |row| &poses[row], f64::INFINITY);
+        all.words()
+    }
+
+    #[test]
+    fn a_second_publisher_of_poses_beside_the_first_is_named() {
+        for after_ns in [0, 3_000_000] {
+            let named = poses(after_ns, |_| 0.01).expect("two publishers");
+            assert!(named.contains("moved by 0.0100, 0.0100, 0.0100"), "{named}");
+        }
+        // Poses on the way, and those that are stated again.
+        assert_eq!(poses(1_000_000_000, |k| 0.01 * (k % 5) as f64), None);
+        assert_eq!(poses(3_000_000, |_| 0.0), None);
     }
 }

@@ -8,7 +8,8 @@
 //! 4. the threshold, where none is given, is found from the samples: over a ladder of thresholds the number of
 //!    stretches is erratic inside the noise, then constant over a wide plateau, then falls as dwells merge.
 //!    (Below the flicker of a quantised column the number is constant too: the ladder begins above it, `quantum`.)
-//!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower (`plateau`).
+//!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower; its start itself where that
+//!    is where the ladder begins (`plateau`).
 //!
 //! Columns of different units (joints that turn and joints that slide) are compared in what a unit of each counts as
 //! ([`Finder::count_as`]): a mm of sliding as a mrad.

@@ -197,6 +197,12 @@ impl Outcome<'_> {
         started.flatten().collect()
     }
 
+    /// Whether neither a tool of the controller is stated nor a command: errors are those of the measured target.
+    pub fn tool_is_target(&self) -> bool {
+        let mut commanded = self.training.iter().flat_map(|session| &session.commanded.poses);
+        !self.error_frame.tool_is_stated && commanded.all(Option::is_none)
+    }
+
     /// Whether the logs of some session disagree with the stated set-up.
     pub fn doubts_set_up(&self) -> bool {
         let mut sessions = self.training.iter().chain(&self.test);

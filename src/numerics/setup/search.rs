@@ -94,15 +94,20 @@ pub fn check(
         .or_else(|| unexplained(relation, worst, gate_mm))
 }
 
-/// A disagreement that no usual mistake explains, where it is too large to go on.
+/// A disagreement that no usual mistake explains, where it is more than a sound arm's; where it is too large to go on, a grave one.
 fn unexplained(relation: Relation, stated: f64, gate_mm: f64) -> Option<Finding> {
-    let gate = if relation.is_of_turns() { GRAVE_RAD } else { gate_mm };
-    (stated > gate).then(|| Finding {
+    let gate = match relation {
+        own if own.is_of_turns() => GRAVE_RAD,
+        // No reading takes part in it.
+        Relation::Commands => gate_mm.min(GRAVE_MM),
+        _ => gate_mm,
+    };
+    (stated > relation.most_left().min(gate)).then(|| Finding {
         relation,
         stated,
         mended: None,
         mistakes: Vec::new(),
-        is_grave: true,
+        is_grave: stated > gate,
         left: None,
     })
 }
@@ -251,7 +256,7 @@ impl fmt::Display for Finding {
             return write!(
                 f,
                 ", and no usual mistake explains it (units, order and signs of joints, frames, robot file): check these keys \
-                 against the cell"
+                 against the cell, and whether joints and readings are of the same stations"
             );
         };
         let changes = if first.is_pair { "two changes" } else { "one change" };
@@ -320,5 +325,7 @@ mod tests {
         let finding = unexplained(Relation::Arm, f64::INFINITY, 30.0).expect("grave");
         assert!(!finding.to_string().contains("inf"), "{finding}");
         assert!(unexplained(Relation::Turns, 0.1, 30.0).is_none());
+        let large = unexplained(Relation::Commands, 15.0, 30.0).expect("more than a sound arm's");
+        assert!(!large.is_grave, "{large}");
     }
 }

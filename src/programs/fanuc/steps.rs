@@ -11,7 +11,7 @@ use crate::refusal::Refusal;
 use crate::value::Cursor;
 
 /// First words of statements that set no frame and move nothing. Any other word may be a macro, which is a program.
-const HARMLESS: &str = "ABORT AO AR ARC COL DI DIAG_REC DO END ERROR_PROG F GI GO JMP JOINT_MAX_SPEED LBL LINEAR_MAX_SPEED LOCK M MAINT_PROG MESSAGE MONITOR \
+const HARMLESS: &str = "ABORT AO AR ARC COL DI DIAG_REC DO END ERROR_PROG F GI GO JMP JOINT_MAX_SPEED LBL LINEAR_MAX_SPEED LOCK M MAINT_PROG MESSAGE \
     OFFSET OVERRIDE P PAUSE PAYLOAD PL PR PULSE R RESUME_PROG RETURN_PATH_DSBL RI RO RSR RUN SKIP SO SOFTFLOAT SR TC_ONLINE TIMER TOOL_OFFSET \
     TORQ_LIMIT UALM UI UNLOCK UO VISION VR WAIT WEAVE WI WO";
 /// First words of what moves positions at run time, up to its end.
@@ -27,7 +27,7 @@ pub(super) fn written_frames(statement: Cursor<'_>) -> Vec<String> {
         }
         let name = capitals(rest.text(token));
         let is_frame = matches!(name.as_str(), "UFRAME" | "UTOOL");
-        if name.starts_with("$MNUFRAME") || name.starts_with("$MNUTOOL") {
+        if ["$MNUFRAME", "$MNUTOOL", "$UFRAME", "$UTOOL"].iter().any(|own| name.starts_with(own)) {
             found.extend(["UFRAME".to_owned(), "UTOOL".to_owned()]);
         } else if is_frame && rest.take_sign(b'[') {
             let inside = rest.take_part(b']').unwrap_or(rest);

@@ -49,6 +49,9 @@ const TECHNOLOGY: &str = "A10 A20 H70";
 /// Functions of the system that write variables which are passed to them.
 const WRITING: &str = "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING MBX_REC SREAD";
 
+/// Under these the tool keeps the orientation of the motion's begin, or turns by those of other positions.
+const KEPT_TURNS: &str = "CONSTANT IGNORE";
+
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
 
@@ -144,23 +147,18 @@ impl Reading<'_> {
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
                 self.calls(here, line, steps);
-                match statement(line).filter(|_| !is_keyword(word)) {
-                    Some(statement) => {
-                        let Some(value) = statement.value else {
-                            return;
-                        };
-                        let name = statement.names.first().map_or("", String::as_str);
-                        self.assigned(here, name, statement.part, value, steps);
-                        let is_data =
-                            name.starts_with("BASE_DATA[") || name.starts_with("TOOL_DATA[");
-                        self.written = (is_data && !statement.part)
-                            .then(|| (name.to_owned(), self.frames(here, name, value)));
-                    }
-                    None => {
-                        self.passed(here, word, line);
-                        self.common.reads(here, line);
-                    }
-                }
+                let Some(statement) = statement(line).filter(|_| !is_keyword(word)) else {
+                    self.passed(here, word, line);
+                    return self.common.reads(here, line);
+                };
+                let Some(value) = statement.value else {
+                    return;
+                };
+                let name = statement.names.first().map_or("", String::as_str);
+                self.assigned(here, name, statement.part, value, steps);
+                let is_data = name.starts_with("BASE_DATA[") || name.starts_with("TOOL_DATA[");
+                self.written = (is_data && !statement.part)
+                    .then(|| (name.to_owned(), self.frames(here, name, value)));
             }
         }
     }
@@ -246,20 +244,22 @@ impl Reading<'_> {
 
     /// Whether the tool turns as positions state it: by `$ORI_TYPE`, or the data of an inline form that BAS sets it by.
     pub(super) fn turn(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
-        let constant = Value::Name("#CONSTANT".to_owned());
-        let is_constant = |own: &Value| own.field("ORI_TYP").unwrap_or(own) == &constant;
+        let is_kept = |own: &Value| match own.field("ORI_TYP").unwrap_or(own) {
+            Value::Name(word) => has(KEPT_TURNS, word.trim_start_matches('#')),
+            _ => false,
+        };
         let mut names = value.tokens.iter().map(|token| crate::lex::capitals(value.text(token)));
         let keeps = names.any(|name| {
             let variable = self.common.names.find(here.scopes, &name);
             let mut values = variable.iter().flat_map(|own| own.values.values()).flatten();
-            name.ends_with("CONSTANT") || values.any(|own| is_constant(&own.value))
+            has(KEPT_TURNS, name.trim_start_matches('#')) || values.any(|own| is_kept(&own.value))
         });
         self.any_kept_turn |= keeps;
         if !keeps {
             return known(Setting::On(true));
         }
         unknown(Refusal::Other(format!(
-            "$ORI_TYPE may be #CONSTANT ({}), where the tool keeps the orientation in which the motion begins, whatever the position states; set #VAR",
+            "$ORI_TYPE may be #CONSTANT or #IGNORE ({}), where the tool does not turn to the orientation that the position states; set #VAR",
             self.common.at(here)
         )))
     }

@@ -608,10 +608,15 @@ fn a_tool_that_keeps_its_orientation_has_none_of_its_position() {
         "{POINT}\r\nDECL LDAT LC={{VEL 2.0,ACC 100.0,ORI_TYP #CONSTANT}}\r\nDECL LDAT LV={{VEL 2.0,ACC 100.0,ORI_TYP #VAR}}"
     );
     let told = |source: &str| verdicts(&format!("{set}{source}"), &data);
-    for own in ["$ORI_TYPE=#CONSTANT", "LDAT_ACT=LC\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)"] {
+    for own in [
+        "$ORI_TYPE=#CONSTANT",
+        "$ORI_TYPE=#IGNORE",
+        "LDAT_ACT=LC\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)",
+    ] {
         let all = told(&format!("{own}\r\nPTP XP1\r\n{lin}"));
         assert!(
-            all[0] == "ok" && all[1].contains("$ORI_TYPE may be #CONSTANT (p.src, line "),
+            all[0] == "ok"
+                && all[1].contains("$ORI_TYPE may be #CONSTANT or #IGNORE (p.src, line "),
             "{own}: {all:?}"
         );
         assert_eq!(told(&format!("{own}\r\n$ORI_TYPE=#VAR\r\n{lin}")), ["ok", "ok"]);

@@ -163,11 +163,35 @@ impl Reading<'_> {
                 self.common.touches(&here, all);
                 self.touch_shared(&here, all);
             }
+            for arguments in self.passed_on(file, all) {
+                self.common.touches(&here, arguments);
+                self.touch_shared(&here, arguments);
+            }
             // What a parameter is passed on to may change it.
             if self.changing(file, statement.all).next().is_some() {
                 self.common.touches(&Here { scopes: &scopes[..1], ..here }, statement.all);
             }
         }
+    }
+
+    /// What a statement passes to functions in no file, which may change it.
+    fn passed_on<'t>(&self, file: usize, statement: Cursor<'t>) -> Vec<Cursor<'t>> {
+        let mut rest = statement;
+        let mut all = Vec::new();
+        while let Some(token) = rest.take() {
+            let mut inside = rest;
+            let is_call = token.kind == Kind::Name && inside.take_sign(b'(');
+            if is_call && self.is_unseen(file, &capitals(statement.text(token))) {
+                all.extend(inside.take_part(b')'));
+            }
+        }
+        all
+    }
+
+    /// Whether a function is in no file, and none of the controller's.
+    pub(super) fn is_unseen(&self, file: usize, name: &str) -> bool {
+        let full = self.full_name(file, name);
+        !self.given.contains_key(&full) && !super::steps::is_function(name)
     }
 
     /// Whether a tool or a work object is set to what its declaration states, as off-line tools do it.

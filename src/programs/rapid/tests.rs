@@ -59,6 +59,28 @@ fn a_tool_that_is_set_to_what_its_declaration_states_is_known() {
 }
 
 #[test]
+fn what_a_function_or_a_trap_in_no_file_may_change_is_not_known() {
+    let behind =
+        |statement: &str| only(&format!("{statement} MoveJ p10,v100,fine,tool1\\WObj:=wobj1;"), "");
+    for unknown in ["b:=fSet(wobj1);", "IF fSet(wobj1) THEN ENDIF", "WaitUntil fSet(wobj1);"] {
+        let told = behind(unknown);
+        assert!(told.contains("the call of FSET (m1.mod, line "), "{unknown}: {told}");
+        let told = behind(&format!("{unknown} PDispOff;"));
+        assert!(told.contains("WOBJ1 is worked out at run time"), "{unknown}: {told}");
+    }
+    for known in
+        ["p:=CRobT(\\Tool:=tool1\\WObj:=wobj1);", "IF NOT (n=1) AND (n<Dim(a,1)) THEN ENDIF"]
+    {
+        assert_eq!(behind(known), "ok", "{known}");
+    }
+    let trapped = only(
+        "CONNECT i1 WITH tUnseen; MoveJ p10,v100,fine,tool1\\WObj:=wobj1; MoveL p10,v100,fine,tool1\\WObj:=wobj1;",
+        "",
+    );
+    assert!(trapped.contains("TUNSEEN"), "{trapped}");
+}
+
+#[test]
 fn every_form_of_a_motion_is_read() {
     let bodies = [
         "MoveJ p10,v100,fine,tool1;",

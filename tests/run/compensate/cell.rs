@@ -31,6 +31,8 @@ pub struct Sample {
     pub verdict: &'static str,
     /// Of the run's stations before correction.
     pub largest_error_mm: Option<f64>,
+    /// Whether no tool of the controller is stated.
+    pub tool_is_target: Option<bool>,
     /// The error at a place of the lattice, mm.
     pub error: fn([f64; 3]) -> [f64; 3],
     /// Joint angles at every node.
@@ -46,6 +48,7 @@ pub const SAMPLE: Sample = Sample {
     variance_mm2: 0.0004,
     verdict: "met",
     largest_error_mm: Some(2.0),
+    tool_is_target: None,
     error: stretch,
     joints: [0.1; 6],
 };
@@ -151,6 +154,7 @@ fn terms(columns: Columns, sample: &Sample) -> Columns {
         .same("orientation_tolerance_deg", 5.0)
         .same("verdict", sample.verdict)
         .same("largest_error_mm", sample.largest_error_mm)
+        .same("tool_is_target", sample.tool_is_target)
         .same("joint_lower_rad", vec![-0.5; 6])
         .same("joint_upper_rad", vec![0.25; 6])
         .same("flange_from_target_x_mm", 25.0)

@@ -5,7 +5,7 @@ use std::fs;
 use posegrid::cli::compensate::{OnOff, UsedWithArgs};
 use posegrid::compensation::{Exception, Term};
 
-use super::cell::{Cell, SAMPLE, field};
+use super::cell::{Cell, SAMPLE, Sample, field};
 
 const TARGETS: &str = "target,x_mm,y_mm,z_mm,tool\nA,751,20,450,\nB,752,20,450,drill\n";
 
@@ -119,4 +119,17 @@ fn another_tool_of_a_single_target_can_be_allowed() {
         ("tool".to_owned(), "rivet".to_owned())
     );
     assert_eq!(field(&csv, "B", "allowed"), "");
+}
+
+#[test]
+fn poses_are_not_taken_for_the_reflectors_unless_that_is_allowed() {
+    let cell = Cell::new(&Sample { tool_is_target: Some(true), ..SAMPLE });
+    fs::write(cell.path("poses.csv"), TARGETS).unwrap();
+    let none = UsedWithArgs::default();
+    let told = cell.compensate_with("poses.csv", None, &[], &none).unwrap_err().to_string();
+    let at = "those of its reflector at (25.00, -40.00, 100.00) mm on the flange";
+    assert!(told.contains(at) && told.contains("flange_from_tool in [stations]"), "{told}");
+    let allowed = [Exception::Term(Term::Tool)];
+    let (done, csv) = cell.compensate_with("poses.csv", None, &allowed, &none).unwrap();
+    assert_eq!((done.exit_code(), field(&csv, "A", "allowed")), (0, "tool".to_owned()));
 }

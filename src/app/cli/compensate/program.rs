@@ -10,6 +10,7 @@
 //! What was replaced is recorded beside the files, and `--undo` gives the originals back from that (`undo`).
 
 mod densify;
+mod offsets;
 mod path;
 mod report;
 mod solve;
@@ -283,6 +284,7 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
+    report.left_by_offsets_mm = solver.left_by_offsets(&programs, &asked, &commands);
     let date = write::today();
     let written = written(&programs, &edits, arm, &date);
     let recording = record(&written, &programs, &corrected, |made| {

@@ -119,20 +119,17 @@ impl Source {
 
     /// The measured region as text: joint ranges, arm configurations, the reflector.
     pub(super) fn measured(&self) -> String {
-        let (joints, target, configurations) = match self {
+        let (joints, configurations) = match self {
             Self::Table(own) => {
                 let configuration = own.table.terms().configuration.as_deref();
-                let target = own.flange_from_target.coords();
                 let nodes =
                     configuration.map(|own| format!("nodes in arm configuration {own:?}; "));
-                (&own.measured, target, nodes)
+                (&own.measured, nodes)
             }
             Self::Arm(own) => {
-                let target = own.arm.frames.flange_from_target.origin();
                 let all = &own.arm.configurations;
                 let stations = format!("stations in arm configuration {}; ", all.join(", "));
-                let stations = Some(stations).filter(|_| !all.is_empty());
-                (&own.arm.measured, target.coords(), stations)
+                (&own.arm.measured, Some(stations).filter(|_| !all.is_empty()))
             }
         };
         let configurations = configurations.unwrap_or_default();
@@ -140,13 +137,17 @@ impl Source {
             Self::Table(own) => own.units.clone(),
             Self::Arm(own) => JointUnits::of(&own.arm.arm, AngleUnit::Deg),
         };
-        format!(
-            "{configurations}measured with joints {}, the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
-            ranges(joints, &units),
-            target.x,
-            target.y,
-            target.z
-        )
+        let (joints, reflector) = (ranges(joints, &units), self.reflector());
+        format!("{configurations}measured with joints {joints}, the {reflector}")
+    }
+
+    /// The measured target's place in words.
+    pub(super) fn reflector(&self) -> String {
+        let at = match self {
+            Self::Table(own) => own.flange_from_target.coords(),
+            Self::Arm(own) => own.arm.frames.flange_from_target.origin().coords(),
+        };
+        format!("reflector at ({:.2}, {:.2}, {:.2}) mm on the flange", at.x, at.y, at.z)
     }
 
     /// The identity of the correction, which every row of the result repeats.

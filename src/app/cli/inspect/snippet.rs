@@ -44,7 +44,7 @@ impl Section {
         match self {
             Self::Controller => is_joints(channel),
             Self::Commanded => is_pose && is_command,
-            Self::Tracker => is_pose && !is_command,
+            Self::Tracker => is_pose && !is_command || names_targets(channel) && !beside_joints,
         }
     }
 
@@ -72,6 +72,11 @@ fn layout(channel: &ChannelSummary) -> Option<Layout> {
 
 fn is_joints(channel: &ChannelSummary) -> bool {
     layout(channel) == Some(Layout::Joints) && channel.traffic.messages > 0
+}
+
+/// Whether messages state poses by name: those of links of an arm too, so that other poses go first.
+fn names_targets(channel: &ChannelSummary) -> bool {
+    matches!(layout(channel), Some(Layout::Markers | Layout::MarkersWithCovariance))
 }
 
 const SECTIONS: [Section; 3] = [Section::Controller, Section::Commanded, Section::Tracker];
@@ -112,7 +117,8 @@ fn most<'f>(
         channels
             .filter(move |channel| channel.traffic.messages > 0 && suits(beside_joints, channel))
     };
-    found.iter().flat_map(of_log).max_by_key(|channel| channel.traffic.messages)
+    let key = |channel: &&ChannelSummary| (!names_targets(channel), channel.traffic.messages);
+    found.iter().flat_map(of_log).max_by_key(key)
 }
 
 fn of_section(
@@ -150,6 +156,9 @@ fn of_section(
             .expect("writing to a string");
     }
     text += &section.to_fill_in(form);
+    if names_targets(channel) {
+        text += "\n[[tracker.targets]]\nname = \"tool\"\n# is = \"…\"  # the reflector's name in the messages\n";
+    }
     if form == Form::File && section == Section::Commanded {
         text = left_out(&text);
     }

@@ -63,6 +63,14 @@ fn commands(path: &Path, file: &PipelineFile) -> Result<()> {
             "[stations] commanded",
             "[commanded] states the frames of commands; name their columns, or leave [commanded] out",
         ),
+        (Some(_), Some(frames))
+            if stations.flange_from_tool.is_some() && frames.flange_from_tool.is_none() =>
+        {
+            (
+                "[commanded] flange_from_tool",
+                "with commands the controller's tool stands there, not in [stations]",
+            )
+        }
         _ => return Ok(()),
     };
     Err(ConfigurationErrorKind::missing(key, reason).at(path))

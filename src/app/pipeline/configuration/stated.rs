@@ -98,7 +98,10 @@ fn other_conventions(file: &PipelineFile) -> Vec<OtherReading> {
     ];
     let mut all = Vec::new();
     for (frame, placement) in stated {
-        let others = placement.map_or_else(Vec::new, |placement| placement.other_conventions());
+        // No rotation is one in every convention.
+        let turned =
+            placement.filter(|own| own.isometry().is_ok_and(|own| own.rotation.angle() > 0.0));
+        let others = turned.map_or_else(Vec::new, |placement| placement.other_conventions());
         let others = others.into_iter();
         all.extend(others.map(|(convention, placed)| OtherReading { frame, convention, placed }));
     }

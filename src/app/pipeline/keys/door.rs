@@ -252,6 +252,11 @@ fn wrong(key: &Key, value: &DeValue<'_>) -> Option<(String, String)> {
         "whole number" if !matches!(value, DeValue::Integer(_)) => "a whole number".to_owned(),
         "true or false" if !matches!(value, DeValue::Boolean(_)) => kind.to_owned(),
         "text" | "path" if value.as_str().is_none() => format!("a {kind}"),
+        "table" if !matches!(value, DeValue::Table(_)) => {
+            let such = key.example.as_ref().filter(|own| own.to_string() != "{  }");
+            let such = such.map(|own| format!(", such as {{ {own} }}")).unwrap_or_default();
+            format!("a table{such}")
+        }
         "word" | "list of words"
             if !key.values.iter().any(|own| Some(own.as_str()) == value.as_str()) =>
         {

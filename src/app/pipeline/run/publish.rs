@@ -9,7 +9,7 @@ use crate::judgement::Outcome;
 use crate::manifest::Work;
 use crate::page::{self, About, Statements};
 use crate::pipeline::history::session::Kept;
-use crate::report::next::Stated;
+use crate::pipeline::summary::stated;
 
 /// Writes every table of a run, its page, what the history keeps of it, and then its row of `runs`. Its table `logs`, if any, was written and kept
 /// before.
@@ -35,7 +35,7 @@ pub fn publish(
     let kept = Kept::of_run(work, of_sessions.chain(rows.tables()), run.written());
     let counts = counts(outcome);
     let about = About {
-        stated: Stated::of(context.arm),
+        stated: stated(outcome, context.arm),
         work,
         tolerance: context.tolerance,
         choice: &outcome.grids.choice.words,

@@ -111,7 +111,7 @@ impl<'d> Flat<'d> {
         let mut start = 0;
         for (record, end) in records.iter().zip(&self.ends) {
             let Some(end) = *end else {
-                filling.leave_out(record.line, LeftOutFor::NoObject);
+                filling.leave_out(record.line, LeftOutFor::NoObject)?;
                 continue;
             };
             let own = &self.values[start..end];

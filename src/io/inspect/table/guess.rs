@@ -304,6 +304,7 @@ impl<'t> Work<'t> {
                 joints: self.joints(),
                 joint_unit: angle,
                 length_unit: slides.then_some(slide),
+                flange_from_tool: None,
                 session: session.as_ref().map(|(column, _)| self.names[*column].clone()),
                 robot: None,
                 station: long.as_ref().map(|own| self.names[own.station].clone()),

@@ -72,11 +72,16 @@ impl Matrices {
     }
 }
 
-/// Ways of reading a name's words as the place in a matrix and the rest: `11` or `1 1`.
+/// Ways of reading a name's words as the place in a matrix and the rest: `11`, `1 1` or `nx`.
 fn places(words: &[String]) -> Vec<(Vec<String>, [usize; 2])> {
     let digits = |text: &str| match *text.as_bytes() {
         [row @ b'0'..=b'4', column @ b'0'..=b'4'] => {
             Some([row, column].map(|digit| usize::from(digit - b'0')))
+        }
+        // Normal, orientation, approach and position, as in textbooks.
+        [column, axis @ b'x'..=b'z'] => {
+            let column = b"noap".iter().position(|own| *own == column)?;
+            Some([usize::from(axis - b'x'), column])
         }
         _ => None,
     };

@@ -91,11 +91,11 @@ pub struct Roles {
 impl Roles {
     /// The roles of the columns of a table. `names` are the joints of arms that may be meant, from base to flange.
     pub fn of(table: &MeasuredTable, columns: &[ColumnSummary], names: &[Vec<String>]) -> Self {
-        let mut groups: Vec<(Kind, AxisGroup)> = groups::along_axes(columns)
-            .into_iter()
-            .map(|group| (kind(columns, &group), group))
-            .collect();
         let matrices = Matrices::of(table, columns);
+        let is_apart = |group: &AxisGroup| !matrices.columns.contains(&group.columns[0]);
+        let along = groups::along_axes(columns).into_iter().filter(is_apart);
+        let mut groups: Vec<(Kind, AxisGroup)> =
+            along.map(|group| (kind(columns, &group), group)).collect();
         groups.extend(matrices.turns.into_iter().map(|group| (Kind::Turn, group)));
         groups.extend(matrices.positions.into_iter().map(|group| (Kind::Position, group)));
         let mut numbered = groups::numbered(columns);

@@ -425,6 +425,7 @@ fn a_matrix_in_columns_is_an_orientation_with_its_position() {
         (counted("m", 0), false, wide, [3, 7, 11]),
         (counted("pose_", 1), true, long, [12, 13, 14]),
         (named, false, wide, [3, 7, 11]),
+        ("nx,ox,ax,px,ny,oy,ay,py,nz,oz,az,pz".to_owned(), false, wide, [3, 7, 11]),
     ];
     for (header, by_columns, turn, position) in cases {
         let names: Vec<&str> = header.split(',').collect();

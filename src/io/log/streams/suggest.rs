@@ -124,6 +124,11 @@ impl Leaves<'_> {
         }
         let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
         let fields = format!("fields = {{ {} }}", named.collect::<Vec<_>>().join(", "));
+        let fields = if fields.contains("interface_values") {
+            fields + "  # the place of \"position\" among interface_names, from 0"
+        } else {
+            fields
+        };
         Some(Suggestion { layout, fields: Some(fields), stamped: stamp.is_some() })
     }
 
@@ -153,7 +158,10 @@ impl Leaves<'_> {
                 let angles = angles.or_else(|| self.has(prefix, "actual.positions"));
                 // Single values are arrays only where they are in each element of one.
                 let many = prefix.contains("[]") || names != "name";
-                if let Some(angles) = angles.filter(|_| many) {
+                // Of interfaces by their names, as controllers under ROS state them, the first.
+                let of_interface =
+                    || self.has(prefix, "interface_values[].values").map(|own| own + "[0]");
+                if let Some(angles) = angles.filter(|_| many).or_else(of_interface) {
                     let named = vec![("names", format!("{prefix}{names}")), ("angles", angles)];
                     return Some((Layout::Joints, named));
                 }

@@ -2,6 +2,7 @@
 //! reversed, and the rest stands before the next joint or in `[flange]`.
 
 use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Isometry3;
 
@@ -78,10 +79,11 @@ fn cut_off(steps: &[Step<'_, '_, '_>]) -> Result<Vec<String>> {
         {
             remarks.push(format!(
                 "joint {:?} (line {}): an angle of {angle} rad misses a right one by {missed:.1e} rad, which is up to {:.2} mm at \
-                 the tip; give it with all its digits, 1.5707963267948966, if a right angle is meant",
+                 the tip; give it with all its digits, {}, if that is meant",
                 step.joint.name,
                 step.joint.line(),
-                missed * reach_mm
+                missed * reach_mm,
+                (angle / FRAC_PI_2).round() * FRAC_PI_2
             ));
         }
         reach_mm += origin.length_mm();

@@ -251,10 +251,14 @@ impl<'a, 'i> Joint<'a, 'i> {
             self.refuse_near(node, &format!("{name} "), own.name(), keys)?;
         }
         let (at, problem) = if let Some(second) = second {
-            (
-                second,
-                "it has two such elements, and a URDF has one of each; take one of the two out",
-            )
+            let problem = match name {
+                "origin" => "its <origin> is there twice; take one of the two out",
+                "axis" => "its <axis> is there twice; take one of the two out",
+                _ => {
+                    "it has two such elements, and a URDF has one of each; take one of the two out"
+                }
+            };
+            (second, problem)
         } else if node.children().any(|inner| {
             inner.is_element() || inner.text().is_some_and(|text| !text.trim().is_empty())
         }) {

@@ -435,7 +435,7 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
         (
             "<origin xyz=\"0.1 0 0.5\"/>",
             "<origin/>\n<origin xyz=\"0.1 0 0.5\"/>",
-            "line 13: joint \"lift\": it has two such",
+            "line 13: joint \"lift\": its <origin> is there twice",
         ),
         (
             "upper=\"1.5\" effort",

@@ -14,7 +14,7 @@ use thiserror::Error;
 use super::{AngleUnit, LengthColumns, LengthUnit};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::geometry::RotationOrder;
+use crate::geometry::{Placement, RotationOrder};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -51,6 +51,9 @@ pub struct StationsSettings {
     pub missing: Vec<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commanded: Option<PoseColumns>,
+    /// The controller's tool at the flange, where there are no commands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flange_from_tool: Option<Placement>,
     /// The reading of the target, or of each of several, the main one first; empty where lengths alone are read.
     #[serde(default, deserialize_with = "one_or_several", skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<ReadingColumns>,

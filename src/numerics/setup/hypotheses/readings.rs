@@ -85,18 +85,14 @@ fn angles(stated: &SetUp, to: AngleUnit) -> Hypothesis {
     Hypothesis::new(format!("the reported joint angles are in {unit}"), edit, set_up)
 }
 
-/// One joint that turns in the other unit of angles.
+/// One joint that turns in another unit of angles.
 fn single_angles(stated: &SetUp) -> Vec<Hypothesis> {
     let joints = stated.arm.joints();
     let turning = (0..joints.len()).filter(|&joint| !joints[joint].slides && joints.len() > 1);
-    let (others, unit) = match stated.units.angles {
-        AngleUnit::Rad => (AngleUnit::Rad, AngleUnit::Deg),
-        AngleUnit::Deg | AngleUnit::Gon => (stated.units.angles, AngleUnit::Rad),
-    };
-    let factor = unit.to_rad() / others.to_rad();
-    let (unit, others) = (unit.word(), others.word());
-    let single = |joint: usize| {
-        let name = name(stated, joint);
+    let others = stated.units.angles;
+    let single = |joint: usize, unit: AngleUnit| {
+        let (name, factor) = (name(stated, joint), unit.to_rad() / others.to_rad());
+        let (unit, others) = (unit.word(), others.word());
         let set_up = scaled(stated, |own| if own == joint { factor } else { 1.0 });
         let edit = format!(
             "the values of {name} in {others} like the others', where they are logged (times {factor:.7})"
@@ -104,7 +100,10 @@ fn single_angles(stated: &SetUp) -> Vec<Hypothesis> {
         let mistake = format!("{name} alone is in {unit}, the others are in {others}");
         Hypothesis::new(mistake, edit, set_up)
     };
-    turning.map(single).collect()
+    let units = [AngleUnit::Rad, AngleUnit::Deg, AngleUnit::Gon].into_iter();
+    let units: Vec<AngleUnit> = units.filter(|own| *own != others).collect();
+    let all = turning.flat_map(|joint| units.iter().map(move |unit| (joint, *unit)));
+    all.map(|(joint, unit)| single(joint, unit)).collect()
 }
 
 /// The unit of sliding joints, readings and commands.

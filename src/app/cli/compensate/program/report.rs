@@ -6,6 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::densify::Densified;
+use super::offsets::AWAY_MM;
 use super::taught::FoundFrame;
 use crate::programs::Programs;
 
@@ -57,6 +58,8 @@ pub struct Report {
     /// Joints that crossed a border of T, cf1, cf4 or cf6.
     crossed: usize,
     orientations_corrected: bool,
+    /// What offsets of 100 mm leave at most; `None` where no motion moves beside a corrected position.
+    pub(super) left_by_offsets_mm: Option<f64>,
     /// Files of programs that are not read.
     unread: Vec<String>,
     /// Those that were touched with an arm.
@@ -112,6 +115,7 @@ impl Report {
             largest_correction_mm: 0.0,
             crossed: 0,
             orientations_corrected,
+            left_by_offsets_mm: None,
             unread,
             taught_frames,
             lines: Vec::new(),
@@ -233,6 +237,9 @@ impl fmt::Display for Report {
         let beside = self.lines.iter().filter(|own| own.beside).count();
         if beside > 0 {
             write!(f, "; motions move beside {beside} of them, by offsets that stay as they are")?;
+        }
+        if let Some(mm) = self.left_by_offsets_mm {
+            write!(f, " and leave at most {mm:.3} mm for each {AWAY_MM} mm")?;
         }
         let how = if self.orientations_corrected {
             "are corrected too"

@@ -139,6 +139,8 @@ impl Lines<'_> {
         }
         if let Some(commanded) = &settings.commanded {
             self.pose(commanded);
+        } else {
+            self.text += "# flange_from_tool = { … }  # the controller's tool, which targets are for that are poses\n";
         }
         for reading in &settings.measured {
             self.reading(reading, settings.measured.len() > 1);
