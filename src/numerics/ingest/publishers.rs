@@ -183,13 +183,14 @@ mod tests {
     }
 
     /// What is said of a hundred poses, a few seconds apart, and of those behind each by `after_ns`, moved by `by`.
-    fn poses(after_ns: i64, by: impl Fn(usize) -> f64) -> Option<String> {
-        let place = |k: usize| vec![(0.7 * k as f64).sin(), 0.1 * (k % 7) as f64, 1.0];
+    fn poses(after_ns: i64, by: impl Fn(i32) -> f64) -> Option<String> {
+        let place = |k: i32| vec![(0.7 * f64::from(k)).sin(), 0.1 * f64::from(k % 7), 1.0];
         let mut all = Publishers::default();
         let (mut stamps, mut poses) = (Vec::new(), Vec::new());
         for k in 0..100 {
             let moved = place(k).iter().map(|own| own + by(k)).collect();
-            stamps.extend([4_000_000_000 * k as i64, 4_000_000_000 * k as i64 + after_ns]);
+            let at_ns = 4_000_000_000 * i64::from(k);
+            stamps.extend([at_ns, at_ns + after_ns]);
             poses.extend([place(k), moved]);
         }
         all.push(&stamps, |row| &poses[row], f64::INFINITY);
@@ -203,7 +204,7 @@ mod tests {
             assert!(named.contains("moved by 0.0100, 0.0100, 0.0100"), "{named}");
         }
         // Poses on the way, and those that are stated again.
-        assert_eq!(poses(1_000_000_000, |k| 0.01 * (k % 5) as f64), None);
+        assert_eq!(poses(1_000_000_000, |k| 0.01 * f64::from(k % 5)), None);
         assert_eq!(poses(3_000_000, |_| 0.0), None);
     }
 }
