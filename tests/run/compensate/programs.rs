@@ -118,6 +118,27 @@ fn a_base_that_was_touched_is_corrected_where_it_really_is() {
 }
 
 #[test]
+fn what_an_offset_leaves_is_stated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let frames = "$BASE = {X 1683.000,Y -207.000,Z 961.000,A 15.0,B -2.0,C 1.0}\r\n\
+        $TOOL = {X 25.0, Y -40.0, Z 100.0, A 0.0, B 0.0, C 0.0}\r\n";
+    let beside = "LIN XP1:{X 0.0,Y 0.0,Z 30.0,A 0.0,B 0.0,C 0.0}";
+    let program = format!("DEF t()\r\n{frames}PTP XP1\r\n{beside}\r\nEND\r\n");
+    let cell = format!("{CELL}\"$BASE\" = {{ found = \"surveyed\" }}\n");
+    write_cell(folder, program.as_bytes(), &cell);
+    let point = "{X 20.000,Y 20.000,Z 0.000,A 165.26838,B 11.02218,C -158.23900,S 2,T 34}";
+    let list = format!("DEFDAT t\r\nDECL E6POS XP1={point}\r\nENDDAT\r\n");
+    fs::write(folder.join("backup/R1/t.dat"), list).expect("writable");
+    let done = correct(folder, "out", &[]);
+    done.expect(0, &[]);
+    // The error of an arm with errors of a millimetre changes by a part of it over a tenth of a metre.
+    let (_, left) = done.results.split_once("stay as they are and leave at most ").expect("stated");
+    let left: f64 = left.split(' ').next().and_then(|own| own.parse().ok()).expect("a number");
+    assert!(left > 0.01 && left < 0.5, "{left} mm for each 100 mm");
+}
+
+#[test]
 fn a_data_list_without_its_routines_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
