@@ -1,10 +1,11 @@
 //! What offsets leave: a motion beside a position (`Offs`, `RelTool`, `:`) is corrected by what the position needs, not by what it needs
 //! where it ends.
 
+use nalgebra::Vector3;
+
 use super::solve::Solver;
 use crate::programs::write::Command;
 use crate::programs::{Asked, Programs, Wanted};
-use nalgebra::Vector3;
 
 /// How far from a position its correction is looked at, mm.
 pub(super) const AWAY_MM: f64 = 100.0;
