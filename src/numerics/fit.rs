@@ -18,7 +18,6 @@ pub mod commanded;
 pub mod conversion;
 pub mod error_frame;
 pub mod flange;
-pub mod flips;
 pub mod frames;
 pub mod full;
 mod gap;
@@ -55,6 +54,7 @@ pub mod suspects;
 mod tool_errors;
 pub mod visits;
 pub mod wrong_lengths;
+pub mod wrong_orientations;
 
 use std::collections::{BTreeMap, BTreeSet};
 

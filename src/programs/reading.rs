@@ -181,6 +181,12 @@ impl<'f> Common<'f> {
         })
     }
 
+    /// Counts a position that the program works out, or passes on.
+    pub(crate) fn compute(&mut self, here: &Here<'_>, word: &str, text: String) {
+        let (file, line, word) = (here.file, here.line, word.to_owned());
+        self.found.computed.push(Computed { file, line, word, text });
+    }
+
     /// Adds a motion, and its computed targets to those; one without a target is computed.
     pub(crate) fn moves(&mut self, mut motion: Motion) -> Step {
         let (file, line) = (motion.file, motion.line);

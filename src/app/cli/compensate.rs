@@ -207,7 +207,7 @@ impl CompensateArgs {
         Err(CompensateCommandError::Outside(refused))
     }
 
-    /// Refuses poses of a tool that no run was told of; gives the exception where that is allowed.
+    /// Refuses poses where the run states no tool of the controller; gives the exception where that is allowed.
     fn admit_tool(&self, source: &Source, targets: &Targets) -> Result<Option<Exception>> {
         let is_pose = |target: &Target| target.joints.is_none();
         if !source.validity().tool_is_target || !targets.targets.iter().any(is_pose) {

@@ -92,7 +92,7 @@ impl Columns {
         }
     }
 
-    /// What is read of a joint, a target, a reference or an instrument and was before of another one: its key and a column of it.
+    /// The first column that two things are read from, and the key of the second: joints, targets, references and length instruments have each their own.
     fn read_twice(&self) -> Option<(&'static str, usize)> {
         let measured = self.measured.iter().flat_map(|own| &own.pose.position);
         let keyed = self.joints.iter().map(|own| ("joints", own));

@@ -1,5 +1,5 @@
 //! Readings that would make a fit worse: each check fits the sessions robustly and names what the fit contradicts, with the reason
-//! ([`super::mislabelled`], [`super::flips`], [`super::wrong_lengths`]).
+//! ([`super::mislabelled`], [`super::wrong_orientations`], [`super::wrong_lengths`]).
 
 use std::fmt;
 

@@ -71,14 +71,15 @@ impl Publishers {
                 let constant = self.constant.get_or_insert_with(both);
                 constant.retain(|known| *known == before || *known == own);
             }
-            if !bounded && before != own && is_read && (soon as f64) < SOON * later as f64 {
-                let by: Vec<f64> =
-                    own.iter().zip(before).map(|(own, before)| own - before).collect();
-                let first = self.moved.get_or_insert_with(|| by.clone());
-                self.beside += u64::from(apart(first, &by) < BACK * apart(own, before));
+            let follows = (soon as f64) < SOON * later as f64;
+            if !bounded && follows && before != own && is_read {
+                let by = || own.iter().zip(before).map(|(own, before)| own - before);
+                let first = self.moved.get_or_insert_with(|| by().collect());
+                let off = first.iter().zip(by()).map(|(first, by)| (first - by).abs());
+                self.beside += u64::from(off.fold(0.0, f64::max) < BACK * away);
             }
             // Poses may be stated once more when they are attained.
-            let is_soon = bounded && soon > 0 && (soon as f64) < SOON * later as f64;
+            let is_soon = bounded && soon > 0 && follows;
             self.changes += u64::from(own != next);
             if before == own && own != next && is_soon {
                 self.copies += 1;
@@ -182,7 +183,7 @@ mod tests {
         assert_eq!(of_readings(2000, 4000, 250.0), None);
     }
 
-    /// What is said of a hundred poses, a few seconds apart, and of those behind each by `after_ns`, moved by `by`.
+    /// The words on two publishers: one states a hundred poses, 4 s apart, the other each of them `after_ns` later and moved by `by`.
     fn poses(after_ns: i64, by: impl Fn(i32) -> f64) -> Option<String> {
         let place = |k: i32| vec![(0.7 * f64::from(k)).sin(), 0.1 * f64::from(k % 7), 1.0];
         let mut all = Publishers::default();

@@ -4,7 +4,7 @@ use super::JoinedSession;
 use super::observed::observations_of;
 use super::{StageError, StageSettings};
 use crate::fit::suspects::Check;
-use crate::fit::{flips, mislabelled, wrong_lengths};
+use crate::fit::{mislabelled, wrong_lengths, wrong_orientations};
 use crate::kinematics::Arm;
 
 /// Takes wrong readings out of the sessions, each with its reason; an error where targets are swapped throughout one.
@@ -14,7 +14,7 @@ pub(super) fn leave_out(
     test: &mut [JoinedSession],
     settings: &StageSettings,
 ) -> Result<(), StageError> {
-    for check in [mislabelled::check as Check, flips::check] {
+    for check in [mislabelled::check as Check, wrong_orientations::check] {
         leave_out_by(check, arm, training, &mut [], settings)?;
         if !test.is_empty() {
             leave_out_by(check, arm, training, test, settings)?;

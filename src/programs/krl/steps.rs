@@ -6,7 +6,6 @@ use super::data::{Statement, lines, routine, statement};
 use super::{Reading, Tools};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
-use crate::program::Computed;
 use crate::reading::{Here, has};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
@@ -173,8 +172,7 @@ impl Reading<'_> {
             let name = crate::lex::capitals(line.text(token));
             let variable = self.common.names.find(here.scopes, &name);
             if variable.is_some_and(|own| has("AXIS E6AXIS E6POS POS", &own.kind)) {
-                let (file, line, word) = (here.file, here.line, word.to_owned());
-                self.common.found.computed.push(Computed { file, line, word, text: name });
+                self.common.compute(here, word, name);
             }
         }
     }

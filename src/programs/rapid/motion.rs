@@ -8,7 +8,7 @@ use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, known, unknown};
 use crate::frame::Chain;
 use crate::names::{Scope, parts};
-use crate::program::{Computed, Motion, Reads, Shape, Stated, Target, Turn, Way};
+use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
 use crate::reading::{Common, Here, NOT_SPLIT, Shaped, beside, shown, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
@@ -339,9 +339,7 @@ impl Reading<'_> {
             if inside.take_sign(b'(') {
                 self.passed(here, word, inside.take_part(b')').unwrap_or(inside));
             } else if self.is_position(here, argument.value) {
-                let (file, line, word) = (here.file, here.line, word.to_owned());
-                let text = shown(argument.value);
-                self.common.found.computed.push(Computed { file, line, word, text });
+                self.common.compute(here, word, shown(argument.value));
             }
         }
     }

@@ -63,13 +63,10 @@ fn commands(path: &Path, file: &PipelineFile) -> Result<()> {
             "[stations] commanded",
             "[commanded] states the frames of commands; name their columns, or leave [commanded] out",
         ),
-        (Some(_), Some(frames))
-            if stations.flange_from_tool.is_some() && frames.flange_from_tool.is_none() =>
-        {
-            (
-                "[commanded] flange_from_tool",
-                "with commands the controller's tool stands there, not in [stations]",
-            )
+        (Some(_), Some(_)) if stations.flange_from_tool.is_some() => {
+            let (found, wanted) = ("stated", "left out: with commands it stands in [commanded]");
+            let key = "[stations] flange_from_tool";
+            return Err(ConfigurationErrorKind::setting(key, found, wanted).at(path));
         }
         _ => return Ok(()),
     };

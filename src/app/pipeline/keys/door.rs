@@ -253,9 +253,11 @@ fn wrong(key: &Key, value: &DeValue<'_>) -> Option<(String, String)> {
         "true or false" if !matches!(value, DeValue::Boolean(_)) => kind.to_owned(),
         "text" | "path" if value.as_str().is_none() => format!("a {kind}"),
         "table" if !matches!(value, DeValue::Table(_)) => {
-            let such = key.example.as_ref().filter(|own| own.to_string() != "{  }");
-            let such = such.map(|own| format!(", such as {{ {own} }}")).unwrap_or_default();
-            format!("a table{such}")
+            let such = key
+                .example
+                .as_ref()
+                .filter(|own| own.as_table().is_some_and(|own| !own.is_empty()));
+            such.map_or_else(|| "a table".to_owned(), |own| format!("a table, such as {own}"))
         }
         "word" | "list of words"
             if !key.values.iter().any(|own| Some(own.as_str()) == value.as_str()) =>

@@ -1,5 +1,5 @@
-//! What offsets leave: a motion beside a position (`Offs`, `RelTool`, `:`) is corrected by what the position needs, not by what it needs
-//! where it ends.
+//! The error that stays at motions beside a position (`Offs`, `RelTool`, `:`): they get the correction of the position, and end where the
+//! arm needs another one.
 
 use nalgebra::Vector3;
 

@@ -58,7 +58,7 @@ pub struct Report {
     /// Joints that crossed a border of T, cf1, cf4 or cf6.
     crossed: usize,
     orientations_corrected: bool,
-    /// What offsets of 100 mm leave at most; `None` where no motion moves beside a corrected position.
+    /// Largest error that stays at the end of an offset of 100 mm, mm; `None` where no motion moves beside a corrected position.
     pub(super) left_by_offsets_mm: Option<f64>,
     /// Files of programs that are not read.
     unread: Vec<String>,
