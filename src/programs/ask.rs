@@ -20,6 +20,8 @@ pub struct Asked {
     /// The tool in the flange frame, where it really is, mm.
     pub flange_from_tool: Isometry3<f64>,
     pub stated_tool: Isometry3<f64>,
+    /// Whether the arm holds the part: the "tool" is the part's frame then, and the numbers are those of a tool in the cell, seen from it.
+    pub holds_part: bool,
     pub wanted: Wanted,
 }
 
@@ -65,6 +67,13 @@ impl Branch {
 }
 
 impl Asked {
+    /// What the numbers of the position say where the tool stands at a pose in the arm's base, mm; `None` of joint angles.
+    pub fn numbers(&self, base_from_tool: &Isometry3<f64>) -> Option<Isometry3<f64>> {
+        let Wanted::Pose { base_from_frame, .. } = &self.wanted else { return None };
+        let own = base_from_frame.inverse() * base_from_tool;
+        Some(if self.holds_part { own.inverse() } else { own })
+    }
+
     /// None of a position in joint angles.
     pub fn branches(&self) -> &[Branch] {
         match &self.wanted {
@@ -94,6 +103,7 @@ impl Programs {
             Shape::Pose { xyz, turn, .. } => {
                 let base = chain(&first.base)?.in_arm(&self.roots[position.file], cell)?;
                 let pose = pose(xyz, turn)?;
+                let pose = if first.holds_part { pose.inverse() } else { pose };
                 Wanted::Pose {
                     base_from_frame: base.stated,
                     programmed: base.stated * pose,
@@ -103,7 +113,8 @@ impl Programs {
             }
         };
         let (flange_from_tool, stated_tool) = (tool.actual, tool.stated);
-        Ok(Asked { position: index, flange_from_tool, stated_tool, wanted })
+        let holds_part = first.holds_part;
+        Ok(Asked { position: index, flange_from_tool, stated_tool, holds_part, wanted })
     }
 
     /// The frames of motions that the cell says were taught, each once.
@@ -118,7 +129,9 @@ impl Programs {
                 found.push(frame);
             }
         };
-        for own in self.positions.iter().flat_map(|position| &position.uses) {
+        let uses = self.positions.iter().flat_map(|position| &position.uses);
+        // A part that is held is not touched as a tool is.
+        for own in uses.filter(|own| !own.holds_part) {
             let is_rapid = self.files[own.file].is_of(&RAPID);
             let mut of = |known: &Known, from: Isometry3<f64>, kind: Taught| {
                 let Ok(chain) = chain(known) else {
@@ -215,7 +228,10 @@ fn agreed<'p>(position: &'p Position, shape: &Shape) -> Result<&'p Use, Refusal>
         }
     }
     let is_pose = matches!(shape, Shape::Pose { .. });
-    let differs = |own: &&Use| own.tool != first.tool || (is_pose && own.base != first.base);
+    let differs = |own: &&Use| {
+        let is_other = own.base != first.base || own.holds_part != first.holds_part;
+        own.tool != first.tool || (is_pose && is_other)
+    };
     if let Some(other) = others.iter().find(differs) {
         let frames = |own: &Use| {
             let named = |known| chain(known).map_or_else(|_| String::new(), Chain::to_string);

@@ -154,7 +154,7 @@ impl Reading<'_> {
             has_tools_on_arm: true,
             interrupts_come_back: true,
         };
-        self.common.walk(others, &[], &BTreeSet::new(), entry);
+        self.common.walk(others, &[], &BTreeSet::new(), |_| None, entry);
     }
 }
 

@@ -577,6 +577,31 @@ pub fn walk(
     walk.state
 }
 
+/// What holds whenever a routine begins that runs again and again: of what holds at its first begin what no run changes, otherwise what
+/// holds at `any`.
+pub fn recurring(
+    routine: &Routine,
+    summaries: &Summaries,
+    (first, any): (State, State),
+    interrupts: &AtAnyTime,
+    motions: &impl Motions,
+) -> State {
+    if !routine.ends_at_its_end() {
+        return any;
+    }
+    let mut entry = first;
+    loop {
+        let mut exit = walk(routine, summaries, &entry, interrupts, &mut Unseen(motions));
+        exit.after(&interrupts.effects);
+        let differs = |a: &State, b: &State, slot: Slot| a.get(slot) != b.get(slot);
+        let mut changed = Slot::ALL.into_iter();
+        let changed =
+            changed.find(|slot| differs(&entry, &any, *slot) && differs(&entry, &exit, *slot));
+        let Some(slot) = changed else { return entry };
+        entry.set(slot, any.get(slot).clone());
+    }
+}
+
 /// The motions and calls of a routine that is not followed: all happen in one state.
 pub fn refuse(routine: &Routine, state: &State, motions: &mut impl Motions) {
     for step in &routine.steps {

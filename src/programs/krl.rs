@@ -142,7 +142,8 @@ impl Reading<'_> {
             interrupts_come_back: true,
         };
         let own = [any_fixed_tool, self.any_sensor, self.any_kept_turn];
-        self.common.walk(others, &self.interrupts, &self.private, |routine| entry(routine, own));
+        let begins = |routine: &str| entry(routine, own);
+        self.common.walk(others, &self.interrupts, &self.private, |_| None, begins);
     }
 }
 

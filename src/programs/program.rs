@@ -96,6 +96,8 @@ pub struct Use {
     pub branch: Known,
     /// Whether it moves to a point beside the position.
     pub is_beside: bool,
+    /// Whether the arm holds the part, whose frame `tool` is then, and `base` that of a tool that stands in the cell.
+    pub holds_part: bool,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -241,6 +243,8 @@ pub(crate) struct Motion {
     pub(crate) split: Result<Split, &'static str>,
     /// What forbids to correct its positions.
     pub(crate) obstacle: Option<Arc<Refusal>>,
+    /// [`Use::holds_part`].
+    pub(crate) holds_part: bool,
 }
 
 /// When a motion reads the arm configuration that its position states.
@@ -344,6 +348,17 @@ fn held(set: &Known, stated: &Known) -> Known {
     }
 }
 
+/// A base with the displacement behind it that positions stand in, where there is one.
+fn displaced(base: Known, by: &Known) -> Known {
+    match (base.as_deref(), by.as_deref()) {
+        (Ok(Setting::Frames(own)), Ok(Setting::Frames(by))) => {
+            let frames = own.0.iter().chain(&by.0).cloned();
+            known(Setting::Frames(Chain(frames.collect())))
+        }
+        _ => base,
+    }
+}
+
 impl Recorder<'_> {
     /// The arm configuration that a motion states: letters and S mean the same at every position.
     fn stated(&self, motion: &Motion) -> Known {
@@ -411,7 +426,8 @@ impl crate::flow::Motions for Recorder<'_> {
             Some(why) => Err(why.clone()),
             None => state.get(slot).clone(),
         };
-        let (base, tool) = (frame(Slot::Base), frame(Slot::Tool));
+        let base = displaced(frame(Slot::Base), state.get(Slot::Displacement));
+        let tool = frame(Slot::Tool);
         for (place, target) in motion.targets.iter().enumerate() {
             let is_end = place + 1 == motion.targets.len();
             let Target::Literal { positions, is_beside } = target else {
@@ -426,6 +442,7 @@ impl crate::flow::Motions for Recorder<'_> {
                     tool: tool.clone(),
                     branch: motion.branch_at(position, is_end, &state),
                     is_beside: *is_beside,
+                    holds_part: motion.holds_part,
                 });
             }
         }

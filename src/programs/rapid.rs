@@ -61,6 +61,8 @@ pub(crate) struct Reading<'f> {
     named: BTreeSet<String>,
     /// Whether the name of a call is worked out, which may be that of any of them.
     any_late_call: bool,
+    /// Whether a cycle may end anywhere.
+    any_exit_cycle: bool,
     /// Whether the instruction that is read stands in a compact IF.
     is_in_if: bool,
 }
@@ -86,6 +88,7 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         procedures: BTreeSet::new(),
         named: BTreeSet::new(),
         any_late_call: false,
+        any_exit_cycle: false,
         is_in_if: false,
     };
     reading.tasks = own.iter().map(|(file, _)| reading.task(*file)).collect();
@@ -198,8 +201,13 @@ impl Reading<'_> {
         }
         // The controller begins it too.
         self.procedures.retain(|full| !is_main(full));
-        self.common
-            .walk(others, &self.traps, &self.procedures, |routine| entry(routine, off, conf));
+        // The controller begins `main` with nothing set, unless a cycle has ended anywhere.
+        let first = |routine: &str| {
+            let begins = routine == "MAIN" && !self.any_exit_cycle;
+            begins.then(|| entry(routine, [false; 2], [false; 2]))
+        };
+        let any = |routine: &str| entry(routine, off, conf);
+        self.common.walk(others, &self.traps, &self.procedures, first, any);
         self.refuse_unloaded();
         self.refuse_several_tasks();
     }

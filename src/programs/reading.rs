@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use crate::flow::{Others, Routine, State, Step, Summaries, refuse, walk};
+use crate::flow::{Others, Routine, State, Step, Summaries, recurring, refuse, walk};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
@@ -250,12 +250,14 @@ impl<'f> Common<'f> {
     }
 
     /// Walks all routines, callers first; `interrupts` are those that run at any time. A routine of `private` is called from the files
-    /// alone, and begins with what holds at all of its calls.
+    /// alone, and begins with what holds at all of its calls; any other with what `entry` gives for it, and `first`
+    /// for its first begin where that is another.
     pub(crate) fn walk(
         &mut self,
         others: Others,
         interrupts: &[(String, Place)],
         private: &BTreeSet<String>,
+        first: impl Fn(&str) -> Option<State>,
         entry: impl Fn(&str) -> State,
     ) {
         let order = self.callers_first(private);
@@ -271,7 +273,13 @@ impl<'f> Common<'f> {
             let name = full.rsplit('/').next().unwrap_or_default();
             let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);
-            let entry = called.unwrap_or_else(|| entry(name));
+            let entry = called.unwrap_or_else(|| match first(name) {
+                Some(first) => {
+                    let begins = (first, entry(name));
+                    recurring(routine, &summaries, begins, &any_time, &recorder)
+                }
+                None => entry(name),
+            });
             if routine.has_closed_blocks() {
                 walk(routine, &summaries, &entry, &any_time, &mut recorder);
             } else {

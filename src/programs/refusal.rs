@@ -49,7 +49,8 @@ pub enum Refusal {
     )]
     Taught { name: String },
     #[error(
-        "the tool stands in the cell and the arm holds the part ({at}); such positions are not corrected"
+        "the tool stands in the cell or the arm holds the part ({at}); such positions are corrected in RAPID alone, where both data say so, but for \
+         circles"
     )]
     FixedTool { at: Place },
     #[error(

@@ -123,7 +123,7 @@ impl Reading<'_> {
             has_tools_on_arm: true,
             interrupts_come_back: false,
         };
-        self.common.walk(others, &self.threads, &self.called, entry);
+        self.common.walk(others, &self.threads, &self.called, |_| None, entry);
         motion::keep_behind_blends(&mut self.common);
     }
 }

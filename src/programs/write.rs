@@ -53,10 +53,10 @@ pub fn edits(position: &Position, asked: &Asked, command: &Command) -> Edits {
         }
         (
             Ok(Shape::Pose { xyz, turn, stated }),
-            Wanted::Pose { base_from_frame, .. },
+            Wanted::Pose { .. },
             Command { base_from_tool: Some(base_from_tool), joints },
         ) => {
-            let to = base_from_frame.inverse() * base_from_tool;
+            let Some(to) = asked.numbers(base_from_tool) else { return edits };
             edits.place(xyz, &to, mm);
             let before = pose(xyz, turn).map(|pose| pose.rotation);
             if before.is_ok_and(|before| before.angle_to(&to.rotation) > UNTURNED) {

@@ -34,12 +34,14 @@ pub struct Summary {
     pub next: Next,
 }
 
-/// The tolerance, with its share where that is not the usual one.
+/// The tolerance, with its share and its confidence where they are not the usual ones.
 fn in_words(tolerance: &Tolerance) -> String {
-    match percent(tolerance.share).as_str() {
-        "95" => format!("{} mm", tolerance.mm),
-        share => format!("{} mm for {share} % of positions", tolerance.mm),
-    }
+    let unusual = |share: f64, [before, behind]: [&str; 2]| match percent(share).as_str() {
+        "95" => String::new(),
+        share => format!(" {before} {share} % {behind}"),
+    };
+    let share = unusual(tolerance.share, ["for", "of positions"]);
+    format!("{} mm{share}{}", tolerance.mm, unusual(tolerance.confidence, ["with", "confidence"]))
 }
 
 /// The summary of a run; `table_state` is whether the table that drove it still holds.

@@ -17,7 +17,7 @@ impl Twist {
         Self { linear: Vector3::zeros(), angular: Vector3::zeros() }
     }
 
-    pub(super) fn add(&mut self, other: &Self, factor: f64) {
+    pub fn add(&mut self, other: &Self, factor: f64) {
         self.linear += other.linear * factor;
         self.angular += other.angular * factor;
     }

@@ -17,7 +17,7 @@
 use std::any::Any;
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::fixed_point::converge;
@@ -135,13 +135,24 @@ impl IdentifiedArm {
                 self.within_measured(&joints)?;
             }
             let Isometry3 { translation, rotation } = error_frame.nominal_tool(&joints);
-            let error = errors.error(&joints).map_err(Reason::Target)?;
-            let turn = self.model.shown.as_ref().map(|shown| errors.turn(&joints, shown));
-            let turn = turn.transpose().map_err(Reason::Target)?;
-            let rotation = turn.unwrap_or_default() * rotation;
-            Ok(Isometry3::from_parts(Translation3::from(translation.vector + error), rotation))
+            let (error, turn) = self.error_and_turn(&errors, &joints)?;
+            let place = Translation3::from(translation.vector + error);
+            Ok(Isometry3::from_parts(place, turn * rotation))
         };
         many.par_iter().map(one).collect()
+    }
+
+    /// The error at joint angles, mm, and the turn of the orientation; none where no readings show orientations.
+    fn error_and_turn(
+        &self,
+        errors: &ToolErrors<'_>,
+        joints: &[f64],
+    ) -> Result<(Vector3<f64>, UnitQuaternion<f64>), Reason> {
+        let found = match &self.model.shown {
+            Some(shown) => errors.error_and_turn(joints, shown),
+            None => errors.error(joints).map(|error| (error, UnitQuaternion::identity())),
+        };
+        found.map_err(Reason::Target)
     }
 
     /// By how much a joint's value is beyond those measured, rad or mm; negative inside.
@@ -233,11 +244,11 @@ impl Correction<'_> {
         let converged = converge(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), commanded);
             joints = self.reach.inverse.joints(&pose, &joints)?;
-            let error = self.errors.error(&joints).map_err(Reason::Target)?;
+            let (error, turn) = self.identified.error_and_turn(&self.errors, &joints)?;
             self.identified.validity.admit_error(&error)?;
             // Errors hardly change with so small a turn: the next round's is the last digit of this one's.
             let found = (joints.clone(), commanded);
-            commanded = self.commanded(&joints, &rotation)?;
+            commanded = turn.inverse() * rotation;
             Ok((error, found))
         })?;
         let (joints, commanded) = converged.found;
@@ -283,18 +294,6 @@ impl Correction<'_> {
     fn in_command_frame(&self, covariance: Matrix3<f64>) -> Matrix3<f64> {
         let turn = self.identified.command_from_base.isometry().rotation.to_rotation_matrix();
         turn * covariance * turn.transpose()
-    }
-
-    /// The orientation to command at joint angles so that `wanted` is attained; itself where no readings show orientations.
-    fn commanded(
-        &self,
-        joints: &[f64],
-        wanted: &UnitQuaternion<f64>,
-    ) -> Result<UnitQuaternion<f64>, Reason> {
-        let Some(shown) = &self.identified.model.shown else {
-            return Ok(*wanted);
-        };
-        Ok(self.errors.turn(joints, shown).map_err(Reason::Target)?.inverse() * wanted)
     }
 
     /// The joint angles of a target and its command on the turns that were asked for, which the arm has to have.

@@ -42,7 +42,9 @@ pub mod tabulated;
 pub mod train;
 mod whitening;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{
+    DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3,
+};
 use rayon::prelude::*;
 
 use super::frames::{Channel, Frames, PerChannel};
@@ -234,10 +236,10 @@ impl FullModel {
 
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
-        let rows = self.pose(query, &view).rows(&self.trained.layout, &Shown::Point);
+        let rows = self.view_of(query, &view).rows(&self.trained.layout, &Shown::Point);
         let moved: DVector<f64> = &rows * &self.trained.mean;
         let (shift, approach) = self.stands(query, &view.joints);
-        let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
+        let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift.linear;
         let position = Point3::from(view.end.translation.vector + moved);
         Predicted {
             position,
@@ -247,31 +249,26 @@ impl FullModel {
         }
     }
 
-    /// The rotation from the flange's axes to the tracker's by the full error model, including the turns from curves, gravity
-    /// and the other parts, which [`Predicted::flange`] leaves out.
-    pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
+    /// The predicted point (mm) with the rotation from the flange's axes to the tracker's, including the turns from curves, gravity and the
+    /// other parts, which [`Predicted::flange`] leaves out; much faster than [`Self::predict`].
+    pub fn pose(&self, query: &Query<'_>) -> Isometry3<f64> {
         let view = self.viewed(query);
-        let moved =
-            self.pose(query, &view).rows(&self.trained.layout, &Shown::Pose) * &self.trained.mean;
-        let against = self.against(query);
-        let approach = against.map_or_else(Vector3::zeros, |against| {
-            view.joints.iter().zip(&against.mean).map(|(twist, mean)| twist.angular * *mean).sum()
-        });
-        let turn = Vector3::new(moved[3], moved[4], moved[5]) + approach;
-        UnitQuaternion::from_scaled_axis(turn) * view.end.rotation * self.target_from_flange(query)
+        let pose = self.view_of(query, &view);
+        let (moved, shift) = (self.moved(&pose), self.stands(query, &view.joints).0);
+        let turn = UnitQuaternion::from_scaled_axis(moved.angular + shift.angular);
+        let flange = turn * view.end.rotation * self.target_from_flange(query);
+        let point = pose.end.coords + moved.linear + shift.linear;
+        Isometry3::from_parts(point.into(), flange)
     }
 
-    /// The predicted point alone, in the tracker frame, mm; much faster than [`Self::predict`].
+    /// The point of [`Self::pose`].
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
-        let view = self.viewed(query);
-        self.attained(query, &self.pose(query, &view)).0
+        Point3::from(self.pose(query).translation.vector)
     }
 
-    /// The predicted point of a pose (mm), and its covariance due to unknown settling errors (mm²).
-    fn attained(&self, query: &Query<'_>, pose: &PoseView<'_>) -> (Point3<f64>, Matrix3<f64>) {
-        let moved = pose.moved(&self.trained.layout, &self.trained.mean, &self.ready.curves);
-        let (shift, approach) = self.stands(query, pose.joints);
-        (pose.end + moved + shift, approach)
+    /// The motion of a pose's point by the coefficients of the model.
+    fn moved(&self, pose: &PoseView<'_>) -> Twist {
+        pose.moved(&self.trained.layout, &self.trained.mean, &self.ready.curves)
     }
 
     /// The point at the offsets where rows are evaluated, and its motion.
@@ -291,7 +288,7 @@ impl FullModel {
         self.frames[query.session].flange_from_target(query.target).isometry().rotation.inverse()
     }
 
-    fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
+    fn view_of<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
         let base = self.frames[query.session].tracker_from_base(query.source).isometry();
         let root = base.rotation;
         PoseView {
@@ -322,19 +319,16 @@ impl FullModel {
         }
     }
 
-    /// Mean (mm) and covariance (mm²) of the point's motion by unknown settling errors; zero where they are known.
-    fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
-        let zero = (Vector3::zeros(), Matrix3::zeros());
-        let Some(against) = self.against(query) else {
-            return zero;
-        };
-        let sizes = against.mean.iter().zip(&against.variance);
-        joints.iter().zip(sizes).fold(zero, |(shift, covariance), (twist, (mean, variance))| {
-            (
-                shift + twist.linear * *mean,
-                covariance + twist.linear * twist.linear.transpose() * *variance,
-            )
-        })
+    /// Mean of the point's motion by unknown settling errors, and the covariance of its place (mm²); zero where they are known.
+    fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Twist, Matrix3<f64>) {
+        let (mut shift, mut covariance) = (Twist::zero(), Matrix3::zeros());
+        let against = self.against(query).into_iter();
+        let sizes = against.flat_map(|own| own.mean.iter().zip(&own.variance));
+        for (twist, (mean, variance)) in joints.iter().zip(sizes) {
+            shift.add(twist, *mean);
+            covariance += twist.linear * twist.linear.transpose() * *variance;
+        }
+        (shift, covariance)
     }
 
     /// Covariance of predicted positions whose rows are stacked, three each, mm².
@@ -410,7 +404,7 @@ impl FullModel {
         let view = self.viewed(&query);
         let end = Point3::from(view.end.translation.vector);
         let shown = observation.measured.shown(Some(&gauge), &end);
-        let mut rows = self.pose(&query, &view).rows(&self.trained.layout, &shown);
+        let mut rows = self.view_of(&query, &view).rows(&self.trained.layout, &shown);
         // The unknowns are the first columns; the session's scale is that of the source of places.
         for (unknown, by) in self.problem.by_parts(channel, Some(&gauge), &end) {
             rows[(0, unknown)] = by;

@@ -7,7 +7,7 @@
 use std::any::Any;
 use std::fmt::Debug;
 
-use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -25,6 +25,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
 
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap>;
 
+    /// The point alone; much faster than [`Self::predict`].
     fn position(&self, at: &At<'_>) -> Result<Point3<f64>, Gap> {
         Ok(self.predict(at)?.position)
     }
@@ -34,9 +35,10 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         many.par_iter().map(|at| self.position(at)).collect()
     }
 
-    /// The rotation from the flange's axes to the tracker's, including all parts that turn it.
-    fn flange(&self, query: &Query<'_>) -> Result<UnitQuaternion<f64>, Gap> {
-        Ok(self.predict(&At::Joints(*query))?.flange)
+    /// The point with the rotation from the flange's axes to the tracker's, including all parts that turn it.
+    fn pose(&self, query: &Query<'_>) -> Result<Isometry3<f64>, Gap> {
+        let own = self.predict(&At::Joints(*query))?;
+        Ok(Isometry3::from_parts(own.position.into(), own.flange))
     }
 
     /// Uncertainty, in the frame of a session's source, of a prediction there for a command used in another session.

@@ -92,18 +92,21 @@ impl<'m> ToolErrors<'m> {
         Spread::Of(self.model.visit(&self.query(&axes))).seen_from(&base.rotation.inverse())
     }
 
-    /// The rotation about the base's axes from the commanded orientation to the attained one, where the readings show orientations:
-    /// `shown` is put behind the model's flange ([`super::flange::turn_behind`]).
-    pub fn turn(
+    /// [`Self::error`] with the rotation about the base's axes from the commanded orientation to the attained one, where the readings show
+    /// orientations: `shown` is put behind the model's flange ([`super::flange::turn_behind`]).
+    pub fn error_and_turn(
         &self,
         joints: &[f64],
         shown: &UnitQuaternion<f64>,
-    ) -> Result<UnitQuaternion<f64>, Gap> {
-        let axes = self.error_frame.arm.axes(joints);
-        let in_tracker = self.model.flange(&self.query(&axes))? * shown;
+    ) -> Result<(Vector3<f64>, UnitQuaternion<f64>), Gap> {
+        let attained = self.model.pose(&self.query(&self.error_frame.arm.axes(joints)))?;
         let base = self.error_frame.frames.tracker_from_base.isometry();
-        let nominal = self.error_frame.arm.flange(joints).isometry().rotation;
-        Ok(base.rotation.inverse() * in_tracker * nominal.inverse())
+        let nominal = *self.error_frame.arm.flange(joints).isometry();
+        let nominal_tool = nominal * self.error_frame.flange_from_tool;
+        let point = base.inverse_transform_point(&attained.translation.vector.into());
+        let turn =
+            base.rotation.inverse() * (attained.rotation * shown) * nominal.rotation.inverse();
+        Ok((point.coords - nominal_tool.translation.vector, turn))
     }
 
     fn at<'q>(&self, axes: &'q [f64]) -> At<'q> {

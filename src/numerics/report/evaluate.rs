@@ -147,7 +147,7 @@ fn turn(
     let of_several = observation.flange.as_ref();
     let attained = of_target.or_else(|| Some(of_several?.by_places(frames())));
     let Some(attained) = attained else { return Ok(None) };
-    let wanted = model.flange(query)?;
+    let wanted = model.pose(query)?.rotation;
     Ok(Some(Turn { attained, wanted }))
 }
 

@@ -124,6 +124,7 @@ impl Reading<'_> {
             is_blended: parts.end.as_ref().is_none_or(|end| end != "FINE"),
             split: parts.split(word, rest),
             obstacle: self.obstacle(here, word, &parts, tracks).map(Arc::new),
+            holds_part: false,
             targets: parts.targets,
         }));
     }

@@ -102,6 +102,7 @@ impl Reading<'_> {
             is_blended: place_of(rest, is_blend) < rest.tokens.len(),
             split,
             obstacle: None,
+            holds_part: false,
         }));
     }
 

@@ -167,7 +167,9 @@ impl Reading<'_> {
         let targets = places.iter().map(|own| self.target(here, word, *own)).collect();
         let mut options = all.iter().flat_map(|own| &own.options);
         let is_plain = options.all(|(name, _)| crate::reading::has("V Z INPOS WOBJ TLOAD", name));
+        let (own, holds_part) = self.frames(here, instruction, &all, &valued);
         let split = match word {
+            _ if holds_part => Err(NOT_SPLIT),
             "MOVEL" | "MOVEC" if self.is_in_if => Err("an IF decides on it"),
             "MOVEL" | "MOVEC" if is_plain => split(word, rest, &places),
             "MOVEL" | "MOVEC" => Err("it has options that are for it alone"),
@@ -178,13 +180,14 @@ impl Reading<'_> {
             line: here.line,
             word: word.to_owned(),
             targets,
-            own: self.frames(here, instruction, &all, &valued),
+            own,
             is_held: false,
             reads: instruction.reads,
-            way: instruction.way(),
+            way: if holds_part { Way::Other } else { instruction.way() },
             is_blended: instruction.is_blended(&valued),
             split,
             obstacle: self.obstacle(here, word, instruction, &all),
+            holds_part,
         };
         steps.push(self.common.moves(motion));
     }
@@ -208,18 +211,16 @@ impl Reading<'_> {
         })
     }
 
+    /// Base and tool of a motion, and whether the arm holds the part: the base is that of the tool then, and the tool that of the part.
     fn frames(
         &self,
         here: &Here<'_>,
         instruction: &Instruction,
         all: &[Argument<'_>],
         valued: &[&Argument<'_>],
-    ) -> Vec<(Slot, Known)> {
+    ) -> (Vec<(Slot, Known)>, bool) {
         let mut options = all.iter().flat_map(|own| &own.options);
-        let base = match options.find(|(name, _)| name == "WOBJ") {
-            Some((_, expression)) => self.work_object(here, *expression),
-            None => known(Setting::Frames(Chain::default())),
-        };
+        let object = options.find(|(name, _)| name == "WOBJ").map(|(_, expression)| *expression);
         let tool = match instruction.tool {
             Tool::At(place) => valued.get(place),
             Tool::Last | Tool::Refused => valued.last(),
@@ -228,47 +229,75 @@ impl Reading<'_> {
             let what = "the tool".to_owned();
             unknown(Refusal::AtRunTime { what, at: self.common.at(here) })
         };
-        let tool = tool.map_or_else(none, |argument| self.tool(here, argument.value));
-        vec![(Slot::Base, base), (Slot::Tool, tool)]
+        let tool = |on_arm: bool| tool.map_or_else(none, |own| self.tool(here, own.value, on_arm));
+        let base = |on_arm: bool| match object {
+            Some(expression) => self.work_object(here, expression, on_arm),
+            None => known(Setting::Frames(Chain::default())),
+        };
+        let mut own = vec![(Slot::Base, base(false)), (Slot::Tool, tool(true))];
+        // Of a circle the helper is a place of the tool, which stands.
+        let may_hold = object.is_some() && instruction.positions.len() == 1;
+        let held = [(Slot::Base, tool(false)), (Slot::Tool, base(true))];
+        let holds_part = may_hold && held.iter().all(|(_, own)| own.is_ok());
+        if holds_part {
+            own = held.to_vec();
+        }
+        if instruction.reads == Reads::Always {
+            // A displacement moves no joint angles.
+            own.push((Slot::Displacement, known(Setting::On(false))));
+        }
+        (own, holds_part)
     }
 
-    fn tool(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
-        self.data_of(here, expression, "TOOL0", |name, parts| {
+    fn tool(&self, here: &Here<'_>, expression: Cursor<'_>, on_arm: bool) -> Known {
+        self.data_of(here, expression, if on_arm { "TOOL0" } else { "" }, |name, parts| {
             let [holds, frame, ..] = parts else {
                 return None;
             };
-            match holds {
-                Value::Name(word) if word == "TRUE" => {
-                    let frame = pose(frame)?;
-                    Some(Ok(Chain::one(name, Ok(frame))))
-                }
-                Value::Name(word) if word == "FALSE" => {
-                    Some(Err(Refusal::FixedTool { at: self.common.at(here) }))
-                }
-                _ => None,
-            }
+            self.stands(here, holds, on_arm, || Some(Chain::one(name, Ok(pose(frame)?))))
         })
     }
 
-    fn work_object(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
-        self.data_of(here, expression, "WOBJ0", |name, parts| {
+    fn work_object(&self, here: &Here<'_>, expression: Cursor<'_>, on_arm: bool) -> Known {
+        self.data_of(here, expression, if on_arm { "" } else { "WOBJ0" }, |name, parts| {
             let [holds, fixed, _, user, object] = parts else {
                 return None;
             };
             let is = |value: &Value, word: &str| *value == Value::Name(word.to_owned());
-            let at = || self.common.at(here);
-            if is(holds, "TRUE") {
-                return Some(Err(Refusal::FixedTool { at: at() }));
+            if is(fixed, "FALSE") && !is(holds, "TRUE") {
+                let at = self.common.at(here);
+                return Some(Err(Refusal::Moving { name: name.to_owned(), at }));
             }
-            if is(fixed, "FALSE") {
-                return Some(Err(Refusal::Moving { name: name.to_owned(), at: at() }));
+            self.stands(here, holds, on_arm, || {
+                let mut chain = Chain::one(format!("{name}.UFRAME"), Ok(pose(user)?));
+                chain.0.extend(Chain::one(format!("{name}.OFRAME"), Ok(pose(object)?)).0);
+                is(fixed, "TRUE").then_some(chain)
+            })
+        })
+    }
+
+    /// Frames of data whose `robhold` has to say whether they are on the arm.
+    fn stands(
+        &self,
+        here: &Here<'_>,
+        robhold: &Value,
+        on_arm: bool,
+        frames: impl Fn() -> Option<Chain>,
+    ) -> Option<Result<Chain, Refusal>> {
+        match robhold {
+            Value::Name(word) if matches!(word.as_str(), "TRUE" | "FALSE") => {
+                let is_as_asked = (word == "TRUE") == on_arm;
+                let refusal = || Refusal::FixedTool { at: self.common.at(here) };
+                if is_as_asked { frames().map(Ok) } else { Some(Err(refusal())) }
             }
-            if !is(holds, "FALSE") || !is(fixed, "TRUE") {
-                return None;
-            }
-            let mut chain = Chain::one(format!("{name}.UFRAME"), Ok(pose(user)?));
-            chain.0.extend(Chain::one(format!("{name}.OFRAME"), Ok(pose(object)?)).0);
-            Some(Ok(chain))
+            _ => None,
+        }
+    }
+
+    /// The frame of data of type `pose`.
+    pub(super) fn pose_data(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
+        self.data_of(here, expression, "", |name, parts| {
+            Some(Ok(Chain::one(name, Ok(pose(&Value::List(parts.to_vec()))?))))
         })
     }
 

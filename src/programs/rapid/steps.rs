@@ -233,10 +233,11 @@ impl Reading<'_> {
         if self.is_motion(&word) {
             return self.motion(here, &word, rest, steps);
         }
-        if let Some((slot, to)) = self.setting(&word, rest) {
+        if let Some((slot, to)) = self.setting(here, &word, rest) {
             steps.push(Step::Set(slot, to));
         }
         self.any_late_call |= word == "CALLBYVAR";
+        self.any_exit_cycle |= word == "EXITCYCLE";
         let routine = self.full_name(here.file, &word);
         if self.given.contains_key(&routine) || !is_harmless(&word) {
             let at = self.common.at(here);
@@ -250,13 +251,16 @@ impl Reading<'_> {
     }
 
     /// What an instruction of the controller sets.
-    fn setting(&mut self, word: &str, rest: Cursor<'_>) -> Option<(Slot, Known)> {
+    fn setting(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) -> Option<(Slot, Known)> {
         let is_off = rest.tokens.iter().any(|token| rest.text(token).eq_ignore_ascii_case(b"OFF"));
         let displaced = |what| unknown(Refusal::Displaced { what });
         Some(match word {
             "PDISPON" | "PDISPSET" => {
                 self.any_displaced[0] = true;
-                (Slot::Displacement, displaced("PDisp"))
+                // Where PDispOn begins is where the arm happens to be.
+                let is_set = word == "PDISPSET";
+                let to = if is_set { self.pose_data(here, rest) } else { displaced("PDisp") };
+                (Slot::Displacement, to)
             }
             "PDISPOFF" => (Slot::Displacement, known(Setting::On(false))),
             // They move external axes alone.

@@ -128,7 +128,8 @@ fn what_is_not_known_is_refused_by_name() {
             "Calibrate wobj1; PDispOff; MoveL p10,v100,z10,tool1\\WObj:=wobj1;",
             "WOBJ1 is worked out at run time",
         ),
-        ("PDispSet pose1; MoveL p10,v100,z10,tool1;", "a displacement may be on (PDisp)"),
+        ("PDispOn p5,tool1; MoveL p10,v100,z10,tool1;", "a displacement may be on (PDisp)"),
+        ("PDispSet pose1; MoveL p10,v100,z10,tool1;", "POSE1"),
         ("EOffsOn p1; MoveL p10,v100,z10,tool1;", "a displacement may be on (EOffs)"),
         ("MoveL p10\\ID:=5,v100,z10,tool1;", "MOVEL with \\ID is not followed"),
         ("SearchL di1,ps,p10,v100,tool1;", "SEARCHL is not followed"),
@@ -160,23 +161,107 @@ fn what_is_not_known_is_refused_by_name() {
 }
 
 #[test]
+fn a_displacement_by_constant_data_stands_behind_the_work_object() {
+    let pose = "  PERS pose up:=[[0,50,0],[1,0,0,0]];\r\n";
+    let programs = |body: &str| programs(body, pose);
+    let mut cell = cell();
+    cell.frames.insert("up".to_owned(), cell.frames["tool1"].clone());
+    let place = |body: &str| {
+        let programs = programs(body);
+        let last = programs.positions.len() - 1;
+        programs.ask(last, &cell).map(|asked| match asked.wanted {
+            Wanted::Pose { base_from_tool, .. } => {
+                base_from_tool.translation.vector.as_slice().to_vec()
+            }
+            Wanted::Joints(joints) => joints,
+        })
+    };
+    let moves = "MoveL p10,v100,fine,tool1\\WObj:=wobj1;";
+    let near = |own: &[f64], x: f64| (own[0] - x).abs() < 1e-6 && (own[1] - 10.0).abs() < 1e-6;
+    // The work object is turned by a quarter: its y leads along −x.
+    assert!(near(&place(moves).unwrap(), 980.0));
+    assert!(near(&place(&format!("PDispSet up; {moves}")).unwrap(), 930.0));
+    assert!(near(&place(&format!("PDispSet up; PDispOff; {moves}")).unwrap(), 980.0));
+    let joints = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool1;";
+    assert_eq!(place(&format!("PDispSet up; {joints}")).unwrap()[4], 30.0);
+    let told = place(&format!("up.trans.x:=5; PDispSet up; {moves}")).unwrap_err().to_string();
+    assert!(told.contains("UP is worked out at run time"), "{told}");
+    assert!(
+        only(&format!("PDispSet up; {moves}"), pose).contains("UP"),
+        "how it was found is not said"
+    );
+}
+
+#[test]
+fn a_part_on_the_arm_is_moved_to_a_tool_that_stands() {
+    let fixed = "  PERS tooldata torch:=[FALSE,[[1000,0,600],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\r\n\
+                 PERS wobjdata part:=[TRUE,TRUE,\"\",[[0,0,50],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\r\n";
+    let mut cell = cell();
+    for name in ["torch", "part.uframe"] {
+        cell.frames.insert(name.to_owned(), cell.frames["tool1"].clone());
+    }
+    let programs = programs("MoveL p10,v100,fine,torch\\WObj:=part;", fixed);
+    let asked = programs.ask(0, &cell).unwrap();
+    let Wanted::Pose { base_from_tool, .. } = &asked.wanted else { panic!("a pose") };
+    // The torch is at (10, 20, 30) of the part, which is turned by half a turn about y; the base stands at z = 100.
+    let place = base_from_tool.translation.vector;
+    let expected = nalgebra::Vector3::new(1000.0 + 10.0, -20.0, 600.0 - 100.0 + 30.0);
+    assert!((place - expected).norm() < 1e-6, "{place}");
+    assert!((asked.flange_from_tool.translation.vector.z - 50.0).abs() < 1e-9);
+    // The part is moved by 1 mm along the base's x: the torch, seen from it, by 1 mm along its x.
+    let mut to = *base_from_tool;
+    to.translation.vector.x += 1.0;
+    let command = Command { base_from_tool: Some(to), joints: None };
+    let edits = edits(&programs.positions[0], &asked, &command);
+    let texts: Vec<&str> = edits.all.iter().map(|edit| edit.text.as_str()).collect();
+    assert_eq!(texts, ["11.0000"], "x of p10");
+    for refused in [
+        "MoveL p10,v100,fine,tool1\\WObj:=part;",
+        "MoveL p10,v100,fine,torch\\WObj:=wobj1;",
+        "MoveL p10,v100,fine,torch;",
+        "MoveC p10,p10,v100,fine,torch\\WObj:=part;",
+    ] {
+        let told = self::programs(refused, fixed).ask(0, &cell).unwrap_err().to_string();
+        assert!(told.contains("in RAPID alone"), "{refused}: {told}");
+    }
+}
+
+#[test]
+fn main_begins_without_what_no_cycle_leaves_on() {
+    let moves = "MoveL p10,v100,z10,tool1;";
+    assert_eq!(
+        only(&format!("{moves} sub;"), "PROC sub() PDispOn p5,tool1; PDispOff; ENDPROC "),
+        "ok"
+    );
+    assert_eq!(only(&format!("{moves} IF a THEN ConfL\\Off; ConfL\\On; ENDIF"), ""), "ok");
+    for left in
+        ["sub;", "IF a THEN sub; ENDIF", "IF a RETURN;", "PDispOn p5,tool1; ExitCycle; PDispOff;"]
+    {
+        let more = "PROC sub() PDispOn p5,tool1; ENDPROC ";
+        assert!(only(&format!("{moves} {left}"), more).contains("(PDisp)"), "{left}");
+    }
+}
+
+#[test]
 fn a_displacement_that_is_off_again_is_off() {
-    assert_eq!(only("PDispSet pose1; PDispOff; MoveL p10,v100,z10,tool1;", ""), "ok");
+    assert_eq!(only("PDispOn p5,tool1; PDispOff; MoveL p10,v100,z10,tool1;", ""), "ok");
     // Where a routine begins it is known by its calls, which all stand in the files where `main` does.
     let moves = "PROC there()\r\nMoveL p10,v100,z10,tool1;\r\nENDPROC\r\n";
-    let other = format!("{moves}PROC other()\r\nPDispSet pose1;\r\nENDPROC\r\n");
+    let other = format!("{moves}PROC other()\r\nPDispOn p5,tool1;\r\nENDPROC\r\n");
     assert_eq!(only("PDispOff; there;", &other), "ok");
     let mut file = programs("PDispOff; there;", &other).files.remove(0);
     let text = String::from_utf8(file.bytes).unwrap().replace("PROC main()", "PROC part()");
     file.bytes = text.into_bytes();
     assert!(read(vec![file], &cell()).ask(0, &cell()).is_err());
-    for set in
-        ["PDispSet pose1; there;", "there; PDispSet pose1; there;", "PDispSet pose1; %\"there\"%;"]
-    {
+    for set in [
+        "PDispOn p5,tool1; there;",
+        "there; PDispOn p5,tool1; there;",
+        "PDispOn p5,tool1; %\"there\"%;",
+    ] {
         assert!(only(set, moves).contains("(PDisp)"), "{set}");
     }
     let function = "FUNC bool there()\r\nMoveL p10,v100,z10,tool1;\r\nENDFUNC\r\n";
-    assert!(only("PDispSet pose1; b:=there();", function).contains("(PDisp)"));
+    assert!(only("PDispOn p5,tool1; b:=there();", function).contains("(PDisp)"));
     let body = "EOffsSet [N,0,0,0,0,0]; MoveL p10,v100,z10,tool1;";
     assert!(only(body, "").contains("(EOffs)"));
     let apart = Cell { external_axes: Some(crate::ExternalAxes::Apart), ..cell() };

@@ -230,6 +230,7 @@ impl Reading<'_> {
             is_blended: is_blended(word, &all),
             split: place(word, whole, &all, &reads),
             obstacle: obstacle.map(Arc::new),
+            holds_part: false,
         }));
     }
 

@@ -124,6 +124,11 @@ impl<'a, 'i> Joint<'a, 'i> {
 
     /// Its origin; that of its parent link where it states none.
     pub(crate) fn origin(&self) -> Result<Origin> {
+        if let Some(pose) = children(self.node, "pose").next() {
+            let (line, joint) = (line(pose), self.name.to_owned());
+            let problem = "it has <pose>, as an SDF has, which no URDF has; write <origin xyz=\"…\" rpy=\"…\"/>, xyz in m and rpy in rad";
+            return Err(UrdfError::Form { line, joint, problem });
+        }
         let Some(origin) = self.part("origin", &["xyz", "rpy", "quat_xyzw"])? else {
             return Ok(Origin::NOWHERE);
         };

@@ -423,6 +423,11 @@ fn parts_of_a_joint_that_a_reader_would_pass_over_are_refused() {
             "line 12: joint \"lift\" has <Origin>, which is unknown (did you mean \"origin\"?); write it so",
         ),
         ("<origin xyz=\"0.1", "<orgin xyz=\"0.1", "line 12: joint \"lift\" has <orgin>, which"),
+        (
+            "<origin xyz=\"0.1 0 0.5\"/>",
+            "<pose>0.1 0 0.5 0 0 0</pose>",
+            "line 12: joint \"lift\": it has <pose>, as an SDF has",
+        ),
         ("rpy=\"0 1.57", "rpyy=\"0 1.57", "line 18: joint \"shoulder\" has <origin rpyy>, which"),
         ("<axis xyz=\"0 0 2", "<axis xzy=\"0 0 2", "line 13: joint \"lift\" has <axis xzy>, which"),
         (

@@ -58,16 +58,17 @@ impl PoseView<'_> {
         rows
     }
 
-    /// The target's motion by the coefficients `mean` of all columns, mm: the product of rows and `mean`, without forming rows.
+    /// The target's motion by the coefficients `mean` of all columns, mm and rad: the product of rows and `mean`, without forming rows.
     /// `curves` are the joint curves of the same coefficients.
-    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
-        let mut moved = Vector3::zeros();
+    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Twist {
+        let mut moved = Twist::zero();
         let blocks = layout.blocks().filter(|(block, _)| !block.is_curve());
         self.walk(blocks, layout, &mut |column, twist, amount| {
-            moved += twist.linear * (amount * mean[column]);
+            moved.add(twist, amount * mean[column]);
         });
         let errors = curves.at(self.session, self.angles);
-        errors.zip(self.joints).fold(moved, |moved, (error, twist)| moved + twist.linear * error)
+        errors.zip(self.joints).for_each(|(error, twist)| moved.add(twist, error));
+        moved
     }
 
     /// Calls `each` for every column of `blocks` with the twist and the factor by which its coefficient moves the target.

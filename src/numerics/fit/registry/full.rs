@@ -1,6 +1,6 @@
 //! The full error model: its entry in the registry, and its implementation of the common interface.
 
-use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
+use nalgebra::{DMatrix, Isometry3, Matrix3, Point3};
 
 use super::{About, Corrects, Loaded};
 use crate::fit::Frames;
@@ -69,8 +69,8 @@ impl PoseModel for FullModel {
         Ok(self.position(at.joints()?))
     }
 
-    fn flange(&self, query: &Query<'_>) -> Result<UnitQuaternion<f64>, Gap> {
-        Ok(self.flange(query))
+    fn pose(&self, query: &Query<'_>) -> Result<Isometry3<f64>, Gap> {
+        Ok(self.pose(query))
     }
 
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread {

@@ -136,7 +136,7 @@ impl Solver<'_> {
         let course = |is_command| self.course(path.way, &stops, is_command);
         let courses = course(false).zip(course(true));
         let (wanted, commanded) =
-            courses.ok_or("it is a spline, a circle with an angle, or its points are in line")?;
+            courses.ok_or("it is a spline, a circle with an angle, or its points are in line, or the arm holds the part")?;
         let places = self.places(&wanted, &commanded, &stops);
         places.ok_or("the nominal arm does not reach all of its way")
     }

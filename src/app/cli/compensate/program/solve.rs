@@ -495,8 +495,8 @@ impl<'a> Solver<'a> {
             Wanted::Pose { programmed, .. } => {
                 let own = base_from_own(done).ok_or_else(|| "it has no orientation".to_owned())?;
                 let command = own * self.own_tool_in(&asked.stated_tool).inverse();
-                let moved = command.translation.vector - programmed.translation.vector;
-                (Some(command), moved.norm())
+                let place = |pose| asked.numbers(pose).unwrap_or_default().translation.vector;
+                (Some(command), (place(&command) - place(programmed)).norm())
             }
         };
         if let Some(largest) = self.largest_mm.filter(|largest| correction_mm > *largest) {

@@ -223,7 +223,8 @@ fn asked_at(point: &TaughtPoint, tool: &Isometry3<f64>, kind: Taught) -> Result<
         }
         _ => return Err("give the poses of a tool by their joints_deg".to_owned()),
     };
-    Ok(Asked { position: 0, flange_from_tool: *tool, stated_tool: *tool, wanted })
+    let (flange_from_tool, stated_tool) = (*tool, *tool);
+    Ok(Asked { position: 0, flange_from_tool, stated_tool, holds_part: false, wanted })
 }
 
 /// A frame of its touches: of each where the controller had the tool, and where it really was.
