@@ -12,12 +12,13 @@ use std::path::PathBuf;
 use clap::{Args, value_parser};
 use thiserror::Error;
 
+use super::compensate::WriteCause;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::run::near;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
-use crate::files::whole_file::{self, write_whole};
+use crate::files::whole_file::write_whole;
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::rows::Word as _;
@@ -80,26 +81,7 @@ enum PlanCommandError {
     #[error(transparent)]
     Lake(#[from] LakeError),
     #[error("{}: {}", path.display(), source.told())]
-    Write { path: PathBuf, source: CsvCause },
-}
-
-#[derive(Debug, Error)]
-enum CsvCause {
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    #[error(transparent)]
-    Csv(#[from] csv::Error),
-}
-
-impl CsvCause {
-    fn told(&self) -> String {
-        match self {
-            Self::Io(error) => whole_file::told(error),
-            Self::Csv(error) => {
-                format!("{error}; check the space and the permissions of the folder")
-            }
-        }
-    }
+    Write { path: PathBuf, source: WriteCause },
 }
 
 impl PlanCommandError {
@@ -150,7 +132,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.out {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
-        let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), CsvCause> {
+        let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), WriteCause> {
             let units = JointUnits::of(&planning.arm, AngleUnit::Deg);
             Ok(write_csv(&table, units, sink)?)
         };

@@ -132,7 +132,7 @@ pub enum WriteCause {
 }
 
 impl WriteCause {
-    fn told(&self) -> String {
+    pub(crate) fn told(&self) -> String {
         match self {
             Self::Io(error) => whole_file::told(error),
             Self::Csv(_) | Self::Parquet(_) => {
