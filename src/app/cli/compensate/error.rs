@@ -147,6 +147,7 @@ impl From<FolderGiven> for CompensateCommandError {
         Self::Folder(folder)
     }
 }
+            _ => 2,
 
 impl CompensateCommandError {
     pub const fn exit_code(&self) -> u8 {
