@@ -87,8 +87,8 @@ pub enum CompensateCommandError {
         .0.display()
     )]
     NoTable(PathBuf),
-    #[error("{0}")]
-    Folder(FolderGiven),
+    #[error(transparent)]
+    Folder(#[from] FolderGiven),
     #[error(
         "{} is a lake; give a robot of it by name: posegrid compensate ROBOT TARGETS --lake {}; its robots: {}",
         path.display(), path.display(), robots.join(", ")
@@ -142,36 +142,12 @@ impl WriteCause {
     }
 }
 
-impl From<FolderGiven> for CompensateCommandError {
-    fn from(folder: FolderGiven) -> Self {
-        Self::Folder(folder)
-    }
-}
-            _ => 2,
-
 impl CompensateCommandError {
     pub const fn exit_code(&self) -> u8 {
         match self {
             Self::Program(own) => own.exit_code(),
-            Self::File(_)
-            | Self::OtherTable { .. }
-            | Self::Table(_)
-            | Self::Arm(_)
-            | Self::Targets(_)
-            | Self::Outside(_)
-            | Self::Verdict { .. }
-            | Self::NoTable(_)
-            | Self::Folder(_)
-            | Self::IsLake { .. }
-            | Self::Current(_)
-            | Self::NoRun { .. }
-            | Self::NoTableOfRun { .. }
-            | Self::Again(_)
-            | Self::Unreadable { .. }
-            | Self::Records(_)
-            | Self::Digest(_)
-            | Self::Exists(_) => 2,
             Self::Result(_) | Self::NotRecorded { .. } | Self::Write { .. } => 1,
+            _ => 2,
         }
     }
 }
