@@ -275,16 +275,15 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     recorded.check_targets(&args.targets, &stated, stated.len().div_ceil(4))?;
     let Corrections { outcomes, commands, edits, corrected } =
         corrected(&programs, &asked, &solver);
+    let known = Known { programs: &programs, asked: &asked, commands: &commands };
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
-    let further = args.program.densify.map(|limit_mm| {
-        let known = Known { programs: &programs, asked: &asked, commands: &commands };
-        solver.further(limit_mm, &known, &deviations)
-    });
+    let further = args.program.densify;
+    let further = further.map(|limit_mm| solver.further(limit_mm, &known, &deviations));
     let edits = changes(&programs, &asked, edits, further.as_deref().unwrap_or_default());
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
-    report.left_by_offsets_mm = solver.left_by_offsets(&programs, &asked, &commands);
+    report.left_by_offsets_mm = solver.left_by_offsets(&known);
     let date = write::today();
     let written = written(&programs, &edits, arm, &date);
     let recording = record(&written, &programs, &corrected, |made| {
