@@ -207,29 +207,28 @@ impl Source {
     }
 
     pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
-        let mut warnings = Vec::new();
-        let what = self.what();
-        match self.verdict() {
-            TableVerdict::Met => {}
-            TableVerdict::NotMet => warnings.push(format!(
-                "this {what} does not meet its pipeline's tolerance, and that is allowed: see runs.reason"
-            )),
-            TableVerdict::NotShown => warnings.push(format!(
-                "this {what} was not shown to meet its pipeline's tolerance, and that is allowed: see runs.reason"
-            )),
-        }
+        let fault = match self.verdict() {
+            TableVerdict::Met => None,
+            TableVerdict::NotMet => Some("does not meet"),
+            TableVerdict::NotShown => Some("was not shown to meet"),
+        };
+        let fault = fault.map(|fault| {
+            let what = self.what();
+            format!(
+                "this {what} {fault} its pipeline's tolerance, and that is allowed: see runs.reason"
+            )
+        });
+        let mut warnings = Vec::from_iter(fault);
         if matches!(self, Self::Arm(_)) {
             return warnings;
         }
-        let unturned = targets.iter().filter(|target| target.orientation.is_none());
-        let unturned = unturned.count();
+        let unturned = targets.iter().filter(|target| target.orientation.is_none()).count();
         if unturned > 0 {
             warnings.push(format!(
                 "{unturned} targets state no orientation and are taken to have the table's"
             ));
         }
-        let with_joints = targets.iter().filter(|target| target.joints.is_some());
-        let with_joints = with_joints.count();
+        let with_joints = targets.iter().filter(|target| target.joints.is_some()).count();
         if with_joints > 0 {
             warnings.push(format!(
                 "joint angles of {with_joints} targets are without effect: this table knows positions; table calibrations of \
