@@ -16,7 +16,6 @@ use super::compensate::WriteCause;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::run::near;
-use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::files::whole_file::write_whole;
 use crate::ingest::AngleUnit;
@@ -114,9 +113,7 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     };
     match ended {
         Ok((is_met, words)) => {
-            let written = messages::result(words, bars);
-            let met = if is_met { DONE } else { NOT_MET };
-            written.map_or_else(Undelivered::exit_code, |()| met)
+            messages::last_result(words, if is_met { DONE } else { NOT_MET }, bars)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));

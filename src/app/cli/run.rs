@@ -174,8 +174,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     tell(&fleet);
     if args.dry_run {
-        let told = messages::result(work(&fleet), bars);
-        return told.map_or_else(Undelivered::exit_code, |()| DONE);
+        return messages::last_result(work(&fleet), DONE, bars);
     }
     batch(&fleet, args, bars).unwrap_or_else(|error| {
         tracing::error!("{}", Printable(&error.to_string()));
