@@ -208,7 +208,8 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> Result<u8, LakeError> {
     clean(&lake);
     let known = if args.fresh { Known::nothing(lake) } else { Known::read(lake)? };
     let pieces = fleet.pieces();
-    let (endings, without) = work::all(&pieces, args.until, &known, jobs(args), bars, &stop);
+    let batch = work::Batch { until: args.until, known: &known, bars, stop: &stop };
+    let (endings, without) = batch.all(&pieces, jobs(args));
     if let Err(error) = known.write() {
         tracing::warn!(
             "the index of finished work cannot be kept, the next batch digests every session: {}",
