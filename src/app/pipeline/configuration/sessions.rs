@@ -175,9 +175,10 @@ pub(in crate::pipeline) fn look(
         name_sessions(path, key, names, input.sessions_by)?;
     }
     by_what_there_is(path, input, stations)?;
-    let robot = file.robot.name.as_deref();
-    let found = Found::look(tree, folder, input, stations, robot, file.limits);
-    let found = found.map_err(|source| {
+    let (robot, limits) = (file.robot.name.as_deref(), file.limits);
+    let (sessions, left_out) = (Vec::new(), Vec::new());
+    let mut found = Found { tree, folder, input, stations, robot, limits, sessions, left_out };
+    found.look().map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
