@@ -35,7 +35,7 @@ use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 use cell::Placed;
-pub use known::{KnownError, KnownMisfit};
+pub use known::KnownError;
 pub use locating::Located;
 pub use so_far::{SoFar, SoFarError};
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::known::{self, KnownError, KnownMisfit};
+use super::known::{self, KnownError};
 use super::{Result, Stated};
 use crate::files::store::Place;
 use crate::io::lake::Lake;
@@ -53,7 +53,7 @@ impl Located {
         let identified = Identified { model, session: past.arm.model.session, target_sd_mm };
         let plan = locate(&read.arm, &identified, count, &settings)?;
         Ok(Self {
-            plan: plan.ok_or_else(|| Box::new(KnownMisfit::NotPositive.at(&table)))?,
+            plan: plan.ok_or_else(|| Box::new(KnownError::NotPositive(table)))?,
             identified_by: past.key,
             command_from_base,
             with_target: target_sd_mm.is_some(),
