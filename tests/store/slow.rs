@@ -161,7 +161,7 @@ fn of_a_process_of_its_own() {
         let done = pretended::done(own, &lake);
         let (configuration, piece) = (own.configuration, own.piece);
         let state = known.state(configuration, piece).expect("it has a tag");
-        if done.robot == "kr000" {
+        if done.key.robot == "kr000" {
             known.keep_alone(&state, configuration, piece, &done).expect("writable");
             first.get_or_insert(state);
         } else {

@@ -49,10 +49,7 @@ pub use took::{Size, Took};
 
 #[derive(Debug, Clone)]
 pub struct Done {
-    pub robot: String,
-    /// The session of its tables, or `pooled`.
-    pub session: String,
-    pub run: String,
+    pub key: RunKey,
     pub already_there: bool,
     /// Number of the last request that changed the current run of its session.
     pub asked: u64,
@@ -96,9 +93,7 @@ impl Done {
     /// A run that the lake had already, as far as its verdict is known.
     fn before(lake: &Lake, key: &RunKey, met: Option<bool>, reason: Option<String>) -> Self {
         Self {
-            robot: key.robot.clone(),
-            session: key.session.clone(),
-            run: key.run.clone(),
+            key: key.clone(),
             already_there: true,
             asked: 0,
             took_place: None,

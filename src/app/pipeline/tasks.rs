@@ -137,10 +137,10 @@ fn no_such(id: &str) -> Ended {
 fn ended(id: &str, done: &Done) -> Ended {
     Ended {
         id: id.to_owned(),
-        robot: Some(done.robot.clone()),
-        session: Some(done.session.clone()),
+        robot: Some(done.key.robot.clone()),
+        session: Some(done.key.session.clone()),
         ended: if done.already_there { How::DoneBefore } else { How::Done },
-        run: Some(done.run.clone()),
+        run: Some(done.key.run.clone()),
         took_place: done.took_place.clone(),
         met: done.met(),
         reason: done.reason.clone(),

@@ -131,7 +131,7 @@ fn outcome(done: &Done) -> String {
     if let Some(reason) = &done.reason {
         write!(text, ": {reason}").expect("a string");
     }
-    write!(text, ", run {}", done.run).expect("a string");
+    write!(text, ", run {}", done.key.run).expect("a string");
     for line in &done.rejected {
         write!(text, ", too much rejected: {line}").expect("a string");
     }
@@ -154,7 +154,7 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     lines.extend(done.corrects.as_ref().map(|table| now(&summary.next, table)));
     lines.extend(done.page.as_ref().map(|page| format!("page: {}", near(page))));
     if verbose {
-        lines.push(format!("run: {}", done.run));
+        lines.push(format!("run: {}", done.key.run));
         lines.extend(done.words.iter().cloned());
         lines.push(format!("tables: {}", near(&done.tables)));
     }

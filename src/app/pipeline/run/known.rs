@@ -52,9 +52,8 @@ struct Held {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Told {
-    robot: String,
-    session: String,
-    run: String,
+    #[serde(flatten)]
+    key: RunKey,
     /// Number of the last request of the session, when the run was current.
     asked: u64,
     /// Whether it is met; `None` where it could not be shown.
@@ -148,8 +147,7 @@ impl Known {
             Some(told) => told.clone(),
             None => self.told_alone(state).filter(|own| self.is_current(own))?,
         };
-        let key = RunKey::new(&told.robot, &told.session, &told.run);
-        let done = told.done(&self.lake, &key)?;
+        let done = told.done(&self.lake)?;
         self.add(state, told);
         Some(done)
     }
@@ -179,7 +177,7 @@ impl Known {
         let gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
         let all = self.before.values().chain(gathered.values());
         let all: Vec<(bool, Took)> = all
-            .filter_map(|own| Some((robot.is_some_and(|robot| own.robot == robot), own.took?)))
+            .filter_map(|own| Some((robot.is_some_and(|robot| own.key.robot == robot), own.took?)))
             .collect();
         let has_own = all.iter().any(|(is_own, _)| *is_own);
         all.into_iter().filter(|(is_own, _)| *is_own || !has_own).map(|(_, took)| took).collect()
@@ -211,14 +209,13 @@ impl Known {
 
     /// Whether the run that was told has a row, and its session no request since.
     fn is_current(&self, told: &Told) -> bool {
-        let key = RunKey::new(&told.robot, &told.session, &told.run);
         let is_there = |row: Result<String, LakeError>| match &self.listed {
             None => self.lake.has_key(&row?),
             Some(held) => Ok(held.rows.contains(&row?)),
         };
-        let row = is_there(self.lake.file_key("runs", &key));
+        let row = is_there(self.lake.file_key("runs", &told.key));
         let [last, later] =
-            [0, 1].map(|more| is_there(request_key(&key, told.asked.saturating_add(more))));
+            [0, 1].map(|more| is_there(request_key(&told.key, told.asked.saturating_add(more))));
         matches!((row, last, later), (Ok(true), Ok(true), Ok(false)))
     }
 
@@ -258,11 +255,10 @@ impl Known {
     /// Writes the index where it changed: what was told now, and before of runs that nothing was told of now.
     pub fn write(&self) -> Result<(), LakeError> {
         let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        let run = |told: &Told| (told.robot.clone(), told.session.clone(), told.run.clone());
-        let told: BTreeSet<_> = now.values().map(run).collect();
+        let told: BTreeSet<&RunKey> = now.values().map(|own| &own.key).collect();
         let mut all = now.clone();
         let before = self.before.iter();
-        let others = before.filter(|(_, own)| !told.contains(&run(own)) && self.is_current(own));
+        let others = before.filter(|(_, own)| !told.contains(&own.key) && self.is_current(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
         if all == self.before {
             return Ok(());
@@ -284,9 +280,7 @@ impl Known {
 impl Told {
     fn of(done: &Done) -> Self {
         Self {
-            robot: done.robot.clone(),
-            session: done.session.clone(),
-            run: done.run.clone(),
+            key: done.key.clone(),
             asked: done.asked,
             met: done.met(),
             of: done.verdict_of.map(|of| of.word().to_owned()),
@@ -297,14 +291,14 @@ impl Told {
         }
     }
 
-    fn done(&self, lake: &Lake, key: &RunKey) -> Option<Done> {
+    fn done(&self, lake: &Lake) -> Option<Done> {
         let of = self.of.as_ref().map(|word| VerdictOf::of_word(word));
         Some(Done {
             asked: self.asked,
             verdict_of: of.map_or(Some(None), |of| of.map(Some))?,
             rejected: self.rejected.clone(),
-            page: if self.has_page { Some(lake.place(PAGES, key).ok()?) } else { None },
-            ..Done::before(lake, key, self.met, self.reason.clone())
+            page: if self.has_page { Some(lake.place(PAGES, &self.key).ok()?) } else { None },
+            ..Done::before(lake, &self.key, self.met, self.reason.clone())
         })
     }
 }

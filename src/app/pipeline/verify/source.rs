@@ -126,7 +126,7 @@ impl Source {
             Self::Sessions(configuration, fetched) => {
                 let done = run_piece(configuration, &fetched.piece, progress);
                 let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
-                Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
+                Ok(RunKey { robot: claim.key.robot.clone(), ..done.key })
             }
         }
     }
