@@ -44,7 +44,7 @@ pub use known::Known;
 pub(super) use known::files_of;
 use publish::publish;
 use results::{Found, Results};
-pub(super) use session::session;
+pub(super) use session::SessionSource;
 pub use took::{Size, Took};
 
 #[derive(Debug, Clone)]
@@ -327,21 +327,17 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
     let session = outcome.training.last()?;
     let noise = configuration.stages.noise.with_stated(&session.stated_sizes);
     let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
-    let stations = &session.joined.stations;
-    let variances: Vec<f64> = stations
-        .iter()
-        .flat_map(Station::measured)
-        .filter_map(|reading| {
-            let (position, stated) =
-                (reading.position()?, reading.value.point()?.stated_covariance);
-            let source = noise.source(reading.source);
-            let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
-            let instrument = match stated {
-                Some(stated) => symmetric(stated) * size2,
-                None => source.uncertainty.covariance(&position) * camera2,
-            };
-            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
-        })
-        .collect();
+    let readings = session.joined.stations.iter().flat_map(Station::measured);
+    let variances = readings.filter_map(|reading| {
+        let (position, stated) = (reading.position()?, reading.value.point()?.stated_covariance);
+        let source = noise.source(reading.source);
+        let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
+        let instrument = match stated {
+            Some(stated) => symmetric(stated) * size2,
+            None => source.uncertainty.covariance(&position) * camera2,
+        };
+        Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
+    });
+    let variances: Vec<f64> = variances.collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)
 }

@@ -124,7 +124,8 @@ impl Planning {
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration.pieces.iter().flat_map(|piece| &piece.training).next();
         let files = files.expect("a configuration of one session has its files");
-        let joined = run::session(&configuration, files, None, progress).map_err(Box::new)?;
+        let source = run::SessionSource { configuration: &configuration, files };
+        let joined = source.joined(None, progress).map_err(Box::new)?;
         Ok((joined, configuration.stages))
     }
 
