@@ -39,6 +39,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::progress::Progress;
 
 use super::configuration::ConfigurationError;
+pub(super) use altered::is_gone;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, Register};
