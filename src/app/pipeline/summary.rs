@@ -13,7 +13,7 @@ use crate::grid::{Tolerance, notices_mm};
 use crate::ingest::LossKind;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
-use crate::join::{Pairing, Station, began};
+use crate::join::began;
 use crate::judgement::{JoinedSession, Outcome, gravity};
 use crate::kinematics::Arm;
 use crate::page::percent;
@@ -130,10 +130,8 @@ fn read(outcome: &Outcome<'_>) -> String {
 
 /// One session by its name, several by their number.
 fn sessions(sessions: &[JoinedSession]) -> String {
-    let all = sessions.iter().flat_map(|own| &own.joined.stations);
-    let stations = all.clone().count();
-    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
-    let measured = all.filter(is_paired).count();
+    let stations: usize = sessions.iter().map(|own| own.joined.stations.len()).sum();
+    let measured: usize = sessions.iter().map(|own| own.joined.paired()).sum();
     let named = match sessions {
         [one] => {
             began_at(one).map_or_else(|| one.name.clone(), |when| format!("{}, {when}", one.name))

@@ -8,7 +8,7 @@ use crate::fit::Corrects;
 use crate::fit::full::FullModel;
 use crate::fit::model::PartEvidence;
 use crate::fit::stated_size::FoundSize;
-use crate::join::{Pairing, Station, TargetId};
+use crate::join::TargetId;
 use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source, sizes};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
@@ -108,10 +108,8 @@ fn left_out(outcome: &Outcome<'_>) -> Option<String> {
 }
 
 fn session_words(session: &JoinedSession) -> String {
-    let stations = &session.joined.stations;
-    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
-    let paired = stations.iter().filter(is_paired).count();
-    let (name, all) = (&session.name, stations.len());
+    let (name, all) = (&session.name, session.joined.stations.len());
+    let paired = session.joined.paired();
     let counted = format!("{name}: {all} stations, {paired} measured, {} not", all - paired);
     let clock = &session.joined.clock;
     if clock.matched_edges == 0 {
