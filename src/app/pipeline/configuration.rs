@@ -113,15 +113,10 @@ impl Reads {
     pub fn of_readings(&self) -> String {
         match self {
             Self::Logs(mapping) => format!("on {}", mapping.tracker.topic),
-            Self::Tables(stations) => format!(
-                "in the columns {}",
-                stations
-                    .measured
-                    .iter()
-                    .map(|own| own.position.join(", "))
-                    .collect::<Vec<_>>()
-                    .join("; ")
-            ),
+            Self::Tables(stations) => {
+                let columns = stations.measured.iter().map(|own| own.position.join(", "));
+                format!("in the columns {}", columns.collect::<Vec<_>>().join("; "))
+            }
         }
     }
 }
@@ -436,17 +431,17 @@ impl Placed {
         };
         let up = file.robot.up.map(|up| upwards(path, up)).transpose()?;
         let section = file.commanded.as_ref();
+        let (key, tool) = match (section, &file.stations) {
+            (Some(section), _) => ("[commanded] flange_from_tool", &section.flange_from_tool),
+            (None, Some(stations)) => ("[stations] flange_from_tool", &stations.flange_from_tool),
+            (None, None) => ("", &None),
+        };
         let tool = tool.as_ref().map(|tool| isometry(key, tool)).transpose()?;
         let base_from_command = section
             .map(|section| isometry("[commanded] base_from_command", &section.base_from_command))
             .transpose()?;
         let frames =
             |base_from_command| CommandFrames { base_from_command, flange_from_tool: tool };
-        let (key, tool) = match (section, &file.stations) {
-            (Some(section), _) => ("[commanded] flange_from_tool", &section.flange_from_tool),
-            (None, Some(stations)) => ("[stations] flange_from_tool", &stations.flange_from_tool),
-            (None, None) => ("", &None),
-        };
         let tip = file.report.tool_tip.as_ref();
         let placed = Self {
             up,

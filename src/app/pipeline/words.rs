@@ -91,14 +91,11 @@ fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
 /// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is
 /// published, and the published one was learnt from them.
 fn left_out(outcome: &Outcome<'_>) -> Option<String> {
-    let verdicts: Vec<String> = outcome
-        .training
-        .iter()
-        .filter_map(|session| {
-            let figure = figure_of_model(&outcome.accuracy, &session.name)?;
-            Some(format!("{} {}", session.name, verdict::word(&figure.verdict)))
-        })
-        .collect();
+    let verdict = |session: &JoinedSession| {
+        let figure = figure_of_model(&outcome.accuracy, &session.name)?;
+        Some(format!("{} {}", session.name, verdict::word(&figure.verdict)))
+    };
+    let verdicts: Vec<String> = outcome.training.iter().filter_map(verdict).collect();
     (!verdicts.is_empty()).then(|| {
         format!(
             "each session by an estimate of the others, which informs and decides nothing: {}",

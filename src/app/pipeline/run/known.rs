@@ -155,14 +155,11 @@ impl Known {
     /// Reads what single tasks told of these states, several files at once; what the index has of current runs is not read.
     pub fn gather(&self, states: impl IntoIterator<Item = String>) {
         let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else { return };
-        let unread = states.into_iter();
         let is_known =
             |state: &String| self.before.get(state).is_some_and(|own| self.is_current(own));
-        let unread = unread.filter(|state| !is_known(state));
-        let (states, files): (Vec<String>, Vec<Listed>) = unread
-            .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
-            .map(|(listed, state)| (state, listed))
-            .unzip();
+        let unread = states.into_iter().filter(|state| !is_known(state));
+        let listed = unread.filter_map(|state| Some((held.alone.get(&state)?.clone(), state)));
+        let (files, states): (Vec<Listed>, Vec<String>) = listed.unzip();
         let texts = self.lake.all_kept(&files);
         let told = states.into_iter().zip(texts).filter_map(|(state, text)| {
             let told = serde_json::from_str(&text?).ok()?;
