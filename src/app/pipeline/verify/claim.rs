@@ -150,20 +150,21 @@ impl Register {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::tables::runs::{Ending, table};
 
-    fn run(session: &str, name: &str, replaces: Option<&str>) -> Registered {
-        Registered {
-            key: RunKey::new("r", session, name),
-            files: vec![Written {
-                table: "calibrations".to_owned(),
-                session: session.to_owned(),
-                rows: 1,
-                digest: format!("digest of {name}"),
-            }],
-            replaces: replaces.map(str::to_owned),
-            replaced: None,
-            found: String::new(),
-        }
+    fn run(session: &str, name: &str, replaces: Option<&str>) -> Arc<Claim> {
+        let file = Written {
+            table: "calibrations".to_owned(),
+            session: session.to_owned(),
+            rows: 1,
+            digest: format!("digest of {name}"),
+        };
+        let work =
+            Work::of_stage("r", session, vec![session.to_owned()], Vec::new(), "{}".to_owned());
+        let ending = Ending { replaces: replaces.map(str::to_owned), ..Ending::default() };
+        let row = table(&work, &[], &[file], &ending).expect("a row");
+        let claim = Claim::of(&row).expect("a claim");
+        Arc::new(Claim { key: RunKey::new("r", session, name), ..claim })
     }
 
     #[test]
