@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use super::Stated;
 use crate::compensation::IdentifiedArm;
 use crate::files::store::Place;
 use crate::fit::full::FullModel;
@@ -16,7 +17,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;
-use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
+use crate::plan::section::{BaseMounted, KnownSection, TargetMounted};
 use crate::plan::{KnownArm, PlanSettings};
 
 /// Largest change of the target's position at which it counts as the same, mm: weak priors let it trade that much with the
@@ -84,23 +85,47 @@ pub enum KnownError {
     NotPositive(PathBuf),
 }
 
-/// Place of the table that `[plan.known]` names.
-pub(super) fn table(
-    path: &Path,
-    base: &Path,
-    known: &KnownSection,
-    lakes: [&Place; 2],
-    robot: &str,
-) -> Result<PathBuf, KnownError> {
-    let named = |found| KnownError::Named { path: path.to_owned(), found };
-    match (&known.calibrations, &known.session) {
-        (Some(file), None) => Ok(base.join(file)),
-        (None, Some(session)) => match current(lakes[0], robot, session) {
-            Err(KnownError::NoRun { .. }) => current(lakes[1], robot, session),
-            found => found,
-        },
-        (None, None) => Err(named("neither")),
-        (Some(_), Some(_)) => Err(named("both")),
+impl Stated {
+    /// Place of the table that `[plan.known]` names in the pipeline file at `path`; `None` without that section.
+    pub(super) fn known_table(&self, path: &Path) -> Result<Option<PathBuf>, KnownError> {
+        let Some(known) = &self.section.known else { return Ok(None) };
+        let named = |found| KnownError::Named { path: path.to_owned(), found };
+        let table = match (&known.calibrations, &known.session) {
+            (Some(file), None) => self.read.base.join(file),
+            // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
+            (None, Some(session)) => match current(&self.lake, &self.robot, session) {
+                Err(KnownError::NoRun { .. }) => current(&self.read.lake, &self.robot, session)?,
+                found => found?,
+            },
+            (None, None) => return Err(named("neither")),
+            (Some(_), Some(_)) => return Err(named("both")),
+        };
+        Ok(Some(table))
+    }
+
+    /// The arm in the table at `path`, which has to be the one that is planned for.
+    pub(super) fn identified(&self, path: &Path) -> Result<PublishedArm, KnownError> {
+        let published = calibrations_table::read(path)?;
+        if published.key.robot != self.robot {
+            let (found, wanted) = (published.key.robot, self.robot.clone());
+            return Err(KnownError::OtherRobot { path: path.to_owned(), found, wanted });
+        }
+        same_nominal(path, &published.arm, &self.read.arm)?;
+        Ok(published)
+    }
+
+    /// The arm in the table at `path`, in the planned session.
+    pub(super) fn known_arm(&self, path: &Path) -> Result<Arc<KnownArm>, KnownError> {
+        let Self { section, settings, .. } = self;
+        let past = self.identified(path)?.arm;
+        let model = full(path, &past)?;
+        let known = section.known.clone().unwrap_or_default();
+        let mounting = mounting(path, &known, model, past.model.session, settings)?;
+        let most = settings.poses.iter().copied().max().unwrap_or(0);
+        let stations = 2 * most + settings.verify_poses;
+        let (arm, full) = (&self.read.arm, &settings.full);
+        let known = KnownArm::new(arm, model, mounting, stations, full, settings.up);
+        known.map(Arc::new).ok_or_else(|| KnownError::NotPositive(path.to_owned()))
     }
 }
 
@@ -122,38 +147,9 @@ pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
     path.ok_or(KnownError::Remote { table })
 }
 
-/// The arm in the table at `path`, which has to be the one that is planned for.
-pub(super) fn identified(path: &Path, arm: &Arm, robot: &str) -> Result<PublishedArm, KnownError> {
-    let published = calibrations_table::read(path)?;
-    if published.key.robot != robot {
-        let (found, wanted) = (published.key.robot, robot.to_owned());
-        return Err(KnownError::OtherRobot { path: path.to_owned(), found, wanted });
-    }
-    same_nominal(path, &published.arm, arm)?;
-    Ok(published)
-}
-
 pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullModel, KnownError> {
     let model = past.model.is::<FullModel>();
     model.ok_or_else(|| KnownError::GeometryAlone(path.to_owned()))
-}
-
-/// The arm in the table at `path`, in the planned session.
-pub(super) fn read(
-    path: &Path,
-    arm: &Arm,
-    robot: &str,
-    section: &PlanSection,
-    settings: &PlanSettings,
-) -> Result<Arc<KnownArm>, KnownError> {
-    let past = identified(path, arm, robot)?.arm;
-    let model = full(path, &past)?;
-    let known = section.known.clone().unwrap_or_default();
-    let mounting = mounting(path, &known, model, past.model.session, settings)?;
-    let most = settings.poses.iter().copied().max().unwrap_or(0);
-    let stations = 2 * most + settings.verify_poses;
-    let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
-    known.map(Arc::new).ok_or_else(|| KnownError::NotPositive(path.to_owned()))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {
