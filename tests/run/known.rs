@@ -57,8 +57,8 @@ fn pretend(cell: &Cell) {
             fs::create_dir_all(row.parent().expect("a folder")).expect("writable");
             fs::write(row, "no table").expect("writable");
         }
-        let state = known.state(own.configuration, own.piece);
-        known.keep(state.as_deref(), own.configuration, own.piece, &done);
+        let state = known.state(own);
+        known.keep(state.as_deref(), own, &done);
     }
     known.write().expect("writable");
 }

@@ -17,8 +17,9 @@ mod took;
 use std::time::Instant;
 
 use super::compared::pairs;
-use super::configuration::{Configuration, WorkPiece};
+use super::configuration::Configuration;
 use super::fetch::Fetched;
+use super::fleet::FleetPiece;
 use super::summary::{Summary, summary, when};
 use super::words::{notes, words};
 use super::{damage, driven, promise};
@@ -125,26 +126,21 @@ pub struct StageDone {
 }
 
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
-pub fn run_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<Done> {
+pub fn run_piece(own: FleetPiece<'_>, progress: &dyn Progress) -> Result<Done> {
     let begun = Instant::now();
-    let done = with_files(configuration, piece, |piece| run_local(configuration, piece, progress))?;
-    let took = (!done.already_there).then(|| Took::since(begun, Size::of(configuration, piece)));
+    let done = with_files(own, |local| run_local(local, progress))?;
+    let took = (!done.already_there).then(|| Took::since(begun, Size::of(own)));
     Ok(Done { took, ..done })
 }
 
 /// The result of a stage of a piece of work, for later runs to start from: of its first session, where it is joined. Fetched likewise.
 pub fn stage_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
+    own: FleetPiece<'_>,
     stage: Stage,
     progress: &dyn Progress,
 ) -> Result<StageDone> {
-    with_files(configuration, piece, |piece| {
-        let results = Results::of(configuration, piece, progress)?;
+    with_files(own, |local| {
+        let (results, piece) = (Results::of(local, progress)?, local.piece);
         if stage == JOINED {
             let none = || RunError::NoRobotName { session: piece.session.clone() };
             let files = piece.training.first().ok_or_else(none)?;
@@ -171,13 +167,9 @@ pub fn stage_piece(
 }
 
 /// Work with all files of a piece on this machine.
-fn with_files<T>(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    work: impl Fn(&WorkPiece) -> Result<T>,
-) -> Result<T> {
-    let fetched = Fetched::of(&configuration.tree, piece)?;
-    work(&fetched.piece).map_err(|error| {
+fn with_files<T>(own: FleetPiece<'_>, work: impl Fn(FleetPiece<'_>) -> Result<T>) -> Result<T> {
+    let fetched = Fetched::of(&own.configuration.tree, own.piece)?;
+    work(FleetPiece { piece: &fetched.piece, ..own }).map_err(|error| {
         if fetched.copies.is_empty() {
             return error;
         }
@@ -190,12 +182,9 @@ fn with_files<T>(
 }
 
 /// Does one piece of work whose logs are on this machine.
-fn run_local(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<Done> {
-    let results = Results::of(configuration, piece, progress)?;
+fn run_local(local: FleetPiece<'_>, progress: &dyn Progress) -> Result<Done> {
+    let FleetPiece { configuration, piece, .. } = local;
+    let results = Results::of(local, progress)?;
     let Results { work, lake, .. } = &results;
     let key = work.key();
     let Some(mut run) = lake.start(&key)? else { return already_there(configuration, lake, &key) };

@@ -52,8 +52,7 @@ impl Batch<'_> {
         jobs: NonZeroUsize,
     ) -> (Vec<Ending>, Vec<SetAside>) {
         if self.until.is_none() {
-            let state = |own: &FleetPiece<'_>| self.known.state(own.configuration, own.piece);
-            self.known.gather(pieces.iter().filter_map(state));
+            self.known.gather(pieces.iter().filter_map(|own| self.known.state(*own)));
         }
         let next = AtomicUsize::new(0);
         let work = || {
@@ -132,20 +131,16 @@ impl Batch<'_> {
         Ending::Failed(failure)
     }
 
-    fn attempt(
-        &self,
-        FleetPiece { configuration, piece, .. }: FleetPiece<'_>,
-        progress: &dyn Progress,
-    ) -> Result<Ending, RunError> {
+    fn attempt(&self, own: FleetPiece<'_>, progress: &dyn Progress) -> Result<Ending, RunError> {
         if let Some(until) = self.until {
-            return stage_piece(configuration, piece, until.stage(), progress).map(Ending::OfStage);
+            return stage_piece(own, until.stage(), progress).map(Ending::OfStage);
         }
-        let state = self.known.state(configuration, piece);
+        let state = self.known.state(own);
         if let Some(done) = state.as_deref().and_then(|state| self.known.told(state)) {
             return Ok(Ending::Done(Box::new(done)));
         }
-        let done = run_piece(configuration, piece, progress)?;
-        self.known.keep(state.as_deref(), configuration, piece, &done);
+        let done = run_piece(own, progress)?;
+        self.known.keep(state.as_deref(), own, &done);
         Ok(Ending::Done(Box::new(done)))
     }
 }

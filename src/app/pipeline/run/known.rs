@@ -22,7 +22,8 @@ use crate::io::lake::{INDEX, Lake, LakeError, PAGES, alone_key, request_key};
 use crate::io::rows::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
-use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};
+use crate::pipeline::configuration::{Recorded, SessionFiles, Tree};
+use crate::pipeline::fleet::FleetPiece;
 
 /// A file that changed later than this may change again at a time that is stated alike.
 const SETTLED: Duration = Duration::from_secs(2);
@@ -98,26 +99,23 @@ impl Known {
     }
 
     /// The state of a piece of work; `None` where a file of it has none, as it changed in the last moments.
-    pub fn state(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
-        are_settled(configuration, piece).then(|| self.state_now(configuration, piece))?
+    pub fn state(&self, own: FleetPiece<'_>) -> Option<String> {
+        are_settled(own).then(|| self.state_now(own))?
     }
 
     /// The state of a piece of work once none of its files can change in the moment that it states: where one changed just now, or later
     /// than this machine's clock says that it is, after it was watched for as long as that takes.
-    pub fn settled_state(
-        &self,
-        configuration: &Configuration,
-        piece: &WorkPiece,
-    ) -> Option<String> {
-        if !are_settled(configuration, piece) {
+    pub fn settled_state(&self, own: FleetPiece<'_>) -> Option<String> {
+        if !are_settled(own) {
             sleep(SETTLED);
         }
-        self.state_now(configuration, piece)
+        self.state_now(own)
     }
 
     /// The state of a piece of work as its files are now, to be held against an earlier one: what had a state when it was listed
     /// has the same one for as long as it does not change, whatever the clock of the machine that looks.
-    pub fn state_now(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
+    pub fn state_now(&self, own: FleetPiece<'_>) -> Option<String> {
+        let FleetPiece { configuration, piece, .. } = own;
         let mut hasher = blake3::Hasher::new();
         let mut add = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
@@ -220,26 +218,19 @@ impl Known {
     pub fn keep_alone(
         &self,
         state: &str,
-        configuration: &Configuration,
-        piece: &WorkPiece,
+        own: FleetPiece<'_>,
         done: &Done,
     ) -> Result<(), LakeError> {
-        if self.state_now(configuration, piece).as_deref() != Some(state) {
+        if self.state_now(own).as_deref() != Some(state) {
             return Ok(());
         }
         keep(&self.lake, &alone_key(state), &Told::of(done))
     }
 
     /// Keeps what is told of a run, if its files have the state after it that they had before it.
-    pub fn keep(
-        &self,
-        state: Option<&str>,
-        configuration: &Configuration,
-        piece: &WorkPiece,
-        done: &Done,
-    ) {
+    pub fn keep(&self, state: Option<&str>, own: FleetPiece<'_>, done: &Done) {
         let Some(state) = state else { return };
-        if self.state(configuration, piece).as_deref() == Some(state) {
+        if self.state(own).as_deref() == Some(state) {
             self.add(state, Told::of(done));
         }
     }
@@ -357,7 +348,7 @@ fn of_file(tree: &Tree, path: &Path) -> Option<String> {
     }
 }
 
-fn are_settled(configuration: &Configuration, piece: &WorkPiece) -> bool {
+fn are_settled(FleetPiece { configuration, piece, .. }: FleetPiece<'_>) -> bool {
     let mut files = piece.training.iter().chain(&piece.test).flat_map(files_of);
     files.all(|path| is_settled(&configuration.tree, path))
 }

@@ -14,6 +14,7 @@ use crate::io::tables::{PublishError, estimates, grids, joined_sessions};
 use crate::judgement::{self, Estimate, JoinedSession, Outcome, StageError};
 use crate::manifest::{Input, ROBOT, RunKey, Work, Written};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, WorkPiece};
+use crate::pipeline::fleet::FleetPiece;
 use crate::progress::Progress;
 
 /// Where the stages of a piece of work take their results from, and publish them.
@@ -41,11 +42,8 @@ pub(super) struct Sessions {
 }
 
 impl<'a> Results<'a> {
-    pub(super) fn of(
-        configuration: &'a Configuration,
-        piece: &WorkPiece,
-        progress: &'a dyn Progress,
-    ) -> Result<Self> {
+    pub(super) fn of(own: FleetPiece<'a>, progress: &'a dyn Progress) -> Result<Self> {
+        let FleetPiece { configuration, piece, .. } = own;
         let lake = Lake::at(&configuration.lake)?;
         Ok(Self { configuration, work: work(configuration, piece)?, lake, progress })
     }

@@ -14,6 +14,7 @@ use crate::pipeline::configuration::{
     SessionFiles, Tree, WorkPiece, files, look,
 };
 use crate::pipeline::fetch::Fetched;
+use crate::pipeline::fleet::FleetPiece;
 use crate::pipeline::planning::{self, Planning, PlanningError};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
@@ -124,7 +125,9 @@ impl Source {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
             Self::Sessions(configuration, fetched) => {
-                let done = run_piece(configuration, &fetched.piece, progress);
+                let piece = &fetched.piece;
+                let done =
+                    run_piece(FleetPiece { configuration, piece, is_of_several: false }, progress);
                 let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
                 Ok(RunKey { robot: claim.key.robot.clone(), ..done.key })
             }
