@@ -21,7 +21,6 @@ pub struct Content {
     pub robot: String,
     pub session: String,
     pub run: String,
-    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     /// Whether it is, by what, and who says so: held-out blocks, and every test session.
     pub verdict: RunVerdict,

@@ -19,7 +19,6 @@ use crate::report::verdict::RunVerdict;
 pub struct About<'a> {
     pub stated: Stated,
     pub work: &'a Work,
-    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     pub choice: &'a str,
     pub verdict: &'a RunVerdict,

@@ -209,7 +209,6 @@ impl LogNames {
         }
     }
 
-    /// The names or patterns for a session.
     #[must_use]
     pub fn of(&self, session: &str) -> Self {
         let patterns = self.patterns().iter();
@@ -367,7 +366,6 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// The placement without its uncertainty.
     pub const fn placement(&self) -> Placement {
         let Self { xyz_mm, quaternion_xyzw, euler_deg, euler_order, .. } = *self;
         Placement { xyz_mm, quaternion_xyzw, euler_deg, euler_order }

@@ -22,7 +22,6 @@ type Result<T, E = HistoryCommandError> = std::result::Result<T, E>;
 /// The time that the page of the fleet is of, where that is stated; `None` without the page.
 type OfAll = Option<Option<WallTime>>;
 
-/// The histories to be written.
 pub(super) struct Output<'a> {
     pub(super) lake: &'a Lake,
     pub(super) robots: &'a [RobotHistory],

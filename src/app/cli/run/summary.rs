@@ -58,7 +58,6 @@ pub fn summary(
     text
 }
 
-/// A line for each session.
 fn lines<'a>(
     endings: impl Iterator<Item = (&'a str, &'a Ending)>,
     set_aside: &[SetAside],

@@ -226,7 +226,6 @@ fn named_after(input: &mut Table, robot: &str) {
     }
 }
 
-/// File names with the robot in its place.
 fn with_robot(names: Value, robot: &str) -> Value {
     let each = |own| with_robot(own, robot);
     match names {

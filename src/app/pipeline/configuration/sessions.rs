@@ -58,7 +58,6 @@ impl Recorded {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JoinedBefore {
-    /// Its robot, name and result.
     pub key: RunKey,
     /// The session's own files that it was made from.
     pub inputs: Vec<Input>,
@@ -93,7 +92,6 @@ pub struct WorkPiece {
 /// A folder or file among the sessions that is no session, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The name of the folder or file.
     pub name: String,
     pub reason: String,
 }
@@ -225,7 +223,6 @@ fn named(sessions: &[Session], name: &str, lacks: impl FnOnce() -> String) -> Se
     })
 }
 
-/// Lists the work with the sessions found in `folder`.
 pub(super) fn list(
     found: &FoundSessions,
     folder: &Path,
@@ -242,7 +239,6 @@ pub(super) fn list(
     candidates.listed(input, overrides)
 }
 
-/// Lists the work with sessions that the lake has as joined.
 pub(super) fn list_joined(
     lake: &Lake,
     wanted: &Wanted<'_>,

@@ -69,7 +69,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// The report of what became of each position.
     pub(super) fn of(
         programs: &Programs,
         outcomes: Vec<Outcome>,

@@ -200,7 +200,6 @@ impl<'a> Solver<'a> {
             .collect()
     }
 
-    /// Each target with its command.
     fn commands(
         &self,
         targets: Vec<Result<Target, String>>,

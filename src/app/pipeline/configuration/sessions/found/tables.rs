@@ -12,7 +12,6 @@ use crate::io::station_table::{self, Whose};
 use crate::pipeline::file::{LogNames, SessionsBy};
 
 impl Found<'_> {
-    /// Finds the sessions of tables with these names.
     pub(super) fn tables(&mut self, names: &LogNames) -> io::Result<()> {
         match self.input.sessions_by {
             SessionsBy::Folder => self.tables_in_folders(names),
