@@ -4,6 +4,8 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::pipeline::some_of;
+
 const FILES_NAMED: usize = 5;
 /// Folders below a folder that are looked into for files to give: robot, session and their files, below a table.
 const DEPTH: usize = 3;
@@ -46,15 +48,11 @@ impl fmt::Display for FolderGiven {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} is a folder; give {}", self.path.display(), self.wanted)?;
         let Some(files) = &self.files else { return Ok(()) };
-        let named: Vec<String> =
-            files.iter().take(FILES_NAMED).map(|file| file.display().to_string()).collect();
-        let more = files.len().saturating_sub(FILES_NAMED);
-        let which = match (named.is_empty(), more) {
-            (true, _) => "none is in it".to_owned(),
-            (false, 0) => format!("in it: {}", named.join(", ")),
-            (false, more) => format!("in it: {} and {more} more", named.join(", ")),
-        };
-        write!(f, "; {which}")
+        if files.is_empty() {
+            return f.write_str("; none is in it");
+        }
+        let files = files.iter().map(|file| file.display().to_string());
+        write!(f, "; in it: {}", some_of(files, FILES_NAMED, "more"))
     }
 }
 

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::configuration::Configuration;
 use super::damage;
-use super::words::{references, rounded};
+use super::words::{references, rounded, some_of};
 use crate::figures::expanded;
 use crate::fit::{Identifiability, Model};
 use crate::grid::{Tolerance, notices_mm};
@@ -199,11 +199,8 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
         write!(words, ", most clearly {clearest} (± two standard errors)").expect("a string");
     }
     if !not.is_empty() {
-        let named: Vec<String> = not.iter().take(NAMED).map(|own| confounded(own)).collect();
-        write!(words, "; not identifiable: {}", named.join(", ")).expect("a string");
-        if not.len() > NAMED {
-            write!(words, " and {} more", not.len() - NAMED).expect("a string");
-        }
+        let named = some_of(not.into_iter().map(confounded), NAMED, "more");
+        write!(words, "; not identifiable: {named}").expect("a string");
     }
     Some(words)
 }

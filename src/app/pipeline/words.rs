@@ -203,17 +203,21 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
         })
         .collect();
     far.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
-    let more = match far.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
     (!far.is_empty()).then(|| {
-        format!(
-            "stations far from the prediction of all others, with little weight: {}{more}; see weight in residuals",
-            named.join(", ")
-        )
+        let named = some_of(far.into_iter().map(|(_, name)| name), NAMED, "more");
+        format!("stations far from the prediction of all others, with little weight: {named}; see weight in residuals")
     })
+}
+
+/// So many of the names at most, the first ones, with the number of the others, which are called `others`.
+pub(crate) fn some_of(
+    names: impl ExactSizeIterator<Item = String>,
+    most: usize,
+    others: &str,
+) -> String {
+    let more = names.len().saturating_sub(most);
+    let first = names.take(most).collect::<Vec<_>>().join(", ");
+    if more == 0 { first } else { format!("{first} and {more} {others}") }
 }
 
 /// Whether the figures are on stations that took no part, or of the raw command.
