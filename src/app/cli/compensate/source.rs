@@ -1,5 +1,6 @@
 //! The source of a correction: either of two tables of a run, distinguished by the table's name in the file.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::{CompensateCommandError, Result};
@@ -49,40 +50,24 @@ impl Source {
         covariances: Covariances,
     ) -> Vec<Result<Corrected, Refused>> {
         let other_tool = Exception::Term(Term::Tool);
-        if !allow.contains(&other_tool) {
-            return self.refusing_other_tools(targets, allow, covariances);
+        let is_allowed = allow.contains(&other_tool);
+        let mut asked = Cow::Borrowed(targets);
+        if is_allowed {
+            asked.to_mut().iter_mut().for_each(|target| target.tool = None);
         }
+        let mut outcomes: Vec<_> = match self {
+            Self::Table(own) => asked.iter().map(|target| compensate(&own.table, target)).collect(),
+            Self::Arm(own) => own.arm.compensate(&asked, allow, covariances),
+        };
         let own = self.validity().conditions.tool.as_ref();
-        let is_other = |target: &Target| target.tool.is_some() && target.tool.as_ref() != own;
-        let mut asked = targets.to_vec();
-        for target in &mut asked {
-            target.tool = None;
-        }
-        let mut outcomes = self.refusing_other_tools(&asked, allow, covariances);
         for (target, outcome) in targets.iter().zip(&mut outcomes) {
-            if let Ok(done) = outcome
-                && is_other(target)
-            {
+            let Ok(done) = outcome else { continue };
+            if is_allowed && target.tool.is_some() && target.tool.as_ref() != own {
                 done.allowed.push(other_tool);
             }
-        }
-        outcomes
-    }
-
-    fn refusing_other_tools(
-        &self,
-        targets: &[Target],
-        allow: &[Exception],
-        covariances: Covariances,
-    ) -> Vec<Result<Corrected, Refused>> {
-        let mut outcomes: Vec<_> = match self {
-            Self::Table(published) => {
-                targets.iter().map(|target| compensate(&published.table, target)).collect()
+            if covariances == Covariances::Omitted {
+                done.covariance = None;
             }
-            Self::Arm(published) => return published.arm.compensate(targets, allow, covariances),
-        };
-        if covariances == Covariances::Omitted {
-            outcomes.iter_mut().flatten().for_each(|done| done.covariance = None);
         }
         outcomes
     }
