@@ -20,9 +20,7 @@ use crate::io::lake::Lake;
 use crate::io::log::SessionLogs;
 use crate::io::station_table::Whose;
 use crate::manifest::{Input, RunKey};
-use crate::pipeline::file::{
-    InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, SessionsBy,
-};
+use crate::pipeline::file::{InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, ToldBy};
 use found::Found;
 pub use found::Session;
 pub use joined::Wanted;
@@ -155,7 +153,7 @@ pub struct FoundSessions {
     pub sessions: Vec<Session>,
     /// By name.
     pub left_out: Vec<LeftOut>,
-    by: SessionsBy,
+    by: ToldBy,
 }
 
 /// Searches the sessions of a pipeline file: `folder` is its `[input] folder`, resolved, in `tree`.
@@ -186,7 +184,7 @@ pub(in crate::pipeline) fn look(
 impl FoundSessions {
     /// Sessions that were found elsewhere.
     pub const fn of(sessions: Vec<Session>) -> Self {
-        Self { sessions, left_out: Vec::new(), by: SessionsBy::Folder }
+        Self { sessions, left_out: Vec::new(), by: ToldBy::Folder }
     }
 
     /// These sessions alone.
@@ -203,10 +201,10 @@ impl FoundSessions {
         let left = self.left_out.iter().find(|left| left.name == name);
         match (left, self.by) {
             (Some(left), _) => left.reason.clone(),
-            (None, SessionsBy::Folder) if name.contains('/') => {
+            (None, ToldBy::Folder) if name.contains('/') => {
                 "a session is named by its folder's name, not by a path".to_owned()
             }
-            (None, SessionsBy::Folder) => "there is no such folder".to_owned(),
+            (None, ToldBy::Folder) => "there is no such folder".to_owned(),
             (None, _) => "no file names it".to_owned(),
         }
     }
@@ -231,7 +229,7 @@ pub(super) fn list(
 ) -> Result<Listed> {
     let candidates = Candidates {
         place: folder.to_owned(),
-        wanted: input.sessions_by.of(input),
+        wanted: input.session_in_words(),
         named: &|name| found.named(name),
         sessions: &found.sessions,
         left_out: &found.left_out,
@@ -328,16 +326,16 @@ fn by_what_there_is(
 ) -> Result<()> {
     let has_column = stations.is_some_and(|stations| stations.session.is_some());
     let (found, wanted) = match (input.sessions_by, stations.is_some()) {
-        (SessionsBy::Column, false) => {
+        (ToldBy::Column, false) => {
             ("column", "\"folder\", \"file_name\" or \"metadata\": logs have no columns")
         }
-        (SessionsBy::Metadata, true) => {
+        (ToldBy::Metadata, true) => {
             ("metadata", "\"folder\", \"file_name\" or \"column\": tables have no metadata")
         }
-        (SessionsBy::Column, true) if !has_column => {
+        (ToldBy::Column, true) if !has_column => {
             ("column", "with [stations] session, the column that names a row's session")
         }
-        (SessionsBy::Folder | SessionsBy::FileName, true) if has_column => {
+        (ToldBy::Folder | ToldBy::FileName, true) if has_column => {
             ("not column", "\"column\", as [stations] session names a column of sessions")
         }
         _ => return Ok(()),
@@ -348,9 +346,9 @@ fn by_what_there_is(
 }
 
 /// Checks that names have `{session}` in their last part where sessions are found by it, and nowhere else.
-fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Result<()> {
+fn name_sessions(path: &Path, key: &str, names: &LogNames, by: ToldBy) -> Result<()> {
     let wanted = match by {
-        SessionsBy::FileName => {
+        ToldBy::FileName => {
             "names with one {session} in their last part, as sessions_by = \"file_name\" asks"
         }
         _ => {
@@ -362,7 +360,7 @@ fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Re
         let last = last.to_string_lossy().matches(SESSION_PLACE).count();
         (pattern.matches(SESSION_PLACE).count(), last)
     };
-    let right = usize::from(by == SessionsBy::FileName);
+    let right = usize::from(by == ToldBy::FileName);
     let patterns = names.patterns();
     if !patterns.is_empty() && patterns.iter().all(|pattern| places(pattern) == (right, right)) {
         return Ok(());

@@ -13,7 +13,7 @@ use crate::files::input::Bound;
 use crate::ingest::StationsSettings;
 use crate::io::lake;
 use crate::io::log::{Limits, SessionLogs, session_record};
-use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
+use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, ToldBy};
 use logs::Lack;
 
 /// A session as found: with its files, or why there is no work with it at present.
@@ -50,9 +50,9 @@ impl Found<'_> {
     pub fn look(&mut self) -> io::Result<()> {
         match (&self.input.stations, self.input.sessions_by) {
             (Some(names), _) => self.tables(names)?,
-            (None, SessionsBy::Folder) => self.by_folder()?,
-            (None, SessionsBy::FileName) => self.by_file_name()?,
-            (None, SessionsBy::Metadata | SessionsBy::Column) => self.by_metadata()?,
+            (None, ToldBy::Folder) => self.by_folder()?,
+            (None, ToldBy::FileName) => self.by_file_name()?,
+            (None, ToldBy::Metadata | ToldBy::Column) => self.by_metadata()?,
         }
         self.names_are_sound();
         Ok(())
