@@ -264,17 +264,10 @@ impl Gathered {
 
     /// The fleet; the first fault where no robot has a session and none waits.
     fn fleet(self) -> Result<Fleet> {
-        let mut faults = self.faults;
-        let Some(first) = self.robots.first() else { return Err(faults.swap_remove(0)) };
-        let lake = first.lake.clone();
-        Ok(Fleet {
-            is_of_several: true,
-            remarks: remarks(&self.robots),
-            set_aside: self.set_aside,
-            left_out: self.left_out,
-            robots: self.robots,
-            lake,
-        })
+        let Self { robots, set_aside, left_out, mut faults, .. } = self;
+        let Some(first) = robots.first() else { return Err(faults.swap_remove(0)) };
+        let (remarks, lake) = (remarks(&robots), first.lake.clone());
+        Ok(Fleet { is_of_several: true, robots, set_aside, left_out, remarks, lake })
     }
 }
 
