@@ -17,24 +17,22 @@ use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
 use crate::io::lake::LakeError;
 use crate::io::targets::TargetsError;
+use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;
 
 /// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.
 #[derive(Debug, Error)]
 #[error(
-    "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
+    "{}: corrected already: {what} posegrid wrote {when} with table {} of robot {:?}, session {:?} ({}); \
      correct the targets themselves, a second correction would move the tool by the error once more",
-    path.display(),
-    record.display()
+    path.display(), key.run, key.robot, key.session, record.display()
 )]
 pub struct CorrectedAlready {
     pub path: PathBuf,
     /// "the file", or which of its targets.
     pub what: String,
     pub when: String,
-    pub run: String,
-    pub robot: String,
-    pub session: String,
+    pub key: RunKey,
     pub record: PathBuf,
 }
 
@@ -101,10 +99,11 @@ pub enum CompensateCommandError {
     )]
     NoRun { lake: Place, robot: String, session: String },
     #[error(
-        "run {run} of robot {robot:?}, session {session:?} has no table {table}: no step gave one, or it was removed; choose \
-         another by --by or --session"
+        "run {} of robot {:?}, session {:?} has no table {table}: no step gave one, or it was removed; choose \
+         another by --by or --session",
+        key.run, key.robot, key.session
     )]
-    NoTableOfRun { run: String, robot: String, session: String, table: &'static str },
+    NoTableOfRun { key: RunKey, table: &'static str },
     #[error(
         "the table is not valid for what the targets will be run with: {}; use a table measured so, or correct all the same with {}",
         .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),

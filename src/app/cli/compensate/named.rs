@@ -82,12 +82,7 @@ impl CompensateArgs {
                 return Ok(*table);
             }
         }
-        Err(CompensateCommandError::NoTableOfRun {
-            run: key.run.clone(),
-            robot: key.robot.clone(),
-            session: key.session.clone(),
-            table: wanted[0].word(),
-        })
+        Err(CompensateCommandError::NoTableOfRun { key: key.clone(), table: wanted[0].word() })
     }
 }
 

@@ -172,9 +172,7 @@ fn corrected_already(
         path: targets.to_owned(),
         what,
         when: written.map_or_else(|| "earlier".to_owned(), day),
-        run: record.key.run.clone(),
-        robot: record.key.robot.clone(),
-        session: record.key.session.clone(),
+        key: record.key.clone(),
         record: place.clone(),
     }))
 }
