@@ -46,7 +46,13 @@ impl Source {
         lake: &Path,
     ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.run.sessions.is_empty() {
-            return Self::find_plan(claim, pipeline, known_arm, lake);
+            let planning =
+                Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
+            let planning = planning.map_err(|error| match error {
+                PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
+                error => other(error),
+            })?;
+            return Ok(Self::Planning(Box::new(planning)));
         }
         let overrides = Overrides {
             robot: Some(claim.key.robot.clone()),
@@ -71,20 +77,6 @@ impl Source {
         // Tables that were elsewhere are in this lake now.
         let configuration = Configuration { tree: Tree::Folder, ..configuration };
         Ok(Self::Sessions(Box::new(configuration), fetched))
-    }
-
-    fn find_plan(
-        claim: &Claim,
-        pipeline: &Path,
-        known_arm: Option<&Path>,
-        lake: &Path,
-    ) -> Result<Self, NoSource> {
-        let planning = Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
-        let planning = planning.map_err(|error| match error {
-            PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
-            error => other(error),
-        })?;
-        Ok(Self::Planning(Box::new(planning)))
     }
 
     /// The plan that the last session's logs name.
