@@ -146,14 +146,15 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// The sessions in the folder of `[input]`, and what is no session there.
+/// The sessions in the folder of `[input]`, or those that a lake has as joined, and what is no session there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundSessions {
     /// By name.
     pub sessions: Vec<Session>,
     /// By name.
     pub left_out: Vec<LeftOut>,
-    by: ToldBy,
+    /// What tells them; `None` of those that a lake has as joined.
+    by: Option<ToldBy>,
 }
 
 /// Searches the sessions of a pipeline file: `folder` is its `[input] folder`, resolved, in `tree`.
@@ -178,13 +179,14 @@ pub(in crate::pipeline) fn look(
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
-    Ok(FoundSessions { sessions: found.sessions, left_out: found.left_out, by: input.sessions_by })
+    let Found { sessions, left_out, .. } = found;
+    Ok(FoundSessions { sessions, left_out, by: Some(input.sessions_by) })
 }
 
 impl FoundSessions {
     /// Sessions that were found elsewhere.
     pub const fn of(sessions: Vec<Session>) -> Self {
-        Self { sessions, left_out: Vec::new(), by: ToldBy::Folder }
+        Self { sessions, left_out: Vec::new(), by: Some(ToldBy::Folder) }
     }
 
     /// These sessions alone.
@@ -193,13 +195,21 @@ impl FoundSessions {
         Self { sessions, left_out: Vec::new(), by: self.by }
     }
 
+    /// The session of that name; a bad one where there is none.
     fn named(&self, name: &str) -> Session {
-        named(&self.sessions, name, || self.not_there(name))
+        let found = self.sessions.iter().find(|session| session.name == name);
+        found.cloned().unwrap_or_else(|| Session {
+            name: name.to_owned(),
+            recorded: Err(Why::Bad(self.not_there(name))),
+            corrected: None,
+            robot: None,
+        })
     }
 
     fn not_there(&self, name: &str) -> String {
+        let Some(by) = self.by else { return "the lake does not have it as joined".to_owned() };
         let left = self.left_out.iter().find(|left| left.name == name);
-        match (left, self.by) {
+        match (left, by) {
             (Some(left), _) => left.reason.clone(),
             (None, ToldBy::Folder) if name.contains('/') => {
                 "a session is named by its folder's name, not by a path".to_owned()
@@ -210,31 +220,14 @@ impl FoundSessions {
     }
 }
 
-/// The session of that name; a bad one where there is none, with the reason that `lacks` gives.
-fn named(sessions: &[Session], name: &str, lacks: impl FnOnce() -> String) -> Session {
-    let found = sessions.iter().find(|session| session.name == name);
-    found.cloned().unwrap_or_else(|| Session {
-        name: name.to_owned(),
-        recorded: Err(Why::Bad(lacks())),
-        corrected: None,
-        robot: None,
-    })
-}
-
 pub(super) fn list(
     found: &FoundSessions,
     folder: &Path,
     input: &InputSection,
     overrides: &Overrides,
 ) -> Result<Listed> {
-    let candidates = Candidates {
-        place: folder.to_owned(),
-        wanted: input.session_in_words(),
-        named: &|name| found.named(name),
-        sessions: &found.sessions,
-        left_out: &found.left_out,
-    };
-    candidates.listed(input, overrides)
+    let (place, wanted) = (folder.to_owned(), input.session_in_words());
+    Candidates { found, place, wanted }.listed(input, overrides)
 }
 
 pub(super) fn list_joined(
@@ -243,27 +236,17 @@ pub(super) fn list_joined(
     input: &InputSection,
     overrides: &Overrides,
 ) -> Result<Listed> {
-    let (sessions, left_out) = joined::sessions(lake, wanted)?;
-    let lacks = || "the lake does not have it as joined".to_owned();
-    let candidates = Candidates {
-        place: lake.root().named(),
-        wanted: "a row of joined_sessions, which `posegrid run --until session` writes".to_owned(),
-        named: &|name| named(&sessions, name, lacks),
-        sessions: &sessions,
-        left_out: &left_out,
-    };
-    candidates.listed(input, overrides)
+    let found = &joined::sessions(lake, wanted)?;
+    let wanted = "a row of joined_sessions, which `posegrid run --until session` writes".to_owned();
+    Candidates { found, place: lake.root().named(), wanted }.listed(input, overrides)
 }
 
 /// Sessions that there may be work with.
 struct Candidates<'a> {
+    found: &'a FoundSessions,
     /// Where they were looked for.
     place: PathBuf,
     wanted: String,
-    /// The session of a name, or why there is none.
-    named: &'a dyn Fn(&str) -> Session,
-    sessions: &'a [Session],
-    left_out: &'a [LeftOut],
 }
 
 impl Candidates<'_> {
@@ -273,11 +256,11 @@ impl Candidates<'_> {
         let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
         named_once(named.as_deref().unwrap_or_default(), &test)?;
         named_once(&test, &[])?;
-        let of_name = |name: &String| (self.named)(name);
+        let of_name = |name: &String| self.found.named(name);
         let training: Vec<Session> = if let Some(names) = &named {
             names.iter().map(of_name).collect()
         } else {
-            let others = self.sessions.iter().filter(|own| !test.contains(&own.name));
+            let others = self.found.sessions.iter().filter(|own| !test.contains(&own.name));
             others.cloned().collect()
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
@@ -291,7 +274,7 @@ impl Candidates<'_> {
             pieces,
             set_aside,
             // Entries that are no session matter only where every session is asked for.
-            left_out: named.map_or_else(|| self.left_out.to_vec(), |_| Vec::new()),
+            left_out: named.map_or_else(|| self.found.left_out.clone(), |_| Vec::new()),
         })
     }
 
@@ -306,10 +289,10 @@ impl Candidates<'_> {
                 session,
                 reason,
                 folder: self.place.clone(),
-                found: self.sessions.iter().map(|s| s.name.clone()).collect(),
+                found: self.found.sessions.iter().map(|s| s.name.clone()).collect(),
             };
         }
-        let left = self.left_out.iter();
+        let left = self.found.left_out.iter();
         ConfigurationError::NoSessions {
             folder: self.place.clone(),
             wanted: self.wanted.clone(),
