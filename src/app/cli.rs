@@ -198,10 +198,7 @@ fn with_remedy(mut answer: clap::Error) -> clap::Error {
 
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
-        Ok(result) => {
-            let written = messages::result(result, bars);
-            written.map_or_else(Undelivered::exit_code, |()| DONE)
-        }
+        Ok(result) => messages::last_result(result, DONE, bars),
         Err(error) => {
             tracing::error!("{error}");
             BAD_USAGE

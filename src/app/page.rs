@@ -51,10 +51,10 @@ const SECTIONS: [Maker<Content>; 12] = [
 
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
-        title: format!("{} · {}", content.robot, content.session),
+        title: format!("{} · {}", content.key.robot, content.key.session),
         header: verdict::header(content),
         sections: &SECTIONS,
         content,
-        footer: html! { "posegrid " (VERSION) " · run " code { (content.run) } },
+        footer: html! { "posegrid " (VERSION) " · run " code { (content.key.run) } },
     })
 }

@@ -19,3 +19,5 @@ pub mod summary;
 pub mod tasks;
 pub mod verify;
 mod words;
+
+pub(crate) use words::some_of;

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use posegrid::files::store::Place;
 use posegrid::io::lake::{Lake, request_key};
-use posegrid::manifest::RunKey;
 use posegrid::pipeline::configuration::Overrides;
 use posegrid::pipeline::fleet::Fleet;
 use posegrid::pipeline::run::Known;
@@ -52,15 +51,14 @@ fn pretend(cell: &Cell) {
     let known = Known::read(lake.clone()).expect("no index yet");
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
-        let key = RunKey::new(&done.robot, &done.session, &done.run);
-        let keys = [lake.file_key("runs", &key), request_key(&key, done.asked)];
+        let keys = [lake.file_key("runs", &done.key), request_key(&done.key, done.asked)];
         for own in keys {
             let row = cell.path("lake").join(own.expect("a name"));
             fs::create_dir_all(row.parent().expect("a folder")).expect("writable");
             fs::write(row, "no table").expect("writable");
         }
-        let state = known.state(own.configuration, own.piece);
-        known.keep(state.as_deref(), own.configuration, own.piece, &done);
+        let state = known.state(own);
+        known.keep(state.as_deref(), own, &done);
     }
     known.write().expect("writable");
 }

@@ -2,6 +2,7 @@
 
 use posegrid::grid::Verdict;
 use posegrid::io::lake::Lake;
+use posegrid::manifest::RunKey;
 use posegrid::pipeline::fleet::FleetPiece;
 use posegrid::pipeline::run::Done;
 
@@ -10,10 +11,9 @@ pub const RUN: &str = "0a";
 
 /// A run of a piece of work that meets its tolerance.
 pub fn done(own: FleetPiece<'_>, lake: &Lake) -> Done {
+    let robot = own.configuration.robot.as_deref().expect("named");
     Done {
-        robot: own.configuration.robot.clone().expect("named"),
-        session: own.piece.session.clone(),
-        run: RUN.to_owned(),
+        key: RunKey::new(robot, &own.piece.session, RUN),
         already_there: false,
         asked: 1,
         took_place: None,

@@ -159,13 +159,12 @@ fn of_a_process_of_its_own() {
     let mut first = None;
     for own in fleet.pieces() {
         let done = pretended::done(own, &lake);
-        let (configuration, piece) = (own.configuration, own.piece);
-        let state = known.state(configuration, piece).expect("it has a tag");
-        if done.robot == "kr000" {
-            known.keep_alone(&state, configuration, piece, &done).expect("writable");
+        let state = known.state(own).expect("it has a tag");
+        if done.key.robot == "kr000" {
+            known.keep_alone(&state, own, &done).expect("writable");
             first.get_or_insert(state);
         } else {
-            known.keep(Some(&state), configuration, piece, &done);
+            known.keep(Some(&state), own, &done);
         }
     }
     known.write().expect("writable");

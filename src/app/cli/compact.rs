@@ -7,7 +7,6 @@ use clap::Args;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
-use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::files::store::Place;
 use crate::io::lake::{COMPACT, KEYS, Lake, LakeError};
@@ -55,9 +54,8 @@ fn told(done: &Compacted, bars: &Bars) -> u8 {
         let text = format!("left out: {}: {}", left_out.place, left_out.reason);
         tracing::warn!("{}", Printable(&text));
     }
-    let printed = messages::result(words(done).join("\n"), bars);
     let code = if done.left_out.is_empty() { DONE } else { NOT_MET };
-    printed.map_or_else(Undelivered::exit_code, |()| code)
+    messages::last_result(words(done).join("\n"), code, bars)
 }
 
 fn words(done: &Compacted) -> Vec<String> {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use super::folder_given::{DEPTH, FolderGiven, files_in};
+use super::folder_given::FolderGiven;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
@@ -103,9 +103,7 @@ fn folder(args: &ExportArgs) -> Option<FolderGiven> {
         return Some(FolderGiven::for_new_file(out, "a new file in it as --out"));
     }
     let path = Some(&args.table).filter(|path| path.is_dir())?;
-    let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
-    let files = files_in(path, DEPTH, &is_table);
-    Some(FolderGiven::new(path, "a file of a table of a run", files))
+    Some(FolderGiven::for_table(path, "a file of a table of a run"))
 }
 
 /// Runs the command: the result goes to `--out` or standard output, errors to standard error. Gives the exit code.

@@ -4,9 +4,11 @@ use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::pipeline::some_of;
+
 const FILES_NAMED: usize = 5;
 /// Folders below a folder that are looked into for files to give: robot, session and their files, below a table.
-pub(super) const DEPTH: usize = 3;
+const DEPTH: usize = 3;
 
 /// A folder that was given in the place of a file, with the files in it that can be given.
 #[derive(Debug)]
@@ -18,9 +20,21 @@ pub struct FolderGiven {
 }
 
 impl FolderGiven {
-    /// The folder, the file that is needed in words, and the files that can be given.
-    pub(super) fn new(path: &Path, wanted: &'static str, files: Vec<PathBuf>) -> Self {
+    /// The folder, the file that is needed in words, and the files that can be given: those that [`files_in`] finds.
+    pub(super) fn new(
+        path: &Path,
+        wanted: &'static str,
+        levels: usize,
+        can_be_given: &dyn Fn(&Path) -> bool,
+    ) -> Self {
+        let files = files_in(path, levels, can_be_given);
         Self { path: path.to_owned(), wanted, files: Some(files) }
+    }
+
+    /// A folder in the place of a table of a run.
+    pub(super) fn for_table(path: &Path, wanted: &'static str) -> Self {
+        let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
+        Self::new(path, wanted, DEPTH, &is_table)
     }
 
     pub(super) fn for_new_file(path: &Path, wanted: &'static str) -> Self {
@@ -28,19 +42,17 @@ impl FolderGiven {
     }
 }
 
+impl std::error::Error for FolderGiven {}
+
 impl fmt::Display for FolderGiven {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} is a folder; give {}", self.path.display(), self.wanted)?;
         let Some(files) = &self.files else { return Ok(()) };
-        let named: Vec<String> =
-            files.iter().take(FILES_NAMED).map(|file| file.display().to_string()).collect();
-        let more = files.len().saturating_sub(FILES_NAMED);
-        let which = match (named.is_empty(), more) {
-            (true, _) => "none is in it".to_owned(),
-            (false, 0) => format!("in it: {}", named.join(", ")),
-            (false, more) => format!("in it: {} and {more} more", named.join(", ")),
-        };
-        write!(f, "; {which}")
+        if files.is_empty() {
+            return f.write_str("; none is in it");
+        }
+        let files = files.iter().map(|file| file.display().to_string());
+        write!(f, "; in it: {}", some_of(files, FILES_NAMED, "more"))
     }
 }
 

@@ -23,7 +23,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::tables::past::PastSession;
 use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistory, history};
 use crate::units::WallTime;
-use output::{output, pages};
+use output::Output;
 use words::words;
 
 /// Find what changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
@@ -95,10 +95,11 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     };
     robots.iter().for_each(warn);
     let of_all = args.robot.is_none().then_some(args.as_of);
+    let output = Output { lake: &lake, robots: &robots, of_all };
     // The files are written before anything is printed, so they do not depend on whether stdout accepts the text.
     let written = match (&args.out, &args.pages) {
-        (Some(to), _) => output(&lake, &robots, to, of_all),
-        (None, Some(to)) => pages(&lake, &robots, to.as_deref(), of_all),
+        (Some(to), _) => output.all(to),
+        (None, Some(to)) => output.pages(to.as_deref()),
         (None, None) => Ok(Vec::new()),
     };
     let mut text: String = robots.iter().flat_map(words).map(|text| line(&text)).collect();
@@ -114,7 +115,9 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
 /// Writes the pages of all robots into the lake anew: the pages of runs lead to them. Where that fails, the runs are as sound as before.
 pub(super) fn refresh_pages(lake: &Lake, bars: &Bars) {
     let robots = history(lake, &Asked::default(), &bars.of("history"));
-    let written = robots.map_err(Into::into).and_then(|own| pages(lake, &own, None, Some(None)));
+    let written = robots
+        .map_err(Into::into)
+        .and_then(|robots| Output { lake, robots: &robots, of_all: Some(None) }.pages(None));
     if let Err(error) = written {
         let error = error.to_string();
         tracing::warn!("the pages of all nights are not written: {}", Printable(&error));
@@ -134,9 +137,7 @@ fn failed(error: &HistoryCommandError) -> u8 {
     tracing::error!("{}", Printable(&error.to_string()));
     match error {
         HistoryCommandError::History(_) => BAD_USAGE,
-        HistoryCommandError::Tables(_)
-        | HistoryCommandError::Page(_)
-        | HistoryCommandError::Write { .. } => NO_RESULT,
+        _ => NO_RESULT,
     }
 }
 

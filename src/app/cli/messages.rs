@@ -98,6 +98,11 @@ pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
     deliver(text.as_bytes(), bars)
 }
 
+/// Writes a result likewise, for a command that ends with it; gives its exit code, `code` where all of it was written.
+pub(super) fn last_result(text: impl Display, code: u8, bars: &Bars) -> u8 {
+    result(text, bars).map_or_else(Undelivered::exit_code, |()| code)
+}
+
 pub(super) fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
     // A program reads what is there; a terminal would act on it.
     let shown = str::from_utf8(result).ok().filter(|_| io::stdout().is_terminal());

@@ -12,12 +12,12 @@ use std::path::PathBuf;
 use clap::{Args, value_parser};
 use thiserror::Error;
 
+use super::compensate::WriteCause;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::run::near;
-use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
-use crate::files::whole_file::{self, write_whole};
+use crate::files::whole_file::write_whole;
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::rows::Word as _;
@@ -80,26 +80,7 @@ enum PlanCommandError {
     #[error(transparent)]
     Lake(#[from] LakeError),
     #[error("{}: {}", path.display(), source.told())]
-    Write { path: PathBuf, source: CsvCause },
-}
-
-#[derive(Debug, Error)]
-enum CsvCause {
-    #[error(transparent)]
-    Io(#[from] io::Error),
-    #[error(transparent)]
-    Csv(#[from] csv::Error),
-}
-
-impl CsvCause {
-    fn told(&self) -> String {
-        match self {
-            Self::Io(error) => whole_file::told(error),
-            Self::Csv(error) => {
-                format!("{error}; check the space and the permissions of the folder")
-            }
-        }
-    }
+    Write { path: PathBuf, source: WriteCause },
 }
 
 impl PlanCommandError {
@@ -132,9 +113,7 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     };
     match ended {
         Ok((is_met, words)) => {
-            let written = messages::result(words, bars);
-            let met = if is_met { DONE } else { NOT_MET };
-            written.map_or_else(Undelivered::exit_code, |()| met)
+            messages::last_result(words, if is_met { DONE } else { NOT_MET }, bars)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -150,7 +129,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(bool, String), PlanCommandError
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.out {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
-        let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), CsvCause> {
+        let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), WriteCause> {
             let units = JointUnits::of(&planning.arm, AngleUnit::Deg);
             Ok(write_csv(&table, units, sink)?)
         };

@@ -174,8 +174,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     tell(&fleet);
     if args.dry_run {
-        let told = messages::result(work(&fleet), bars);
-        return told.map_or_else(Undelivered::exit_code, |()| DONE);
+        return messages::last_result(work(&fleet), DONE, bars);
     }
     batch(&fleet, args, bars).unwrap_or_else(|error| {
         tracing::error!("{}", Printable(&error.to_string()));
@@ -209,7 +208,8 @@ fn batch(fleet: &Fleet, args: &RunArgs, bars: &Bars) -> Result<u8, LakeError> {
     clean(&lake);
     let known = if args.fresh { Known::nothing(lake) } else { Known::read(lake)? };
     let pieces = fleet.pieces();
-    let (endings, without) = work::all(&pieces, args.until, &known, jobs(args), bars, &stop);
+    let batch = work::Batch { until: args.until, known: &known, bars, stop: &stop };
+    let (endings, without) = batch.all(&pieces, jobs(args));
     if let Err(error) = known.write() {
         tracing::warn!(
             "the index of finished work cannot be kept, the next batch digests every session: {}",

@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use super::robot::ArmFlags;
 use crate::at::At;
-use crate::files::whole_file::told;
+use crate::files::whole_file::{told, write_whole};
 use crate::ingest::{Recording, StandsOn, TargetReadings};
 use crate::io::log_writer::{LogWriteError, TrackerLog, write_controller_log};
 use crate::io::robot::{self, Selection};
@@ -261,22 +261,22 @@ impl SimulateArgs {
     /// The table of the stations, with a reading of each reflector.
     fn stations_table(&self, arm: &Arm, simulated: &Simulated) -> String {
         let instruments = self.instruments();
-        let lengths = instruments.iter().enumerate();
-        let lengths: Vec<LengthColumn> = lengths
-            .map(|(number, own)| LengthColumn {
-                name: format!("L{}", number + 1),
-                reads: own.truth.reads(),
-                sd_mm: own.sd_mm,
-            })
-            .collect();
+        let length = |(name, own): (String, &LengthInstrument)| LengthColumn {
+            name,
+            reads: own.truth.reads(),
+            sd_mm: own.sd_mm,
+        };
+        let lengths = named("L", instruments.iter().collect()).into_iter().map(length);
+        let lengths: Vec<LengthColumn> = lengths.collect();
         let mut stations = simulated.stations_with(&self.places_beside());
         simulated.add_lengths(&mut stations, &instruments);
         let targets = (1..=self.reflectors.beside.len() + 1).map(|number| format!("T{number}"));
+        let (names, places): (Vec<_>, Vec<_>) = self.references().unzip();
         let read = station_table::Read {
             targets: &targets.collect::<Vec<_>>(),
             lengths: &lengths,
-            references: &self.reference_names(),
-            looks: &simulated.references(&self.reference_places()),
+            references: &names,
+            looks: &simulated.references(&places),
         };
         station_table::csv(&stations, arm, read)
     }
@@ -286,32 +286,21 @@ impl SimulateArgs {
         self.reflectors.beside.iter().copied().map(Vector3::from).collect()
     }
 
-    /// What the references stand on, and their places in the base's frame at the start, mm: those on the base first.
-    fn reference_places(&self) -> Vec<(StandsOn, Point3<f64>)> {
-        let on = |on, places: &[[f64; 3]]| -> Vec<(StandsOn, Point3<f64>)> {
-            let places = places.iter();
-            places.map(|at| (on, Point3::from(*at))).collect()
-        };
-        [on(StandsOn::Base, &self.reference), on(StandsOn::Floor, &self.floor_reference)].concat()
-    }
-
-    /// Names of the references, and what each stands on: B1 and so on, F1 and so on.
-    fn reference_names(&self) -> Vec<(String, StandsOn)> {
-        let named = |letter: &str, on, count: usize| -> Vec<(String, StandsOn)> {
-            let numbers = 1..=count;
-            numbers.map(|number| (format!("{letter}{number}"), on)).collect()
-        };
-        [
-            named("B", StandsOn::Base, self.reference.len()),
-            named("F", StandsOn::Floor, self.floor_reference.len()),
-        ]
-        .concat()
+    /// The references, those on the base first: names (B1 and so on, F1 and so on), and places in the base's frame at the start, mm; each
+    /// with what it stands on.
+    fn references(&self) -> impl Iterator<Item = ((String, StandsOn), (StandsOn, Point3<f64>))> {
+        let on_base = ("B", StandsOn::Base, &self.reference);
+        let on_floor = ("F", StandsOn::Floor, &self.floor_reference);
+        [on_base, on_floor].into_iter().flat_map(|(letter, on, places)| {
+            let named = named(letter, places.clone()).into_iter();
+            named.map(move |(name, at)| ((name, on), (on, Point3::from(at))))
+        })
     }
 
     fn named_references(&self, simulated: &Simulated) -> Vec<(String, TargetReadings)> {
-        let readings = simulated.reference_readings(&self.reference_places());
-        let names = self.reference_names().into_iter();
-        names.map(|(name, _)| name).zip(readings).collect()
+        let (names, places): (Vec<_>, Vec<_>) = self.references().unzip();
+        let readings = simulated.reference_readings(&places);
+        names.into_iter().map(|(name, _)| name).zip(readings).collect()
     }
 
     /// The instruments of one length: distances first.
@@ -371,21 +360,9 @@ fn logged(arm: &Arm, recording: &Recording) -> Recording {
     logged
 }
 
-/// Writes a file under a temporary name and renames it: a file with its own name is whole.
 fn written(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), SimulateFileError>,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), SimulateFileError>,
 ) -> Result<(), SimulateCommandError> {
-    let partial = path.with_extension("partial");
-    let attempt = || -> Result<(), SimulateFileError> {
-        let mut sink = BufWriter::new(File::create(&partial)?);
-        write(&mut sink)?;
-        sink.flush()?;
-        Ok(fs::rename(&partial, path)?)
-    };
-    attempt().map_err(|source| {
-        // The first error is the one to report; a partial file left behind has a name that says so.
-        let _ = fs::remove_file(&partial);
-        At::new(path.display(), source).into()
-    })
+    write_whole(path, write).map_err(|source| At::new(path.display(), source).into())
 }

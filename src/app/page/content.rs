@@ -10,7 +10,7 @@ use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::rejects::RejectRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
-use crate::manifest::{StageCount, Work, Written};
+use crate::manifest::{RunKey, StageCount, Work, Written};
 use crate::report::compared::Pairs;
 use crate::report::frame::StatedFrame;
 use crate::report::next::Next;
@@ -18,10 +18,7 @@ use crate::report::verdict::RunVerdict;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    pub robot: String,
-    pub session: String,
-    pub run: String,
-    /// The tolerance: limit, share of positions and confidence.
+    pub key: RunKey,
     pub tolerance: Tolerance,
     /// Whether it is, by what, and who says so: held-out blocks, and every test session.
     pub verdict: RunVerdict,

@@ -13,6 +13,7 @@ use maud::{Markup, html};
 pub use content::{Content, Robot};
 
 use super::shell::{self, Maker, Shell};
+use crate::manifest::VERSION;
 
 const SECTIONS: [Maker<Content>; 6] = [
     ("worst", "The worst", lists::worst),
@@ -29,7 +30,7 @@ pub fn html(content: &Content) -> String {
         header: header::header(content),
         sections: &SECTIONS,
         content,
-        footer: html! { "posegrid " (content.version) " · fleet of " (content::how_many(content.robots.len())) },
+        footer: html! { "posegrid " (VERSION) " · fleet of " (content::how_many(content.robots.len())) },
     })
 }
 

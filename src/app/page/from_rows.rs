@@ -19,7 +19,6 @@ use crate::report::verdict::RunVerdict;
 pub struct About<'a> {
     pub stated: Stated,
     pub work: &'a Work,
-    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     pub choice: &'a str,
     pub verdict: &'a RunVerdict,
@@ -36,14 +35,11 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
     let (verdict, frame, stated) = (about.verdict, about.frame, about.stated);
     let next = Next::of(verdict, frame, &about.tolerance, stated, about.said.doubts_set_up);
     let command = next.command(&in_lake(next.table(), &key));
-    let RunKey { robot, session, run } = key;
     let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) =
         rows.accuracy.rows.into_iter().partition(|figure| figure.point == Point::Tip);
     Content {
-        over_time: page_over_time(&robot).ok(),
-        robot,
-        session,
-        run,
+        over_time: page_over_time(&key.robot).ok(),
+        key,
         tolerance: about.tolerance,
         verdict: about.verdict.clone(),
         frame: *about.frame,

@@ -87,10 +87,9 @@ fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
     let joints = valid_for.joint_ranges().into_iter().enumerate().map(range);
     let joints =
         valid_for.joint_names.iter().zip(joints).map(|(name, range)| format!("{name} {range}"));
-    let temperature = valid_for
-        .temperature_min_c
-        .zip(valid_for.temperature_max_c)
-        .map(|(low, high)| format!("{low:.1} to {high:.1} °C, as met while measuring"));
+    let met = valid_for.temperature_min_c.zip(valid_for.temperature_max_c);
+    let temperature =
+        met.map(|(low, high)| format!("{low:.1} to {high:.1} °C, as met while measuring"));
     let conditions = &valid_for.conditions;
     let option = conditions.absolute_accuracy_option;
     let stated = [

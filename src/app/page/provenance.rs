@@ -7,9 +7,9 @@ use crate::manifest::{VERSION, Work, Written};
 pub(super) fn section(content: &Content) -> Markup {
     html! {
         dl.list {
-            div { dt { "Run" } dd { code { (content.run) } } }
-            div { dt { "Robot" } dd { (content.robot) } }
-            div { dt { "Session" } dd { (content.session) } }
+            div { dt { "Run" } dd { code { (content.key.run) } } }
+            div { dt { "Robot" } dd { (content.key.robot) } }
+            div { dt { "Session" } dd { (content.key.session) } }
             div { dt { "Pipeline file" } dd { (content.work.pipeline) } }
             div { dt { "posegrid" } dd { (VERSION) } }
         }
@@ -51,7 +51,7 @@ fn settings(text: &str) -> String {
 pub(super) fn reading_section(content: &Content) -> Markup {
     let query = format!(
         "SELECT model, angles, name, value, unit, n, verdict\nFROM read_parquet('lake/accuracy/**/*.parquet')\nWHERE run = '{}';",
-        content.run
+        content.key.run
     );
     html! {
         p {

@@ -11,7 +11,7 @@ use crate::io::rows::Word as _;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::words::TableVerdict;
 use crate::report::Split;
-use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
+use crate::report::chart::{Axis, Chart, Marks, Series};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     if content.steps.is_empty() {
@@ -120,14 +120,16 @@ fn session_rows(steps: &[&StepRow]) -> Markup {
                 th.word scope="row" { (step.of_session) }
                 td.word { (words::verdict(step.verdict)) }
                 td { (judged_on(step)) }
-                td { (words::optional(step.mean_mm, 3)) }
-                td { (words::optional(step.p95_mm, 3)) }
-                td { (words::optional(step.max_mm, 3)) }
-                td { (words::optional(step.bound_mm, 3)) }
+                (norms([step.mean_mm, step.p95_mm, step.max_mm, step.bound_mm]))
             }
         }
     };
     super::table(&head, &body)
+}
+
+/// Cells of error norms, mm.
+fn norms<const N: usize>(mm: [Option<f64>; N]) -> Markup {
+    html! { @for own in mm { td { (words::optional(own, 3)) } } }
 }
 
 /// The number of poses that judged, and of their visits where these are more.
@@ -142,8 +144,7 @@ fn own_rows(steps: &[&StepRow]) -> Markup {
             tr.chosen[step.chosen] {
                 th scope="row" { (step.step_mm) (pitches(step)) @if step.chosen { small { "chosen" } } }
                 td.word { (words::verdict(step.verdict)) }
-                td { (words::optional(step.bound_mm, 3)) }
-                td { (words::optional(step.mean_mm, 3)) }
+                (norms([step.bound_mm, step.mean_mm]))
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
                 td { (covers(step)) }
                 td { (judged_on(step)) }
@@ -169,11 +170,7 @@ fn all_rows(steps: &[&StepRow]) -> Markup {
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
                 td { (covers(step)) }
                 td { (judged_on(step)) }
-                td { (words::optional(step.mean_mm, 3)) }
-                td { (words::optional(step.p95_mm, 3)) }
-                td { (words::optional(step.max_mm, 3)) }
-                td { (words::optional(step.bound_mm, 3)) }
-                td { (words::optional(step.model_bound_mm, 3)) }
+                (norms([step.mean_mm, step.p95_mm, step.max_mm, step.bound_mm, step.model_bound_mm]))
             }
         }
     };
@@ -222,10 +219,7 @@ fn chart(content: &Content, chosen: &StepRow) -> Markup {
         x: Axis::new("step", "mm").including(&[0.0]),
         y: Axis::new("error norm left on held-out stations", "mm").including(&[0.0]),
         series,
-        limits: vec![Limit {
-            name: format!("tolerance {} mm", content.tolerance.mm),
-            value: content.tolerance.mm,
-        }],
+        limits: vec![words::tolerance(content.tolerance.mm)],
     }
     .svg()
 }

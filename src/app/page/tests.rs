@@ -372,9 +372,7 @@ fn compared(name: &str) -> Compared {
 fn content(name: &str) -> Content {
     let text = || name.to_owned();
     Content {
-        robot: text(),
-        session: text(),
-        run: "00ff".to_owned(),
+        key: RunKey::new(name, name, "00ff"),
         tolerance: Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 },
         verdict: verdict(name, Verdict::Meets),
         frame: StatedFrame {
@@ -436,7 +434,7 @@ fn content(name: &str) -> Content {
 }
 
 fn acceptance_rows(name: &str) -> AcceptanceRows {
-    let Content { robot, session, run, figures, work, written, .. } = content(name);
+    let Content { key, figures, work, written, .. } = content(name);
     let texts = || vec![name.to_owned()];
     let ending = Ending {
         statement: Some(name.to_owned()),
@@ -445,7 +443,7 @@ fn acceptance_rows(name: &str) -> AcceptanceRows {
         ..Ending::default()
     };
     AcceptanceRows {
-        key: RunKey { robot, session, run },
+        key,
         run: RunRow {
             pipeline: name.to_owned(),
             made: (&work).into(),

@@ -21,10 +21,10 @@ pub(super) fn header(content: &Content) -> Markup {
     let chosen = content.steps.iter().find(|step| step.chosen);
     html! {
         header {
-            p.which { (content.robot) " · " (content.session) @if let Some(measured) = &content.said.measured { " · " (measured) } }
+            p.which { (content.key.robot) " · " (content.key.session) @if let Some(measured) = &content.said.measured { " · " (measured) } }
             @if let Some(page) = &content.over_time {
                 p.note {
-                    "Other nights: " a href={ "../../../" (OVER_TIME) "/" (address(page)) } { (content.robot) " over time" } ", "
+                    "Other nights: " a href={ "../../../" (OVER_TIME) "/" (address(page)) } { (content.key.robot) " over time" } ", "
                     a href={ "../../../" (OVER_TIME) "/" (FLEET) } { "all robots" }
                 }
             }

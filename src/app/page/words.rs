@@ -7,6 +7,7 @@ use crate::io::tables::plan_figures::{CorrectedBy, FigureRow};
 use crate::io::tables::sampling_plan::VisitPurpose;
 use crate::io::tables::words::TableVerdict;
 use crate::plan::Kind;
+use crate::report::chart::Limit;
 use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 
 pub(super) fn stations(subject: &Subject) -> String {
@@ -218,6 +219,11 @@ pub(super) fn fixed(value: f64, digits: usize) -> String {
         Some(rest) => format!("\u{2212}{rest}"),
         None => text,
     }
+}
+
+/// The line of a tolerance in a chart.
+pub(super) fn tolerance(mm: f64) -> Limit {
+    Limit { name: format!("tolerance {mm} mm"), value: mm }
 }
 
 pub(super) fn whole(value: u64) -> String {

@@ -113,15 +113,10 @@ impl Reads {
     pub fn of_readings(&self) -> String {
         match self {
             Self::Logs(mapping) => format!("on {}", mapping.tracker.topic),
-            Self::Tables(stations) => format!(
-                "in the columns {}",
-                stations
-                    .measured
-                    .iter()
-                    .map(|own| own.position.join(", "))
-                    .collect::<Vec<_>>()
-                    .join("; ")
-            ),
+            Self::Tables(stations) => {
+                let columns = stations.measured.iter().map(|own| own.position.join(", "));
+                format!("in the columns {}", columns.collect::<Vec<_>>().join("; "))
+            }
         }
     }
 }
@@ -434,31 +429,29 @@ impl Placed {
             Some(TrackerFromBase::Fitted) => Some(ErrorBase::Fitted),
             None => None,
         };
-        let mut placed = Self {
-            up: file.robot.up.map(|up| upwards(path, up)).transpose()?,
-            command_frames: None,
-            flange_from_tool: None,
-            base,
-            target_is_tool: file.commanded.as_ref().map(|commanded| commanded.target_is_tool),
-            tool_tip: None,
+        let up = file.robot.up.map(|up| upwards(path, up)).transpose()?;
+        let section = file.commanded.as_ref();
+        let (key, tool) = match (section, &file.stations) {
+            (Some(section), _) => ("[commanded] flange_from_tool", &section.flange_from_tool),
+            (None, Some(stations)) => ("[stations] flange_from_tool", &stations.flange_from_tool),
+            (None, None) => ("", &None),
         };
+        let tool = tool.as_ref().map(|tool| isometry(key, tool)).transpose()?;
+        let base_from_command = section
+            .map(|section| isometry("[commanded] base_from_command", &section.base_from_command))
+            .transpose()?;
+        let frames =
+            |base_from_command| CommandFrames { base_from_command, flange_from_tool: tool };
         let tip = file.report.tool_tip.as_ref();
-        let Some(section) = &file.commanded else {
-            let tool = file.stations.as_ref().and_then(|own| own.flange_from_tool.as_ref());
-            let tool =
-                tool.map(|tool| isometry("[stations] flange_from_tool", tool)).transpose()?;
-            placed.flange_from_tool = tool;
-            placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
-            return Ok(placed);
+        let placed = Self {
+            up,
+            command_frames: base_from_command.map(frames),
+            flange_from_tool: tool,
+            base,
+            target_is_tool: section.map(|section| section.target_is_tool),
+            tool_tip: tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?,
         };
-        let tool = section.flange_from_tool.as_ref();
-        let tool = tool.map(|tool| isometry("[commanded] flange_from_tool", tool)).transpose()?;
-        let base = isometry("[commanded] base_from_command", &section.base_from_command)?;
-        let frames = CommandFrames { base_from_command: base, flange_from_tool: tool };
-        placed.command_frames = Some(frames);
-        placed.flange_from_tool = tool;
-        placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, tool.as_ref())).transpose()?;
-        if !section.target_is_tool && tool.is_none() {
+        if placed.target_is_tool == Some(false) && tool.is_none() {
             let why = "target_is_tool = false states that the commanded point is not the measured target, so no other key states its position at \
                        the flange; state the controller's tool";
             return Err(

@@ -137,9 +137,9 @@ pub struct InputSection {
     #[serde(skip_serializing)]
     pub folder: PathBuf,
     #[serde(skip_serializing)]
-    pub sessions_by: SessionsBy,
+    pub sessions_by: ToldBy,
     #[serde(skip_serializing)]
-    pub robots_by: RobotsBy,
+    pub robots_by: ToldBy,
     #[serde(skip_serializing)]
     pub robots: Option<PathBuf>,
     #[serde(skip_serializing)]
@@ -170,8 +170,8 @@ impl Default for InputSection {
         let corrected = ["csv", "parquet", "json"].map(|form| format!("corrected*.{form}"));
         Self {
             folder: PathBuf::new(),
-            sessions_by: SessionsBy::Folder,
-            robots_by: RobotsBy::Folder,
+            sessions_by: ToldBy::Folder,
+            robots_by: ToldBy::Folder,
             robots: None,
             sessions: None,
             test: Vec::new(),
@@ -209,7 +209,6 @@ impl LogNames {
         }
     }
 
-    /// The names or patterns for a session.
     #[must_use]
     pub fn of(&self, session: &str) -> Self {
         let patterns = self.patterns().iter();
@@ -228,54 +227,38 @@ impl fmt::Display for LogNames {
     }
 }
 
-/// The way in which sessions belong to robots.
+/// What tells the session that a file is of, or the robot that a session is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum RobotsBy {
-    /// Each robot has a folder with its sessions.
+pub enum ToldBy {
+    /// The folder that it is in, by its name.
     #[default]
     Folder,
-    /// Names of files contain the robot's name, in the place of `{robot}`.
+    /// The names of files, by what stands in the place of `{session}` or `{robot}`.
     FileName,
-    /// The logs' metadata record `session` names it under `robot`.
+    /// The logs' metadata record `session`, under `session` or `robot`.
     Metadata,
-    /// Rows of tables name it in the column `[stations] robot`.
+    /// Rows of tables, in the column `[stations] session` or `[stations] robot`.
     Column,
 }
 
-/// The way in which files belong to sessions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SessionsBy {
-    /// Each sub-folder is a session with the folder's name.
-    #[default]
-    Folder,
-    /// Files of the folder whose names contain the session's name, in the place of `{session}` in `controller` and
-    /// `tracker`.
-    FileName,
-    /// Files of the folder whose metadata record `session` names it under `session`.
-    Metadata,
-    /// Rows of tables in the folder whose column `[stations] session` names it.
-    Column,
-}
-
-impl SessionsBy {
+impl InputSection {
     /// The definition of a session, as text.
-    pub fn of(self, input: &InputSection) -> String {
-        let (controller, tracker) = (&input.controller, &input.tracker);
-        if let Some(stations) = &input.stations {
-            return match self {
-                Self::Folder => format!("a sub-folder with {stations}"),
-                Self::FileName | Self::Metadata => format!("a file {stations}"),
-                Self::Column => {
+    pub fn session_in_words(&self) -> String {
+        let (controller, tracker) = (&self.controller, &self.tracker);
+        if let Some(stations) = &self.stations {
+            return match self.sessions_by {
+                ToldBy::Folder => format!("a sub-folder with {stations}"),
+                ToldBy::FileName | ToldBy::Metadata => format!("a file {stations}"),
+                ToldBy::Column => {
                     format!("rows of {stations} with one name in the column [stations] session")
                 }
             };
         }
-        match self {
-            Self::Folder => format!("a sub-folder with {controller} and {tracker}"),
-            Self::FileName => format!("a pair of files {controller} and {tracker}"),
-            Self::Metadata | Self::Column => format!(
+        match self.sessions_by {
+            ToldBy::Folder => format!("a sub-folder with {controller} and {tracker}"),
+            ToldBy::FileName => format!("a pair of files {controller} and {tracker}"),
+            ToldBy::Metadata | ToldBy::Column => format!(
                 "two files, one of {controller} and one of {tracker}, with the same name in a metadata record `session`"
             ),
         }
@@ -367,7 +350,6 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// The placement without its uncertainty.
     pub const fn placement(&self) -> Placement {
         let Self { xyz_mm, quaternion_xyzw, euler_deg, euler_order, .. } = *self;
         Placement { xyz_mm, quaternion_xyzw, euler_deg, euler_order }

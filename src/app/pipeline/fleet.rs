@@ -18,7 +18,7 @@ use super::configuration::{
     Configuration, ConfigurationError, LeftOut, Overrides, Result, Robots, SetAside, StatedRobot,
     Tree, Why, WorkPiece,
 };
-use super::file::RobotsBy;
+use super::file::ToldBy;
 use crate::files::store::Place;
 
 use recorded::{ByRobot, Within};
@@ -153,7 +153,7 @@ impl Loader<'_> {
     fn fleet(&self, chosen: &[&StatedRobot], are_all: bool) -> Result<Fleet> {
         let (searched, strangers) = match self.robots.by {
             // Of few robots the folders of the others need not be listed.
-            RobotsBy::Folder if !are_all && !self.overrides.from_joined => {
+            ToldBy::Folder if !are_all && !self.overrides.from_joined => {
                 (Searched::Own, Vec::new())
             }
             _ => self.search(chosen)?,
@@ -190,9 +190,9 @@ impl Loader<'_> {
         let (path, folder, robots) = (&self.source.path, place.named(), self.robots);
         let within = Within { path, tree: &tree, folder: &folder, file: &file, robots };
         let told = match self.robots.by {
-            RobotsBy::Folder => within.folders_of_no_robot()?,
-            RobotsBy::FileName => within.files_of_no_robot()?,
-            RobotsBy::Metadata | RobotsBy::Column => {
+            ToldBy::Folder => within.folders_of_no_robot()?,
+            ToldBy::FileName => within.files_of_no_robot()?,
+            ToldBy::Metadata | ToldBy::Column => {
                 let (by_robot, told) = ByRobot::found(&within)?;
                 return Ok((Searched::Recorded(tree, by_robot), told));
             }
@@ -216,7 +216,7 @@ impl Loader<'_> {
         }
         let path = &self.source.path;
         let mut configuration = Configuration::of(path, files, tree, found, self.overrides)?;
-        if self.robots.by == RobotsBy::FileName {
+        if self.robots.by == ToldBy::FileName {
             // A folder without files of this robot has those of others.
             configuration.left_out.clear();
         }
@@ -264,17 +264,10 @@ impl Gathered {
 
     /// The fleet; the first fault where no robot has a session and none waits.
     fn fleet(self) -> Result<Fleet> {
-        let mut faults = self.faults;
-        let Some(first) = self.robots.first() else { return Err(faults.swap_remove(0)) };
-        let lake = first.lake.clone();
-        Ok(Fleet {
-            is_of_several: true,
-            remarks: remarks(&self.robots),
-            set_aside: self.set_aside,
-            left_out: self.left_out,
-            robots: self.robots,
-            lake,
-        })
+        let Self { robots, set_aside, left_out, mut faults, .. } = self;
+        let Some(first) = robots.first() else { return Err(faults.swap_remove(0)) };
+        let (remarks, lake) = (remarks(&robots), first.lake.clone());
+        Ok(Fleet { is_of_several: true, robots, set_aside, left_out, remarks, lake })
     }
 }
 

@@ -35,7 +35,7 @@ use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 use cell::Placed;
-pub use known::{KnownError, KnownMisfit};
+pub use known::KnownError;
 pub use locating::Located;
 pub use so_far::{SoFar, SoFarError};
 
@@ -106,20 +106,17 @@ impl Planning {
         lake: Option<&Path>,
         known_arm: Option<&Path>,
     ) -> Result<Self> {
-        let Stated { read, section, mut settings, lake, robot, command_from_base } =
-            Stated::read(path, robot, lake)?;
-        let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
-        if let Some(known) = &section.known {
-            // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
-            let lakes = [&lake, &read.lake];
-            let table = match known_arm {
-                Some(table) => table.to_owned(),
-                None => known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?,
-            };
-            let found = known::read(&table, &read.arm, &robot, &section, &settings);
-            settings.known = Some(found.map_err(Box::new)?);
+        let mut stated = Stated::read(path, robot, lake)?;
+        let mut inputs = vec![input(&stated.read.robot_file, "robot").map_err(Box::new)?];
+        let table = match known_arm.filter(|_| stated.section.known.is_some()) {
+            Some(table) => Some(table.to_owned()),
+            None => stated.known_table(path).map_err(Box::new)?,
+        };
+        if let Some(table) = table {
+            stated.settings.known = Some(stated.known_arm(&table).map_err(Box::new)?);
             inputs.push(input(&table, "calibrations").map_err(Box::new)?);
         }
+        let Stated { read, section, settings, lake, robot, command_from_base } = stated;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let work = Work {
             robot,

@@ -17,8 +17,9 @@ mod took;
 use std::time::Instant;
 
 use super::compared::pairs;
-use super::configuration::{Configuration, WorkPiece};
+use super::configuration::Configuration;
 use super::fetch::Fetched;
+use super::fleet::FleetPiece;
 use super::summary::{Summary, summary, when};
 use super::words::{notes, words};
 use super::{damage, driven, promise};
@@ -44,15 +45,12 @@ pub use known::Known;
 pub(super) use known::files_of;
 use publish::publish;
 use results::{Found, Results};
-pub(super) use session::session;
+pub(super) use session::SessionSource;
 pub use took::{Size, Took};
 
 #[derive(Debug, Clone)]
 pub struct Done {
-    pub robot: String,
-    /// The session of its tables, or `pooled`.
-    pub session: String,
-    pub run: String,
+    pub key: RunKey,
     pub already_there: bool,
     /// Number of the last request that changed the current run of its session.
     pub asked: u64,
@@ -96,9 +94,7 @@ impl Done {
     /// A run that the lake had already, as far as its verdict is known.
     fn before(lake: &Lake, key: &RunKey, met: Option<bool>, reason: Option<String>) -> Self {
         Self {
-            robot: key.robot.clone(),
-            session: key.session.clone(),
-            run: key.run.clone(),
+            key: key.clone(),
             already_there: true,
             asked: 0,
             took_place: None,
@@ -130,26 +126,21 @@ pub struct StageDone {
 }
 
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
-pub fn run_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<Done> {
+pub fn run_piece(own: FleetPiece<'_>, progress: &dyn Progress) -> Result<Done> {
     let begun = Instant::now();
-    let done = with_files(configuration, piece, |piece| run_local(configuration, piece, progress))?;
-    let took = (!done.already_there).then(|| Took::since(begun, Size::of(configuration, piece)));
+    let done = with_files(own, |local| run_local(local, progress))?;
+    let took = (!done.already_there).then(|| Took::since(begun, Size::of(own)));
     Ok(Done { took, ..done })
 }
 
 /// The result of a stage of a piece of work, for later runs to start from: of its first session, where it is joined. Fetched likewise.
 pub fn stage_piece(
-    configuration: &Configuration,
-    piece: &WorkPiece,
+    own: FleetPiece<'_>,
     stage: Stage,
     progress: &dyn Progress,
 ) -> Result<StageDone> {
-    with_files(configuration, piece, |piece| {
-        let results = Results::of(configuration, piece, progress)?;
+    with_files(own, |local| {
+        let (results, piece) = (Results::of(local, progress)?, local.piece);
         if stage == JOINED {
             let none = || RunError::NoRobotName { session: piece.session.clone() };
             let files = piece.training.first().ok_or_else(none)?;
@@ -176,13 +167,9 @@ pub fn stage_piece(
 }
 
 /// Work with all files of a piece on this machine.
-fn with_files<T>(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    work: impl Fn(&WorkPiece) -> Result<T>,
-) -> Result<T> {
-    let fetched = Fetched::of(&configuration.tree, piece)?;
-    work(&fetched.piece).map_err(|error| {
+fn with_files<T>(own: FleetPiece<'_>, work: impl Fn(FleetPiece<'_>) -> Result<T>) -> Result<T> {
+    let fetched = Fetched::of(&own.configuration.tree, own.piece)?;
+    work(FleetPiece { piece: &fetched.piece, ..own }).map_err(|error| {
         if fetched.copies.is_empty() {
             return error;
         }
@@ -195,12 +182,9 @@ fn with_files<T>(
 }
 
 /// Does one piece of work whose logs are on this machine.
-fn run_local(
-    configuration: &Configuration,
-    piece: &WorkPiece,
-    progress: &dyn Progress,
-) -> Result<Done> {
-    let results = Results::of(configuration, piece, progress)?;
+fn run_local(local: FleetPiece<'_>, progress: &dyn Progress) -> Result<Done> {
+    let FleetPiece { configuration, piece, .. } = local;
+    let results = Results::of(local, progress)?;
     let Results { work, lake, .. } = &results;
     let key = work.key();
     let Some(mut run) = lake.start(&key)? else { return already_there(configuration, lake, &key) };
@@ -332,21 +316,17 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
     let session = outcome.training.last()?;
     let noise = configuration.stages.noise.with_stated(&session.stated_sizes);
     let camera2 = outcome.camera_size.map_or(1.0, |found| found.size.powi(2));
-    let stations = &session.joined.stations;
-    let variances: Vec<f64> = stations
-        .iter()
-        .flat_map(Station::measured)
-        .filter_map(|reading| {
-            let (position, stated) =
-                (reading.position()?, reading.value.point()?.stated_covariance);
-            let source = noise.source(reading.source);
-            let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
-            let instrument = match stated {
-                Some(stated) => symmetric(stated) * size2,
-                None => source.uncertainty.covariance(&position) * camera2,
-            };
-            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
-        })
-        .collect();
+    let readings = session.joined.stations.iter().flat_map(Station::measured);
+    let variances = readings.filter_map(|reading| {
+        let (position, stated) = (reading.position()?, reading.value.point()?.stated_covariance);
+        let source = noise.source(reading.source);
+        let size2 = camera2 * noise.stated_size(reading.source).position.powi(2);
+        let instrument = match stated {
+            Some(stated) => symmetric(stated) * size2,
+            None => source.uncertainty.covariance(&position) * camera2,
+        };
+        Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
+    });
+    let variances: Vec<f64> = variances.collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)
 }

@@ -6,14 +6,14 @@ use std::fmt::Write as _;
 
 use super::configuration::Configuration;
 use super::damage;
-use super::words::{references, rounded};
+use super::words::{references, rounded, some_of};
 use crate::figures::expanded;
 use crate::fit::{Identifiability, Model};
 use crate::grid::{Tolerance, notices_mm};
 use crate::ingest::LossKind;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
 use crate::io::tables::words::Unit;
-use crate::join::{Pairing, Station, began};
+use crate::join::began;
 use crate::judgement::{JoinedSession, Outcome, gravity};
 use crate::kinematics::Arm;
 use crate::page::percent;
@@ -132,10 +132,8 @@ fn read(outcome: &Outcome<'_>) -> String {
 
 /// One session by its name, several by their number.
 fn sessions(sessions: &[JoinedSession]) -> String {
-    let all = sessions.iter().flat_map(|own| &own.joined.stations);
-    let stations = all.clone().count();
-    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
-    let measured = all.filter(is_paired).count();
+    let stations: usize = sessions.iter().map(|own| own.joined.stations.len()).sum();
+    let measured: usize = sessions.iter().map(|own| own.joined.paired()).sum();
     let named = match sessions {
         [one] => {
             began_at(one).map_or_else(|| one.name.clone(), |when| format!("{}, {when}", one.name))
@@ -203,11 +201,8 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
         write!(words, ", most clearly {clearest} (± two standard errors)").expect("a string");
     }
     if !not.is_empty() {
-        let named: Vec<String> = not.iter().take(NAMED).map(|own| confounded(own)).collect();
-        write!(words, "; not identifiable: {}", named.join(", ")).expect("a string");
-        if not.len() > NAMED {
-            write!(words, " and {} more", not.len() - NAMED).expect("a string");
-        }
+        let named = some_of(not.into_iter().map(confounded), NAMED, "more");
+        write!(words, "; not identifiable: {named}").expect("a string");
     }
     Some(words)
 }

@@ -67,7 +67,7 @@ pub enum How {
 /// gone or has no tag.
 pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
     let (mut tasks, mut without) = (Vec::new(), Vec::new());
-    let state = |own: FleetPiece<'_>| known.state_now(own.configuration, own.piece);
+    let state = |own: FleetPiece<'_>| known.state_now(own);
     let states: Vec<Option<String>> = fleet.pieces().into_iter().map(state).collect();
     known.gather(states.iter().flatten().cloned());
     let mut took: BTreeMap<Option<&str>, Vec<Took>> = BTreeMap::new();
@@ -88,7 +88,7 @@ pub fn open(fleet: &Fleet, known: &Known) -> (Vec<Task>, Vec<String>) {
 fn task(own: FleetPiece<'_>, id: String, took: &[Took]) -> Task {
     let names = |files: &[SessionFiles]| files.iter().map(|own| own.name.clone()).collect();
     let WorkPiece { session, training, test } = own.piece;
-    let size = Size::of(own.configuration, own.piece);
+    let size = Size::of(own);
     let expected = size.expected(took);
     Task {
         id,
@@ -105,19 +105,16 @@ fn task(own: FleetPiece<'_>, id: String, took: &[Took]) -> Task {
 
 /// Does the task of that id among the pieces of a fleet, unless it is known as done and current.
 pub fn work(fleet: &Fleet, known: &Known, id: &str, progress: &dyn Progress) -> Ended {
-    let is_it = |own: &FleetPiece<'_>| {
-        let state = known.state_now(own.configuration, own.piece);
-        state.as_deref() == Some(id)
-    };
+    let is_it = |own: &FleetPiece<'_>| known.state_now(*own).as_deref() == Some(id);
     let Some(own) = fleet.pieces().into_iter().find(is_it) else { return no_such(id) };
-    if known.settled_state(own.configuration, own.piece).as_deref() != Some(id) {
+    if known.settled_state(own).as_deref() != Some(id) {
         return no_such(id);
     }
     if let Some(done) = known.told(id) {
         return ended(id, &done);
     }
-    match run_piece(own.configuration, own.piece, progress) {
-        Ok(done) => match known.keep_alone(id, own.configuration, own.piece, &done) {
+    match run_piece(own, progress) {
+        Ok(done) => match known.keep_alone(id, own, &done) {
             Ok(()) => ended(id, &done),
             Err(error) => failed(id, Some(own), How::Fault, error.to_string()),
         },
@@ -137,10 +134,10 @@ fn no_such(id: &str) -> Ended {
 fn ended(id: &str, done: &Done) -> Ended {
     Ended {
         id: id.to_owned(),
-        robot: Some(done.robot.clone()),
-        session: Some(done.session.clone()),
+        robot: Some(done.key.robot.clone()),
+        session: Some(done.key.session.clone()),
         ended: if done.already_there { How::DoneBefore } else { How::Done },
-        run: Some(done.run.clone()),
+        run: Some(done.key.run.clone()),
         took_place: done.took_place.clone(),
         met: done.met(),
         reason: done.reason.clone(),

@@ -30,6 +30,7 @@ mod stage;
 mod verdict;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use thiserror::Error;
 
@@ -38,6 +39,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::progress::Progress;
 
 use super::configuration::ConfigurationError;
+pub(super) use altered::is_gone;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, Register};
@@ -70,7 +72,7 @@ pub enum VerifyError {
 
 #[derive(Debug, Clone)]
 pub struct Verified {
-    pub claim: Claim,
+    pub claim: Arc<Claim>,
     pub contradictions: Vec<String>,
     pub outputs: Vec<Output>,
     /// The run that is current in its place; `None` where it is the current one.
@@ -109,14 +111,14 @@ impl Verified {
 /// Verifies one run, whose row is `claim`; `register` has every run of the lake, and `sought` the sessions that pipeline files find.
 pub fn verify(
     run: &PastRun,
-    claim: &Claim,
+    claim: &Arc<Claim>,
     register: &Register,
     sought: &mut Sought,
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Verified {
     let mut verified = Verified {
-        claim: claim.clone(),
+        claim: Arc::clone(claim),
         contradictions: row_contradictions(run, claim, register, lake),
         outputs: altered::outputs(claim, lake),
         superseded_by: match lake.current(&claim.key) {
@@ -147,7 +149,7 @@ fn recomputed(
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Recomputed {
-    let claim = verified.claim.clone();
+    let claim = Arc::clone(&verified.claim);
     let temporary = match recompute::temporary_lake(lake, &claim.key) {
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),

@@ -8,7 +8,7 @@ use crate::fit::Corrects;
 use crate::fit::full::FullModel;
 use crate::fit::model::PartEvidence;
 use crate::fit::stated_size::FoundSize;
-use crate::join::{Pairing, Station, TargetId};
+use crate::join::TargetId;
 use crate::judgement::{JoinedSession, Outcome, ShownFlange, Source, sizes};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Model, Moment, Split};
@@ -91,14 +91,11 @@ fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
 /// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is
 /// published, and the published one was learnt from them.
 fn left_out(outcome: &Outcome<'_>) -> Option<String> {
-    let verdicts: Vec<String> = outcome
-        .training
-        .iter()
-        .filter_map(|session| {
-            let figure = figure_of_model(&outcome.accuracy, &session.name)?;
-            Some(format!("{} {}", session.name, verdict::word(&figure.verdict)))
-        })
-        .collect();
+    let verdict = |session: &JoinedSession| {
+        let figure = figure_of_model(&outcome.accuracy, &session.name)?;
+        Some(format!("{} {}", session.name, verdict::word(&figure.verdict)))
+    };
+    let verdicts: Vec<String> = outcome.training.iter().filter_map(verdict).collect();
     (!verdicts.is_empty()).then(|| {
         format!(
             "each session by an estimate of the others, which informs and decides nothing: {}",
@@ -108,10 +105,8 @@ fn left_out(outcome: &Outcome<'_>) -> Option<String> {
 }
 
 fn session_words(session: &JoinedSession) -> String {
-    let stations = &session.joined.stations;
-    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
-    let paired = stations.iter().filter(is_paired).count();
-    let (name, all) = (&session.name, stations.len());
+    let (name, all) = (&session.name, session.joined.stations.len());
+    let paired = session.joined.paired();
     let counted = format!("{name}: {all} stations, {paired} measured, {} not", all - paired);
     let clock = &session.joined.clock;
     if clock.matched_edges == 0 {
@@ -208,17 +203,21 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
         })
         .collect();
     far.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
-    let more = match far.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
     (!far.is_empty()).then(|| {
-        format!(
-            "stations far from the prediction of all others, with little weight: {}{more}; see weight in residuals",
-            named.join(", ")
-        )
+        let named = some_of(far.into_iter().map(|(_, name)| name), NAMED, "more");
+        format!("stations far from the prediction of all others, with little weight: {named}; see weight in residuals")
     })
+}
+
+/// So many of the names at most, the first ones, with the number of the others, which are called `others`.
+pub(crate) fn some_of(
+    names: impl ExactSizeIterator<Item = String>,
+    most: usize,
+    others: &str,
+) -> String {
+    let more = names.len().saturating_sub(most);
+    let first = names.take(most).collect::<Vec<_>>().join(", ");
+    if more == 0 { first } else { format!("{first} and {more} {others}") }
 }
 
 /// Whether the figures are on stations that took no part, or of the raw command.

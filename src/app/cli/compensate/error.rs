@@ -17,24 +17,22 @@ use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
 use crate::io::lake::LakeError;
 use crate::io::targets::TargetsError;
+use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;
 
 /// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.
 #[derive(Debug, Error)]
 #[error(
-    "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
+    "{}: corrected already: {what} posegrid wrote {when} with table {} of robot {:?}, session {:?} ({}); \
      correct the targets themselves, a second correction would move the tool by the error once more",
-    path.display(),
-    record.display()
+    path.display(), key.run, key.robot, key.session, record.display()
 )]
 pub struct CorrectedAlready {
     pub path: PathBuf,
     /// "the file", or which of its targets.
     pub what: String,
     pub when: String,
-    pub run: String,
-    pub robot: String,
-    pub session: String,
+    pub key: RunKey,
     pub record: PathBuf,
 }
 
@@ -87,8 +85,8 @@ pub enum CompensateCommandError {
         .0.display()
     )]
     NoTable(PathBuf),
-    #[error("{0}")]
-    Folder(FolderGiven),
+    #[error(transparent)]
+    Folder(#[from] FolderGiven),
     #[error(
         "{} is a lake; give a robot of it by name: posegrid compensate ROBOT TARGETS --lake {}; its robots: {}",
         path.display(), path.display(), robots.join(", ")
@@ -101,10 +99,11 @@ pub enum CompensateCommandError {
     )]
     NoRun { lake: Place, robot: String, session: String },
     #[error(
-        "run {run} of robot {robot:?}, session {session:?} has no table {table}: no step gave one, or it was removed; choose \
-         another by --by or --session"
+        "run {} of robot {:?}, session {:?} has no table {table}: no step gave one, or it was removed; choose \
+         another by --by or --session",
+        key.run, key.robot, key.session
     )]
-    NoTableOfRun { run: String, robot: String, session: String, table: &'static str },
+    NoTableOfRun { key: RunKey, table: &'static str },
     #[error(
         "the table is not valid for what the targets will be run with: {}; use a table measured so, or correct all the same with {}",
         .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
@@ -132,7 +131,7 @@ pub enum WriteCause {
 }
 
 impl WriteCause {
-    fn told(&self) -> String {
+    pub(crate) fn told(&self) -> String {
         match self {
             Self::Io(error) => whole_file::told(error),
             Self::Csv(_) | Self::Parquet(_) => {
@@ -142,35 +141,12 @@ impl WriteCause {
     }
 }
 
-impl From<FolderGiven> for CompensateCommandError {
-    fn from(folder: FolderGiven) -> Self {
-        Self::Folder(folder)
-    }
-}
-
 impl CompensateCommandError {
     pub const fn exit_code(&self) -> u8 {
         match self {
             Self::Program(own) => own.exit_code(),
-            Self::File(_)
-            | Self::OtherTable { .. }
-            | Self::Table(_)
-            | Self::Arm(_)
-            | Self::Targets(_)
-            | Self::Outside(_)
-            | Self::Verdict { .. }
-            | Self::NoTable(_)
-            | Self::Folder(_)
-            | Self::IsLake { .. }
-            | Self::Current(_)
-            | Self::NoRun { .. }
-            | Self::NoTableOfRun { .. }
-            | Self::Again(_)
-            | Self::Unreadable { .. }
-            | Self::Records(_)
-            | Self::Digest(_)
-            | Self::Exists(_) => 2,
             Self::Result(_) | Self::NotRecorded { .. } | Self::Write { .. } => 1,
+            _ => 2,
         }
     }
 }

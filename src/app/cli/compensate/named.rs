@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{CompensateArgs, CompensateCommandError, Result};
-use crate::cli::folder_given::{DEPTH, FolderGiven, entries, files_in};
+use crate::cli::folder_given::{FolderGiven, entries};
 use crate::files::store::Place;
 use crate::io::lake::Lake;
 use crate::io::rows::Word as _;
@@ -26,18 +26,14 @@ impl CompensateArgs {
         }
         if self.targets.is_dir() {
             let is_targets = |path: &Path| Form::of(path).is_ok();
-            let files = files_in(&self.targets, 0, &is_targets);
             let wanted = "a file of targets: .csv, .parquet or .json";
-            return Err(FolderGiven::new(&self.targets, wanted, files).into());
+            return Err(FolderGiven::new(&self.targets, wanted, 0, &is_targets).into());
         }
-        match self.out.as_deref().filter(|out| out.is_dir()) {
-            Some(out) => Err(FolderGiven::for_new_file(
-                out,
-                "a new file in it as --out, such as corrected.csv",
-            )
-            .into()),
-            None => Ok(()),
+        if let Some(out) = self.out.as_deref().filter(|out| out.is_dir()) {
+            let wanted = "a new file in it as --out, such as corrected.csv";
+            return Err(FolderGiven::for_new_file(out, wanted).into());
         }
+        Ok(())
     }
 
     pub(super) fn named(&self) -> Result<Named> {
@@ -75,9 +71,7 @@ impl CompensateArgs {
     fn table_of(&self, lake: &Lake, key: &RunKey) -> Result<CorrectingTable> {
         let wanted = match self.by {
             Some(by) => vec![by],
-            None if self.is_of_program() => {
-                vec![CorrectingTable::Calibrations]
-            }
+            None if self.is_of_program() => vec![CorrectingTable::Calibrations],
             None if is_for_the_arm(&targets::read(&self.targets)?) => {
                 vec![CorrectingTable::Calibrations, CorrectingTable::Compensation]
             }
@@ -88,12 +82,7 @@ impl CompensateArgs {
                 return Ok(*table);
             }
         }
-        Err(CompensateCommandError::NoTableOfRun {
-            run: key.run.clone(),
-            robot: key.robot.clone(),
-            session: key.session.clone(),
-            table: wanted[0].word(),
-        })
+        Err(CompensateCommandError::NoTableOfRun { key: key.clone(), table: wanted[0].word() })
     }
 }
 
@@ -120,9 +109,7 @@ fn table_folder(path: &Path) -> CompensateCommandError {
     if !robots.is_empty() {
         return CompensateCommandError::IsLake { path: path.to_owned(), robots };
     }
-    let is_table = |file: &Path| file.extension().is_some_and(|ending| ending == "parquet");
-    let files = files_in(path, DEPTH, &is_table);
-    FolderGiven::new(path, "a file of table compensation or calibrations", files).into()
+    FolderGiven::for_table(path, "a file of table compensation or calibrations").into()
 }
 
 /// The names of the folders in a folder, in order; none where it cannot be read.

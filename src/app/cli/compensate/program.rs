@@ -264,27 +264,26 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     }
     let mut cell = args.cell()?;
     let mut programs = crate::programs::read(files, &cell);
-    for own in std::iter::once(&**arm).chain(&taught_on) {
+    for own in std::iter::once(&**arm).chain(taught_on.as_deref()) {
         programs.hold(&own.arm.arm);
     }
     let frames = args.true_places(arm, &programs, &mut cell)?;
     let solver = Solver::new(&arm.arm, &args.allow, args.program.largest);
-    let asked = asked(&solver, taught_on.as_ref(), &programs, &cell);
+    let asked = asked(&solver, taught_on.as_deref(), &programs, &cell);
     let stated = stated(&programs, &asked, &solver);
     // A position in a touched base may stand where another program was corrected to: touching corrects at its points.
     recorded.check_targets(&args.targets, &stated, stated.len().div_ceil(4))?;
     let Corrections { outcomes, commands, edits, corrected } =
         corrected(&programs, &asked, &solver);
+    let known = Known { programs: &programs, asked: &asked, commands: &commands };
     let deviations = solver.deviations(&programs.paths, &asked, &commands);
-    let further = args.program.densify.map(|limit_mm| {
-        let known = Known { programs: &programs, asked: &asked, commands: &commands };
-        solver.further(limit_mm, &known, &deviations)
-    });
+    let further = args.program.densify;
+    let further = further.map(|limit_mm| solver.further(limit_mm, &known, &deviations));
     let edits = changes(&programs, &asked, edits, further.as_deref().unwrap_or_default());
     let turns = solver.turns();
     let mut report = Report::of(&programs, outcomes, deviations, turns, unread, frames);
     report.add(further.unwrap_or_default());
-    report.left_by_offsets_mm = solver.left_by_offsets(&programs, &asked, &commands);
+    report.left_by_offsets_mm = solver.left_by_offsets(&known);
     let date = write::today();
     let written = written(&programs, &edits, arm, &date);
     let recording = record(&written, &programs, &corrected, |made| {
@@ -387,20 +386,23 @@ fn changes(
 
 impl CompensateArgs {
     /// The arm that the positions were taught on; `None` for wishes of an off-line system.
-    fn taught_on(&self) -> Result<Option<PublishedArm>, CompensateCommandError> {
+    fn taught_on(&self) -> Result<Option<Box<PublishedArm>>, CompensateCommandError> {
         match (self.program.points, &self.program.taught_on) {
             (None, _) => Err(ProgramError::NoPoints.into()),
             (Some(Points::OffLine), None) => Ok(None),
             (Some(Points::OffLine), Some(_)) => Err(ProgramError::NotTaught.into()),
             (Some(Points::Taught), None) => Err(ProgramError::NoTaughtOn.into()),
-            (Some(Points::Taught), Some(path)) => {
-                let source = Source::read(path)?;
-                self.admit_verdict(path, &source)?;
-                match source {
-                    Source::Arm(arm) => Ok(Some(*arm)),
-                    Source::Table(_) => Err(ProgramError::Table.into()),
-                }
-            }
+            (Some(Points::Taught), Some(path)) => self.arm_of(path).map(Some),
+        }
+    }
+
+    /// The arm of a table besides the one that corrects, whose verdict has to be met or allowed too.
+    fn arm_of(&self, path: &Path) -> Result<Box<PublishedArm>, CompensateCommandError> {
+        let source = Source::read(path)?;
+        self.admit_verdict(path, &source)?;
+        match source {
+            Source::Arm(arm) => Ok(arm),
+            Source::Table(_) => Err(ProgramError::Table.into()),
         }
     }
 

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use chrono::DateTime;
+use chrono::{DateTime, Utc};
 
 use super::error::CorrectedAlready;
 use super::source::Source;
@@ -172,22 +172,21 @@ fn corrected_already(
         path: targets.to_owned(),
         what,
         when: written.map_or_else(|| "earlier".to_owned(), day),
-        run: record.key.run.clone(),
-        robot: record.key.robot.clone(),
-        session: record.key.session.clone(),
+        key: record.key.clone(),
         record: place.clone(),
     }))
 }
 
 /// A file-system time for a person to read, to the minute.
 fn day(time: SystemTime) -> String {
-    let since = time.duration_since(SystemTime::UNIX_EPOCH);
-    let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
-    let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
-    day.map_or_else(
-        || "earlier".to_owned(),
-        |day| format!("on {} UTC", &day.naive_utc().to_string()[..16]),
-    )
+    let written = |time: DateTime<Utc>| format!("on {} UTC", &time.naive_utc().to_string()[..16]);
+    utc(time).map_or_else(|| "earlier".to_owned(), written)
+}
+
+/// A file-system time to the second; `None` before 1970.
+pub(super) fn utc(time: SystemTime) -> Option<DateTime<Utc>> {
+    let since = time.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+    DateTime::from_timestamp(i64::try_from(since.as_secs()).ok()?, 0)
 }
 
 /// The commands of a record, indexed by their values.

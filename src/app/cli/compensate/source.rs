@@ -1,5 +1,6 @@
 //! The source of a correction: either of two tables of a run, distinguished by the table's name in the file.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::{CompensateCommandError, Result};
@@ -49,40 +50,24 @@ impl Source {
         covariances: Covariances,
     ) -> Vec<Result<Corrected, Refused>> {
         let other_tool = Exception::Term(Term::Tool);
-        if !allow.contains(&other_tool) {
-            return self.refusing_other_tools(targets, allow, covariances);
+        let is_allowed = allow.contains(&other_tool);
+        let mut asked = Cow::Borrowed(targets);
+        if is_allowed {
+            asked.to_mut().iter_mut().for_each(|target| target.tool = None);
         }
+        let mut outcomes: Vec<_> = match self {
+            Self::Table(own) => asked.iter().map(|target| compensate(&own.table, target)).collect(),
+            Self::Arm(own) => own.arm.compensate(&asked, allow, covariances),
+        };
         let own = self.validity().conditions.tool.as_ref();
-        let is_other = |target: &Target| target.tool.is_some() && target.tool.as_ref() != own;
-        let mut asked = targets.to_vec();
-        for target in &mut asked {
-            target.tool = None;
-        }
-        let mut outcomes = self.refusing_other_tools(&asked, allow, covariances);
         for (target, outcome) in targets.iter().zip(&mut outcomes) {
-            if let Ok(done) = outcome
-                && is_other(target)
-            {
+            let Ok(done) = outcome else { continue };
+            if is_allowed && target.tool.is_some() && target.tool.as_ref() != own {
                 done.allowed.push(other_tool);
             }
-        }
-        outcomes
-    }
-
-    fn refusing_other_tools(
-        &self,
-        targets: &[Target],
-        allow: &[Exception],
-        covariances: Covariances,
-    ) -> Vec<Result<Corrected, Refused>> {
-        let mut outcomes: Vec<_> = match self {
-            Self::Table(published) => {
-                targets.iter().map(|target| compensate(&published.table, target)).collect()
+            if covariances == Covariances::Omitted {
+                done.covariance = None;
             }
-            Self::Arm(published) => return published.arm.compensate(targets, allow, covariances),
-        };
-        if covariances == Covariances::Omitted {
-            outcomes.iter_mut().flatten().for_each(|done| done.covariance = None);
         }
         outcomes
     }
@@ -207,29 +192,28 @@ impl Source {
     }
 
     pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
-        let mut warnings = Vec::new();
-        let what = self.what();
-        match self.verdict() {
-            TableVerdict::Met => {}
-            TableVerdict::NotMet => warnings.push(format!(
-                "this {what} does not meet its pipeline's tolerance, and that is allowed: see runs.reason"
-            )),
-            TableVerdict::NotShown => warnings.push(format!(
-                "this {what} was not shown to meet its pipeline's tolerance, and that is allowed: see runs.reason"
-            )),
-        }
+        let fault = match self.verdict() {
+            TableVerdict::Met => None,
+            TableVerdict::NotMet => Some("does not meet"),
+            TableVerdict::NotShown => Some("was not shown to meet"),
+        };
+        let fault = fault.map(|fault| {
+            let what = self.what();
+            format!(
+                "this {what} {fault} its pipeline's tolerance, and that is allowed: see runs.reason"
+            )
+        });
+        let mut warnings = Vec::from_iter(fault);
         if matches!(self, Self::Arm(_)) {
             return warnings;
         }
-        let unturned = targets.iter().filter(|target| target.orientation.is_none());
-        let unturned = unturned.count();
+        let unturned = targets.iter().filter(|target| target.orientation.is_none()).count();
         if unturned > 0 {
             warnings.push(format!(
                 "{unturned} targets state no orientation and are taken to have the table's"
             ));
         }
-        let with_joints = targets.iter().filter(|target| target.joints.is_some());
-        let with_joints = with_joints.count();
+        let with_joints = targets.iter().filter(|target| target.joints.is_some()).count();
         if with_joints > 0 {
             warnings.push(format!(
                 "joint angles of {with_joints} targets are without effect: this table knows positions; table calibrations of \

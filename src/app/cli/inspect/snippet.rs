@@ -206,11 +206,9 @@ struct Part {
 
 fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
     let part = |log: &Inspection| {
-        let mut clocks = log
-            .channels
-            .iter()
-            .filter(|channel| channel.topic == topic && channel.traffic.messages > 0)
-            .map(|channel| channel.traffic.log);
+        let own = log.channels.iter().filter(|channel| channel.topic == topic);
+        let read = own.filter(|channel| channel.traffic.messages > 0);
+        let mut clocks = read.map(|channel| channel.traffic.log);
         let first = clocks.next()?;
         let whole = clocks.fold(first, |mut whole, clock| {
             whole.append(&clock);

@@ -98,12 +98,8 @@ fn number(value: f64) -> String {
 }
 
 fn texts(column: &ColumnSummary) -> String {
-    let mut words: Vec<String> = column
-        .different
-        .iter()
-        .take(MOST_TEXTS)
-        .map(|text| format!("\"{}\"", shown(text)))
-        .collect();
+    let first = column.different.iter().take(MOST_TEXTS);
+    let mut words: Vec<String> = first.map(|text| format!("\"{}\"", shown(text))).collect();
     if column.has_more || column.different.len() > MOST_TEXTS {
         words.push("…".to_owned());
     }

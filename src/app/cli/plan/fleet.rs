@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use super::{PlanArgs, PlanCommandError, made};
 use crate::cli::messages::{self, Printable};
 use crate::cli::progress::Bars;
-use crate::cli::streams::Undelivered;
 use crate::cli::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::pipeline::file::ROBOT_PLACE;
 use crate::pipeline::planning::Planning;
@@ -43,7 +42,7 @@ pub(super) fn all(args: &PlanArgs, robots: &[String], bars: &Bars) -> u8 {
         let words =
             if robots.len() > 1 { format!("robot {}\n{words}\n", Printable(robot)) } else { words };
         if let Err(undelivered) = messages::result(words, bars) {
-            return Undelivered::exit_code(undelivered);
+            return undelivered.exit_code();
         }
     }
     of_all(&codes)

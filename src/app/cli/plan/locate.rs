@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::io::Write;
 
-use super::{CsvCause, PlanArgs, PlanCommandError, new_csv};
+use super::{PlanArgs, PlanCommandError, WriteCause, new_csv};
 use crate::files::whole_file::write_whole;
 use crate::kinematics::Joint;
 use crate::pipeline::planning::Located;
@@ -66,7 +66,7 @@ fn words(located: &Located, args: &PlanArgs) -> String {
 }
 
 /// The poses in their order: names, joint angles in degrees, and the reflector's nominal pose in the base frame.
-fn csv(located: &Located, sink: impl Write) -> Result<(), CsvCause> {
+fn csv(located: &Located, sink: impl Write) -> Result<(), WriteCause> {
     let mut writer = csv::Writer::from_writer(sink);
     let joints = located.arm.joints();
     let header = ["target", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];

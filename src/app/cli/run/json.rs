@@ -8,7 +8,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::rows::{Row as _, Word as _};
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::VerdictOf;
-use crate::manifest::{RunKey, VERSION};
+use crate::manifest::VERSION;
 use crate::pipeline::configuration::SetAside;
 use crate::pipeline::fleet::{Fleet, FleetPiece};
 use crate::pipeline::run::Done;
@@ -54,13 +54,12 @@ fn session(lake: &Lake, own: &FleetPiece<'_>, ending: &Ending) -> Result<Value, 
 }
 
 fn finished(lake: &Lake, done: &Done) -> Result<Value, LakeError> {
-    let key = RunKey::new(&done.robot, &done.session, &done.run);
-    let row = RunRow::read(&lake.read(RunRow::TABLE, &key)?).pop();
+    let row = RunRow::read(&lake.read(RunRow::TABLE, &done.key)?).pop();
     let ending = row.map(|row| row.ending).unwrap_or_default();
     let summary = done.summary.as_ref();
     Ok(json!({
-        "robot": done.robot,
-        "run": done.run,
+        "robot": done.key.robot,
+        "run": done.key.run,
         "verdict": ending.verdict.word(),
         "verdict_of": ending.verdict_of.map(VerdictOf::word),
         "statement": ending.statement,

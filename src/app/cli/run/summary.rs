@@ -58,7 +58,6 @@ pub fn summary(
     text
 }
 
-/// A line for each session.
 fn lines<'a>(
     endings: impl Iterator<Item = (&'a str, &'a Ending)>,
     set_aside: &[SetAside],
@@ -131,7 +130,7 @@ fn outcome(done: &Done) -> String {
     if let Some(reason) = &done.reason {
         write!(text, ": {reason}").expect("a string");
     }
-    write!(text, ", run {}", done.run).expect("a string");
+    write!(text, ", run {}", done.key.run).expect("a string");
     for line in &done.rejected {
         write!(text, ", too much rejected: {line}").expect("a string");
     }
@@ -154,7 +153,7 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     lines.extend(done.corrects.as_ref().map(|table| now(&summary.next, table)));
     lines.extend(done.page.as_ref().map(|page| format!("page: {}", near(page))));
     if verbose {
-        lines.push(format!("run: {}", done.run));
+        lines.push(format!("run: {}", done.key.run));
         lines.extend(done.words.iter().cloned());
         lines.push(format!("tables: {}", near(&done.tables)));
     }

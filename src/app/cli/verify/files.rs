@@ -31,10 +31,8 @@ fn without_row(run: &WithoutRow) -> String {
         let (table, session) = file.split_once('/').unwrap_or((file, ""));
         sessions.entry(session).or_default().push(table);
     }
-    let named: Vec<String> = sessions
-        .iter()
-        .map(|(session, tables)| format!("of session {session} {}", tables.join(", ")))
-        .collect();
+    let named = sessions.iter();
+    let named = named.map(|(own, tables)| format!("of session {own} {}", tables.join(", ")));
     let files = run.files.len();
     format!(
         "no row: {files} file{} of run {} of robot {} {} no row in runs: the row was deleted, or the run was never committed (it \
@@ -43,7 +41,7 @@ fn without_row(run: &WithoutRow) -> String {
         run.run,
         run.robot,
         if files == 1 { "has" } else { "have" },
-        named.join("; ")
+        named.collect::<Vec<_>>().join("; ")
     )
 }
 

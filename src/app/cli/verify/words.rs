@@ -197,10 +197,10 @@ fn output(output: &Output, recomputed: &Recomputed) -> String {
         Found::Unreadable(reason) => reason.clone(),
     };
     let again = match recomputed {
-        Recomputed::Yes { others, .. } => others
-            .iter()
-            .find(|file| file.name == output.name)
-            .and_then(|file| file.computed.as_ref()),
+        Recomputed::Yes { others, .. } => {
+            let own = others.iter().find(|file| file.name == output.name);
+            own.and_then(|file| file.computed.as_ref())
+        }
         Recomputed::No(_) | Recomputed::OtherWork => None,
     };
     let judged = match again {

@@ -1,11 +1,11 @@
 use crate::io::tables::words::TableVerdict;
 use crate::units::WallTime;
 
-const DAY_US: f64 = 86_400e6;
+/// Microseconds of a day.
+pub(crate) const DAY_US: f64 = 86_400e6;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    pub version: String,
     /// The time that the page is of: the start of the newest session, or a stated one; `None` where no session has a date.
     pub as_of: Option<WallTime>,
     pub is_stated: bool,

@@ -154,7 +154,6 @@ fn sort_by_ratio(own: &mut [Measured<'_>]) {
     own.sort_by(|a, b| ratio(b).total_cmp(&ratio(a)));
 }
 
-/// The robot's name, which leads to its page.
 fn link(robot: &Robot) -> Markup {
     html! { a href=(address(&robot.page)) { (robot.name) } }
 }

@@ -32,12 +32,7 @@ fn robot(name: &str, hours: i64, verdict: TableVerdict, bound_mm: f64) -> Robot 
 }
 
 fn content(robots: Vec<Robot>) -> Content {
-    Content {
-        version: "0.1.0".to_owned(),
-        as_of: Some(WallTime::of_us(1_767_304_800_000_000)),
-        is_stated: false,
-        robots,
-    }
+    Content { as_of: Some(WallTime::of_us(1_767_304_800_000_000)), is_stated: false, robots }
 }
 
 #[test]

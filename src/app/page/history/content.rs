@@ -4,7 +4,6 @@ use crate::units::WallTime;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
     pub robot: String,
-    pub version: String,
     /// Probability of a false alarm in one session.
     pub false_alarm: f64,
     pub runs: usize,

@@ -4,8 +4,8 @@ use maud::{Markup, html};
 
 use super::content::{Content, Session};
 use crate::page::shell::{address, table};
-use crate::page::words::{mark, optional, verdict};
-use crate::report::chart::{Axis, Chart, Limit, Series};
+use crate::page::words::{mark, optional, tolerance, verdict};
+use crate::report::chart::{Axis, Chart, Series};
 
 const MOST: usize = 10;
 
@@ -44,7 +44,6 @@ fn chart(nights: &[Numbered<'_>]) -> Chart {
         Series::line_and_points(name, points.collect())
     };
     let tolerance_mm = nights.last().and_then(|(_, own)| own.tolerance_mm);
-    let limit = |mm: f64| Limit { name: format!("tolerance {mm} mm"), value: mm };
     Chart {
         title: "Bound and mean error of the last nights".to_owned(),
         description: "Bound on the errors and mean error after correction of each of the last nights, with the tolerance of the newest."
@@ -55,6 +54,6 @@ fn chart(nights: &[Numbered<'_>]) -> Chart {
             line("bound, after correction", |own| own.bound_mm),
             line("mean, after correction", |own| own.means_mm[1]),
         ],
-        limits: tolerance_mm.map(limit).into_iter().collect(),
+        limits: tolerance_mm.map(tolerance).into_iter().collect(),
     }
 }

@@ -37,7 +37,6 @@ fn content() -> Content {
     };
     Content {
         robot: "ur10 <b>".to_owned(),
-        version: "0.1.0".to_owned(),
         false_alarm: 1e-3,
         runs: 4,
         sessions: vec![

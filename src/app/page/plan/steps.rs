@@ -128,9 +128,7 @@ fn chart(
 }
 
 pub(super) fn tolerance(content: &Content) -> Vec<Limit> {
-    let limit = |mm: f64| Limit { name: format!("tolerance {mm} mm"), value: mm };
-    let promise = content.promise().into_iter();
-    promise.map(|promise| limit(promise.tolerance_mm)).collect()
+    content.promise().map(|promise| words::tolerance(promise.tolerance_mm)).into_iter().collect()
 }
 
 fn points(steps: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64>) -> Vec<[f64; 2]> {

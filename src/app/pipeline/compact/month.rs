@@ -14,8 +14,8 @@ use crate::io::lake::{
 };
 use crate::io::rows::Row as _;
 use crate::io::tables::runs::RunRow;
-use crate::manifest::{RunKey, Written};
-use crate::pipeline::verify::Claim;
+use crate::manifest::RunKey;
+use crate::pipeline::verify::{Claim, is_gone};
 use crate::progress::Progress;
 
 /// Number of runs whose tables are read before they become one.
@@ -169,19 +169,12 @@ impl NewRun {
         match read.collect::<Result<Vec<Table>, String>>() {
             Ok(accuracy) => Ok([vec![row], accuracy, Vec::new()]),
             // Of a run that another replaced only the row may have been kept.
-            Err(_) if is_removed(lake, &claim) => Ok([vec![row], Vec::new(), Vec::new()]),
+            Err(_) if claim.files.iter().all(|file| is_gone(&claim.key, file, lake)) => {
+                Ok([vec![row], Vec::new(), Vec::new()])
+            }
             Err(reason) => Err(reason),
         }
     }
-}
-
-/// Whether none of the files that a run wrote is there.
-fn is_removed(lake: &Lake, claim: &Claim) -> bool {
-    let is_gone = |file: &Written| {
-        let key = claim.key.of_session(&file.session);
-        lake.has(&file.table, &key).is_ok_and(|is_there| !is_there)
-    };
-    claim.files.iter().all(is_gone)
 }
 
 /// The row of a run or request, which has to be at the place that it names.

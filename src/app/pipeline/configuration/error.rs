@@ -12,6 +12,7 @@ use crate::io::lake::LakeError;
 use crate::manifest::ManifestError;
 use crate::nearest::did_you_mean;
 use crate::pipeline::robot_file::NoRobotFile;
+use crate::pipeline::words::some_of;
 
 pub(in crate::pipeline) type Result<T, E = ConfigurationError> = std::result::Result<T, E>;
 
@@ -95,12 +96,12 @@ impl ConfigurationErrorKind {
             )
         } else {
             let meant = did_you_mean(name, known.iter().map(String::as_str));
-            format!("it has no robot {name:?}{meant}; its robots: {}", some_of(known))
+            format!("it has no robot {name:?}{meant}; its robots: {}", few_of(known))
         })
     }
 
     pub(in crate::pipeline) fn several_robots(known: &[String]) -> Self {
-        let known = some_of(known);
+        let known = few_of(known);
         Self::Fault(format!("it is of several robots: name one of them with --robot: {known}"))
     }
 
@@ -129,14 +130,9 @@ impl ConfigurationErrorKind {
     }
 }
 
-/// Names, of many the first ones.
-fn some_of(names: &[String]) -> String {
+fn few_of(names: &[String]) -> String {
     const FEW: usize = 12;
-    let first = listed(&names[..names.len().min(FEW)]);
-    match names.len().saturating_sub(FEW) {
-        0 => first,
-        others => format!("{first} and {others} others"),
-    }
+    if names.is_empty() { "none".to_owned() } else { some_of(names.iter().cloned(), FEW, "others") }
 }
 
 fn listed(names: &[String]) -> String {

@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 use super::{ConfigurationError, ConfigurationErrorKind, Result};
 use crate::io::lake;
-use crate::pipeline::file::{ROBOT_PLACE, RobotsBy};
+use crate::pipeline::file::{ROBOT_PLACE, ToldBy};
 use crate::pipeline::robot_entry::{RobotEntry, put};
 
 /// The keys of `[input]` that name files, in which `{robot}` stands for the robot.
@@ -18,7 +18,7 @@ const FILES: [&str; 4] = ["controller", "tracker", "stations", "corrected_target
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robots {
     /// The way in which sessions belong to them.
-    pub by: RobotsBy,
+    pub by: ToldBy,
     /// Each robot, in the order of the file.
     pub stated: Vec<StatedRobot>,
     /// The pipeline file without its robots.
@@ -92,14 +92,14 @@ impl Robots {
     /// Sets the folder or the file names of one robot.
     fn placed(&self, entry: &RobotEntry, input: &mut Table) {
         match self.by {
-            RobotsBy::Folder => {
+            ToldBy::Folder => {
                 if let Some(Value::String(folder)) = input.get_mut("folder") {
                     let own = entry.folder.as_ref().unwrap_or(&entry.name);
                     *folder = format!("{}/{own}", folder.trim_end_matches('/'));
                 }
             }
-            RobotsBy::FileName => named_after(input, &entry.name),
-            RobotsBy::Metadata | RobotsBy::Column => {}
+            ToldBy::FileName => named_after(input, &entry.name),
+            ToldBy::Metadata | ToldBy::Column => {}
         }
     }
 
@@ -111,7 +111,7 @@ impl Robots {
             robot.remove("name");
         }
         if let Some(input) = file.get_mut("input").and_then(Value::as_table_mut)
-            && self.by == RobotsBy::FileName
+            && self.by == ToldBy::FileName
         {
             named_after(input, "*");
         }
@@ -148,12 +148,12 @@ impl Robots {
                 return Err(wrong(stated, format!("{:?} is stated twice", entry.name)));
             }
             let folder = entry.folder.as_ref().unwrap_or(&entry.name);
-            if self.by == RobotsBy::Folder && !folders.insert(folder) {
+            if self.by == ToldBy::Folder && !folders.insert(folder) {
                 return Err(wrong(stated, format!("the folder {folder:?} is another robot's")));
             }
             is_one_below(entry, self.by).map_err(|reason| wrong(stated, reason))?;
         }
-        if self.by == RobotsBy::FileName {
+        if self.by == ToldBy::FileName {
             self.distinguished().map_err(|reason| robots_error(path, None, reason))?;
         }
         Ok(())
@@ -197,15 +197,15 @@ fn of_two<'n>(pattern: &str, names: &[&'n str]) -> Option<(&'n str, &'n str)> {
 }
 
 /// Checks that a robot's folder is one below that of `[input]`, and its name one that stands in file names.
-fn is_one_below(entry: &RobotEntry, by: RobotsBy) -> Result<(), String> {
+fn is_one_below(entry: &RobotEntry, by: ToldBy) -> Result<(), String> {
     match (by, &entry.folder) {
-        (RobotsBy::FileName | RobotsBy::Metadata | RobotsBy::Column, Some(_)) => {
+        (ToldBy::FileName | ToldBy::Metadata | ToldBy::Column, Some(_)) => {
             Err("`folder` is for robots_by = \"folder\"".to_owned())
         }
-        (RobotsBy::FileName, None) if entry.name.contains(['*', '?', '{', '}', '/']) => {
+        (ToldBy::FileName, None) if entry.name.contains(['*', '?', '{', '}', '/']) => {
             Err(format!("{:?} has signs that have a meaning in file names; rename it", entry.name))
         }
-        (RobotsBy::Folder, folder) => {
+        (ToldBy::Folder, folder) => {
             let folder = folder.as_ref().unwrap_or(&entry.name);
             let parts = || folder.split('/');
             let below = parts().all(|part| !part.is_empty() && part != "." && part != "..");
@@ -226,7 +226,6 @@ fn named_after(input: &mut Table, robot: &str) {
     }
 }
 
-/// File names with the robot in its place.
 fn with_robot(names: Value, robot: &str) -> Value {
     let each = |own| with_robot(own, robot);
     match names {
@@ -264,8 +263,8 @@ fn of_table(path: &Path, at: &Path, named: &str) -> Result<Vec<StatedRobot>> {
     Ok(stated)
 }
 
-fn robots_by(path: &Path, by: Option<&Value>) -> Result<RobotsBy> {
-    let Some(by) = by else { return Ok(RobotsBy::default()) };
+fn robots_by(path: &Path, by: Option<&Value>) -> Result<ToldBy> {
+    let Some(by) = by else { return Ok(ToldBy::default()) };
     by.clone().try_into().map_err(|_| {
         let wanted = "\"folder\", \"file_name\", \"metadata\" or \"column\"";
         ConfigurationErrorKind::setting("[input] robots_by", by, wanted).at(path)

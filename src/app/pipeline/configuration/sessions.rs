@@ -20,9 +20,7 @@ use crate::io::lake::Lake;
 use crate::io::log::SessionLogs;
 use crate::io::station_table::Whose;
 use crate::manifest::{Input, RunKey};
-use crate::pipeline::file::{
-    InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, SessionsBy,
-};
+use crate::pipeline::file::{InputSection, LogNames, PipelineFile, Pool, SESSION_PLACE, ToldBy};
 use found::Found;
 pub use found::Session;
 pub use joined::Wanted;
@@ -58,7 +56,6 @@ impl Recorded {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JoinedBefore {
-    /// Its robot, name and result.
     pub key: RunKey,
     /// The session's own files that it was made from.
     pub inputs: Vec<Input>,
@@ -93,7 +90,6 @@ pub struct WorkPiece {
 /// A folder or file among the sessions that is no session, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The name of the folder or file.
     pub name: String,
     pub reason: String,
 }
@@ -150,14 +146,15 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// The sessions in the folder of `[input]`, and what is no session there.
+/// The sessions in the folder of `[input]`, or those that a lake has as joined, and what is no session there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundSessions {
     /// By name.
     pub sessions: Vec<Session>,
     /// By name.
     pub left_out: Vec<LeftOut>,
-    by: SessionsBy,
+    /// What tells them; `None` of those that a lake has as joined.
+    by: Option<ToldBy>,
 }
 
 /// Searches the sessions of a pipeline file: `folder` is its `[input] folder`, resolved, in `tree`.
@@ -175,19 +172,21 @@ pub(in crate::pipeline) fn look(
         name_sessions(path, key, names, input.sessions_by)?;
     }
     by_what_there_is(path, input, stations)?;
-    let robot = file.robot.name.as_deref();
-    let found = Found::look(tree, folder, input, stations, robot, file.limits);
-    let found = found.map_err(|source| {
+    let (robot, limits) = (file.robot.name.as_deref(), file.limits);
+    let (sessions, left_out) = (Vec::new(), Vec::new());
+    let mut found = Found { tree, folder, input, stations, robot, limits, sessions, left_out };
+    found.look().map_err(|source| {
         let folder = folder.to_owned();
         ConfigurationErrorKind::Folder { folder, source }.at(path)
     })?;
-    Ok(FoundSessions { sessions: found.sessions, left_out: found.left_out, by: input.sessions_by })
+    let Found { sessions, left_out, .. } = found;
+    Ok(FoundSessions { sessions, left_out, by: Some(input.sessions_by) })
 }
 
 impl FoundSessions {
     /// Sessions that were found elsewhere.
     pub const fn of(sessions: Vec<Session>) -> Self {
-        Self { sessions, left_out: Vec::new(), by: SessionsBy::Folder }
+        Self { sessions, left_out: Vec::new(), by: Some(ToldBy::Folder) }
     }
 
     /// These sessions alone.
@@ -196,79 +195,58 @@ impl FoundSessions {
         Self { sessions, left_out: Vec::new(), by: self.by }
     }
 
+    /// The session of that name; a bad one where there is none.
     fn named(&self, name: &str) -> Session {
-        named(&self.sessions, name, || self.not_there(name))
+        let found = self.sessions.iter().find(|session| session.name == name);
+        found.cloned().unwrap_or_else(|| Session {
+            name: name.to_owned(),
+            recorded: Err(Why::Bad(self.not_there(name))),
+            corrected: None,
+            robot: None,
+        })
     }
 
     fn not_there(&self, name: &str) -> String {
+        let Some(by) = self.by else { return "the lake does not have it as joined".to_owned() };
         let left = self.left_out.iter().find(|left| left.name == name);
-        match (left, self.by) {
+        match (left, by) {
             (Some(left), _) => left.reason.clone(),
-            (None, SessionsBy::Folder) if name.contains('/') => {
+            (None, ToldBy::Folder) if name.contains('/') => {
                 "a session is named by its folder's name, not by a path".to_owned()
             }
-            (None, SessionsBy::Folder) => "there is no such folder".to_owned(),
+            (None, ToldBy::Folder) => "there is no such folder".to_owned(),
             (None, _) => "no file names it".to_owned(),
         }
     }
 }
 
-/// The session of that name; a bad one where there is none, with the reason that `lacks` gives.
-fn named(sessions: &[Session], name: &str, lacks: impl FnOnce() -> String) -> Session {
-    let found = sessions.iter().find(|session| session.name == name);
-    found.cloned().unwrap_or_else(|| Session {
-        name: name.to_owned(),
-        recorded: Err(Why::Bad(lacks())),
-        corrected: None,
-        robot: None,
-    })
-}
-
-/// Lists the work with the sessions found in `folder`.
 pub(super) fn list(
     found: &FoundSessions,
     folder: &Path,
     input: &InputSection,
     overrides: &Overrides,
 ) -> Result<Listed> {
-    let candidates = Candidates {
-        place: folder.to_owned(),
-        wanted: input.sessions_by.of(input),
-        named: &|name| found.named(name),
-        sessions: &found.sessions,
-        left_out: &found.left_out,
-    };
-    candidates.listed(input, overrides)
+    let (place, wanted) = (folder.to_owned(), input.session_in_words());
+    Candidates { found, place, wanted }.listed(input, overrides)
 }
 
-/// Lists the work with sessions that the lake has as joined.
 pub(super) fn list_joined(
     lake: &Lake,
     wanted: &Wanted<'_>,
     input: &InputSection,
     overrides: &Overrides,
 ) -> Result<Listed> {
-    let (sessions, left_out) = joined::sessions(lake, wanted)?;
-    let lacks = || "the lake does not have it as joined".to_owned();
-    let candidates = Candidates {
-        place: lake.root().named(),
-        wanted: "a row of joined_sessions, which `posegrid run --until session` writes".to_owned(),
-        named: &|name| named(&sessions, name, lacks),
-        sessions: &sessions,
-        left_out: &left_out,
-    };
-    candidates.listed(input, overrides)
+    let found = &joined::sessions(lake, wanted)?;
+    let wanted = "a row of joined_sessions, which `posegrid run --until session` writes".to_owned();
+    Candidates { found, place: lake.root().named(), wanted }.listed(input, overrides)
 }
 
 /// Sessions that there may be work with.
 struct Candidates<'a> {
+    found: &'a FoundSessions,
     /// Where they were looked for.
     place: PathBuf,
     wanted: String,
-    /// The session of a name, or why there is none.
-    named: &'a dyn Fn(&str) -> Session,
-    sessions: &'a [Session],
-    left_out: &'a [LeftOut],
 }
 
 impl Candidates<'_> {
@@ -278,11 +256,11 @@ impl Candidates<'_> {
         let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
         named_once(named.as_deref().unwrap_or_default(), &test)?;
         named_once(&test, &[])?;
-        let of_name = |name: &String| (self.named)(name);
+        let of_name = |name: &String| self.found.named(name);
         let training: Vec<Session> = if let Some(names) = &named {
             names.iter().map(of_name).collect()
         } else {
-            let others = self.sessions.iter().filter(|own| !test.contains(&own.name));
+            let others = self.found.sessions.iter().filter(|own| !test.contains(&own.name));
             others.cloned().collect()
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
@@ -296,7 +274,7 @@ impl Candidates<'_> {
             pieces,
             set_aside,
             // Entries that are no session matter only where every session is asked for.
-            left_out: named.map_or_else(|| self.left_out.to_vec(), |_| Vec::new()),
+            left_out: named.map_or_else(|| self.found.left_out.clone(), |_| Vec::new()),
         })
     }
 
@@ -311,10 +289,10 @@ impl Candidates<'_> {
                 session,
                 reason,
                 folder: self.place.clone(),
-                found: self.sessions.iter().map(|s| s.name.clone()).collect(),
+                found: self.found.sessions.iter().map(|s| s.name.clone()).collect(),
             };
         }
-        let left = self.left_out.iter();
+        let left = self.found.left_out.iter();
         ConfigurationError::NoSessions {
             folder: self.place.clone(),
             wanted: self.wanted.clone(),
@@ -331,16 +309,16 @@ fn by_what_there_is(
 ) -> Result<()> {
     let has_column = stations.is_some_and(|stations| stations.session.is_some());
     let (found, wanted) = match (input.sessions_by, stations.is_some()) {
-        (SessionsBy::Column, false) => {
+        (ToldBy::Column, false) => {
             ("column", "\"folder\", \"file_name\" or \"metadata\": logs have no columns")
         }
-        (SessionsBy::Metadata, true) => {
+        (ToldBy::Metadata, true) => {
             ("metadata", "\"folder\", \"file_name\" or \"column\": tables have no metadata")
         }
-        (SessionsBy::Column, true) if !has_column => {
+        (ToldBy::Column, true) if !has_column => {
             ("column", "with [stations] session, the column that names a row's session")
         }
-        (SessionsBy::Folder | SessionsBy::FileName, true) if has_column => {
+        (ToldBy::Folder | ToldBy::FileName, true) if has_column => {
             ("not column", "\"column\", as [stations] session names a column of sessions")
         }
         _ => return Ok(()),
@@ -351,9 +329,9 @@ fn by_what_there_is(
 }
 
 /// Checks that names have `{session}` in their last part where sessions are found by it, and nowhere else.
-fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Result<()> {
+fn name_sessions(path: &Path, key: &str, names: &LogNames, by: ToldBy) -> Result<()> {
     let wanted = match by {
-        SessionsBy::FileName => {
+        ToldBy::FileName => {
             "names with one {session} in their last part, as sessions_by = \"file_name\" asks"
         }
         _ => {
@@ -365,7 +343,7 @@ fn name_sessions(path: &Path, key: &str, names: &LogNames, by: SessionsBy) -> Re
         let last = last.to_string_lossy().matches(SESSION_PLACE).count();
         (pattern.matches(SESSION_PLACE).count(), last)
     };
-    let right = usize::from(by == SessionsBy::FileName);
+    let right = usize::from(by == ToldBy::FileName);
     let patterns = names.patterns();
     if !patterns.is_empty() && patterns.iter().all(|pattern| places(pattern) == (right, right)) {
         return Ok(());

@@ -9,7 +9,7 @@ use crate::pipeline::configuration::{
     ConfigurationError, ConfigurationErrorKind, FoundSessions, Recorded, Result, Robots, Session,
     Tree, Why, logs, look,
 };
-use crate::pipeline::file::{PipelineFile, ROBOT_PLACE, RobotsBy, SESSION_PLACE, SessionsBy};
+use crate::pipeline::file::{PipelineFile, ROBOT_PLACE, SESSION_PLACE, ToldBy};
 
 #[derive(Debug, Clone)]
 pub struct ByRobot {
@@ -87,20 +87,20 @@ fn check(within: &Within<'_>) -> Result<()> {
     let has_column = within.file.stations.as_ref().is_some_and(|own| own.robot.is_some());
     let is_here = matches!(within.tree, Tree::Folder);
     let (found, wanted) = match by {
-        RobotsBy::Column if !are_tables => {
+        ToldBy::Column if !are_tables => {
             ("column", "\"folder\", \"file_name\" or \"metadata\": logs have no columns")
         }
-        RobotsBy::Column if !has_column => {
+        ToldBy::Column if !has_column => {
             ("column", "with [stations] robot, the column that names a row's robot")
         }
-        RobotsBy::Column if !is_here => (
+        ToldBy::Column if !is_here => (
             "column",
             "\"folder\" or \"file_name\": it opens every table, and these are on object storage",
         ),
-        RobotsBy::Metadata if are_tables => {
+        ToldBy::Metadata if are_tables => {
             ("metadata", "\"folder\", \"file_name\" or \"column\": tables have no metadata")
         }
-        RobotsBy::Metadata if !is_here => (
+        ToldBy::Metadata if !is_here => (
             "metadata",
             "\"folder\" or \"file_name\": it opens every file, and these are on object storage",
         ),
@@ -161,7 +161,7 @@ impl Within<'_> {
     }
 
     fn folders(&self) -> io::Result<Vec<PathBuf>> {
-        if self.file.input.sessions_by != SessionsBy::Folder {
+        if self.file.input.sessions_by != ToldBy::Folder {
             return Ok(vec![self.folder.to_owned()]);
         }
         let entries = self.tree.entries(self.folder)?.into_iter();

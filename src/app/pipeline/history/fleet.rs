@@ -6,21 +6,16 @@ use super::{Reason, RobotHistory, RunResult};
 use crate::io::rows::Word as _;
 use crate::io::tables::past::PastSession;
 use crate::io::tables::words::TableVerdict;
-use crate::manifest::VERSION;
-use crate::page::fleet::content::{Content, Newest, Robot};
+use crate::page::fleet::content::{Content, DAY_US, Newest, Robot};
 use crate::page::fleet::html;
 use crate::units::WallTime;
-
-const DAY_US: f64 = 86_400e6;
 
 /// The page, as of the start of the newest session, or of a stated time; `pages` are the file names of the robots' pages.
 pub fn fleet(robots: &[RobotHistory], pages: &[String], as_of: Option<WallTime>) -> String {
     let own = robots.iter().zip(pages);
     let robots: Vec<Robot> = own.map(|(own, page)| robot(own, page)).collect();
     let newest = robots.iter().filter_map(|own| own.newest.as_ref()?.started);
-    let (version, is_stated) = (VERSION.to_owned(), as_of.is_some());
-    let as_of = as_of.or_else(|| newest.max());
-    html(&Content { version, as_of, is_stated, robots })
+    html(&Content { is_stated: as_of.is_some(), as_of: as_of.or_else(|| newest.max()), robots })
 }
 
 fn robot(own: &RobotHistory, page: &str) -> Robot {

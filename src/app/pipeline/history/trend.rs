@@ -8,7 +8,6 @@ use crate::io::lake::{Lake, LakeError, PAGES};
 use crate::io::rows::Word as _;
 use crate::io::tables::past::{Figure, Kind, PastSession};
 use crate::io::tables::words::{TableVerdict, Unit};
-use crate::manifest::VERSION;
 use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
 use crate::page::history::html;
 use crate::units::WallTime;
@@ -21,7 +20,6 @@ pub fn trend(
 ) -> Result<String, LakeError> {
     Ok(html(&Content {
         robot: robot.robot.clone(),
-        version: VERSION.to_owned(),
         false_alarm: FALSE_ALARM,
         runs: robot.runs,
         sessions: sessions(robot, linked)?,

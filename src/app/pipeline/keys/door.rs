@@ -253,10 +253,8 @@ fn wrong(key: &Key, value: &DeValue<'_>) -> Option<(String, String)> {
         "true or false" if !matches!(value, DeValue::Boolean(_)) => kind.to_owned(),
         "text" | "path" if value.as_str().is_none() => format!("a {kind}"),
         "table" if !matches!(value, DeValue::Table(_)) => {
-            let such = key
-                .example
-                .as_ref()
-                .filter(|own| own.as_table().is_some_and(|own| !own.is_empty()));
+            let is_filled = |own: &&toml::Value| own.as_table().is_some_and(|own| !own.is_empty());
+            let such = key.example.as_ref().filter(is_filled);
             such.map_or_else(|| "a table".to_owned(), |own| format!("a table, such as {own}"))
         }
         "word" | "list of words"

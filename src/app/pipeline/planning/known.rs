@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use super::Stated;
 use crate::compensation::IdentifiedArm;
 use crate::files::store::Place;
 use crate::fit::full::FullModel;
@@ -16,7 +17,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::pipeline::history::HistoryError;
-use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
+use crate::plan::section::{BaseMounted, KnownSection, TargetMounted};
 use crate::plan::{KnownArm, PlanSettings};
 
 /// Largest change of the target's position at which it counts as the same, mm: weak priors let it trade that much with the
@@ -46,78 +47,85 @@ pub enum KnownError {
     Table(#[from] CalibrationsTableError),
     #[error("[plan.known]: {0}")]
     Lake(#[from] LakeError),
-    #[error("[plan.known]: {}", kind.message(path))]
-    Misfit { path: PathBuf, kind: KnownMisfit },
+    #[error(
+        "[plan.known]: {} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
+         [robot] name", path.display()
+    )]
+    OtherRobot { path: PathBuf, found: String, wanted: String },
+    #[error(
+        "[plan.known]: the arm of {} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm",
+        path.display()
+    )]
+    Joints { path: PathBuf, found: usize, wanted: usize },
+    #[error(
+        "[plan.known]: the nominal arm of {} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
+         mean nothing here; plan with the robot file of that run", path.display()
+    )]
+    OtherNominal { path: PathBuf, found: String, wanted: String, what: &'static str },
+    #[error(
+        "[plan.known]: {} has no full error model, only geometry: run that session with [fit.full] enabled = true", .0.display()
+    )]
+    GeometryAlone(PathBuf),
+    /// Places of targets are in the flange frame, mm.
+    #[error(
+        "[plan.known]: the target of {} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this \
+         plan: say target = \"other\"", path.display()
+    )]
+    OtherTarget { path: PathBuf, found: [f64; 3], wanted: [f64; 3], away_mm: f64 },
+    /// The base is said to be where it was, but no instrument of the session has a frame.
+    #[error(
+        "[plan.known]: the instruments of {} read one length each, so the base in a tracker's frame is not known from it: say base = \"new\"",
+        .0.display()
+    )]
+    NoBase(PathBuf),
+    /// The covariance cannot be factored because of rounding.
+    #[error(
+        "[plan.known]: the covariance of {} cannot be factored again; identify that session anew with this version", .0.display()
+    )]
+    NotPositive(PathBuf),
 }
 
-/// The reason why the arm of a past session is not the one to plan for. Places of targets are in the flange frame, mm.
-///
-/// `NoBase`: the base is said to be where it was, but each instrument of the session read one length: none has a frame.
-/// `NotPositive`: the covariance cannot be factored because of rounding.
-#[derive(Debug)]
-pub enum KnownMisfit {
-    OtherRobot { found: String, wanted: String },
-    Joints { found: usize, wanted: usize },
-    OtherNominal { found: String, wanted: String, what: &'static str },
-    GeometryAlone,
-    OtherTarget { found: [f64; 3], wanted: [f64; 3], away_mm: f64 },
-    NoBase,
-    NotPositive,
-}
-
-impl KnownMisfit {
-    pub(super) fn at(self, path: &Path) -> KnownError {
-        KnownError::Misfit { path: path.to_owned(), kind: self }
+impl Stated {
+    /// Place of the table that `[plan.known]` names in the pipeline file at `path`; `None` without that section.
+    pub(super) fn known_table(&self, path: &Path) -> Result<Option<PathBuf>, KnownError> {
+        let Some(known) = &self.section.known else { return Ok(None) };
+        let named = |found| KnownError::Named { path: path.to_owned(), found };
+        let table = match (&known.calibrations, &known.session) {
+            (Some(file), None) => self.read.base.join(file),
+            // When a past run is recomputed into a temporary lake, the known arm's run is in the pipeline file's own lake.
+            (None, Some(session)) => match current(&self.lake, &self.robot, session) {
+                Err(KnownError::NoRun { .. }) => current(&self.read.lake, &self.robot, session)?,
+                found => found?,
+            },
+            (None, None) => return Err(named("neither")),
+            (Some(_), Some(_)) => return Err(named("both")),
+        };
+        Ok(Some(table))
     }
 
-    fn message(&self, path: &Path) -> String {
-        let path = path.display();
-        match self {
-            Self::OtherRobot { found, wanted } => format!(
-                "{path} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
-                 [robot] name"
-            ),
-            Self::Joints { found, wanted } => format!(
-                "the arm of {path} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm"
-            ),
-            Self::OtherNominal { found, wanted, what } => format!(
-                "the nominal arm of {path} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
-                 mean nothing here; plan with the robot file of that run"
-            ),
-            Self::GeometryAlone => format!(
-                "{path} has no full error model, only geometry: run that session with [fit.full] enabled = true"
-            ),
-            Self::OtherTarget { found, wanted, away_mm } => format!(
-                "the target of {path} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this \
-                 plan: say target = \"other\""
-            ),
-            Self::NoBase => format!(
-                "the instruments of {path} read one length each, so the base in a tracker's frame is not known from it: say base = \"new\""
-            ),
-            Self::NotPositive => format!(
-                "the covariance of {path} cannot be factored again; identify that session anew with this version"
-            ),
+    /// The arm in the table at `path`, which has to be the one that is planned for.
+    pub(super) fn identified(&self, path: &Path) -> Result<PublishedArm, KnownError> {
+        let published = calibrations_table::read(path)?;
+        if published.key.robot != self.robot {
+            let (found, wanted) = (published.key.robot, self.robot.clone());
+            return Err(KnownError::OtherRobot { path: path.to_owned(), found, wanted });
         }
+        same_nominal(path, &published.arm, &self.read.arm)?;
+        Ok(published)
     }
-}
 
-/// Place of the table that `[plan.known]` names.
-pub(super) fn table(
-    path: &Path,
-    base: &Path,
-    known: &KnownSection,
-    lakes: [&Place; 2],
-    robot: &str,
-) -> Result<PathBuf, KnownError> {
-    let named = |found| KnownError::Named { path: path.to_owned(), found };
-    match (&known.calibrations, &known.session) {
-        (Some(file), None) => Ok(base.join(file)),
-        (None, Some(session)) => match current(lakes[0], robot, session) {
-            Err(KnownError::NoRun { .. }) => current(lakes[1], robot, session),
-            found => found,
-        },
-        (None, None) => Err(named("neither")),
-        (Some(_), Some(_)) => Err(named("both")),
+    /// The arm in the table at `path`, in the planned session.
+    pub(super) fn known_arm(&self, path: &Path) -> Result<Arc<KnownArm>, KnownError> {
+        let Self { section, settings, .. } = self;
+        let past = self.identified(path)?.arm;
+        let model = full(path, &past)?;
+        let known = section.known.clone().unwrap_or_default();
+        let mounting = mounting(path, &known, model, past.model.session, settings)?;
+        let most = settings.poses.iter().copied().max().unwrap_or(0);
+        let stations = 2 * most + settings.verify_poses;
+        let (arm, full) = (&self.read.arm, &settings.full);
+        let known = KnownArm::new(arm, model, mounting, stations, full, settings.up);
+        known.map(Arc::new).ok_or_else(|| KnownError::NotPositive(path.to_owned()))
     }
 }
 
@@ -139,45 +147,16 @@ pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
     path.ok_or(KnownError::Remote { table })
 }
 
-/// The arm in the table at `path`, which has to be the one that is planned for.
-pub(super) fn identified(path: &Path, arm: &Arm, robot: &str) -> Result<PublishedArm, KnownError> {
-    let published = calibrations_table::read(path)?;
-    if published.key.robot != robot {
-        let (found, wanted) = (published.key.robot, robot.to_owned());
-        return Err(KnownMisfit::OtherRobot { found, wanted }.at(path));
-    }
-    same_nominal(path, &published.arm, arm)?;
-    Ok(published)
-}
-
 pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullModel, KnownError> {
     let model = past.model.is::<FullModel>();
-    model.ok_or_else(|| KnownMisfit::GeometryAlone.at(path))
-}
-
-/// The arm in the table at `path`, in the planned session.
-pub(super) fn read(
-    path: &Path,
-    arm: &Arm,
-    robot: &str,
-    section: &PlanSection,
-    settings: &PlanSettings,
-) -> Result<Arc<KnownArm>, KnownError> {
-    let past = identified(path, arm, robot)?.arm;
-    let model = full(path, &past)?;
-    let known = section.known.clone().unwrap_or_default();
-    let mounting = mounting(path, &known, model, past.model.session, settings)?;
-    let most = settings.poses.iter().copied().max().unwrap_or(0);
-    let stations = 2 * most + settings.verify_poses;
-    let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
-    known.map(Arc::new).ok_or_else(|| KnownMisfit::NotPositive.at(path))
+    model.ok_or_else(|| KnownError::GeometryAlone(path.to_owned()))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {
     let (found, wanted) = (&past.arm, arm);
     if found.joints().len() != wanted.joints().len() {
         let (found, wanted) = (found.joints().len(), wanted.joints().len());
-        return Err(KnownMisfit::Joints { found, wanted }.at(path));
+        return Err(KnownError::Joints { path: path.to_owned(), found, wanted });
     }
     let names = |arm: &Arm| arm.joints().iter().map(|j| j.name.clone()).collect::<Vec<_>>();
     let what = if names(found) != names(wanted) {
@@ -190,7 +169,7 @@ fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), Know
         return Ok(());
     };
     let (found, wanted) = (found.model().to_owned(), wanted.model().to_owned());
-    Err(KnownMisfit::OtherNominal { found, wanted, what }.at(path))
+    Err(KnownError::OtherNominal { path: path.to_owned(), found, wanted, what })
 }
 
 fn mounting(
@@ -214,7 +193,7 @@ fn mounting(
     let past = &model.fitted_frames()[session];
     // The planned session has one tracker and the main target: other instruments and targets of the past one are integrated out.
     if known.base == BaseMounted::Same && past.sees()[SourceId::ONLY.0] != Sees::Places {
-        return Err(KnownMisfit::NoBase.at(path));
+        return Err(KnownError::NoBase(path.to_owned()));
     }
     let sat = past.flange_from_target(TargetId::MAIN);
     let (found, wanted) =
@@ -222,8 +201,7 @@ fn mounting(
     let away_mm = (found - wanted).norm();
     if known.target != TargetMounted::Other && away_mm > SAME_PLACE_MM {
         let (found, wanted) = (found.into(), wanted.into());
-        let other = KnownMisfit::OtherTarget { found, wanted, away_mm };
-        return Err(other.at(path));
+        return Err(KnownError::OtherTarget { path: path.to_owned(), found, wanted, away_mm });
     }
     Ok(Mounting {
         session,

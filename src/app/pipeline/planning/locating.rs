@@ -7,13 +7,11 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-use super::known::{self, KnownError, KnownMisfit};
+use super::known::{self, KnownError};
 use super::{Result, Stated};
-use crate::files::store::Place;
 use crate::io::lake::Lake;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
-use crate::pipeline::configuration::files::Files;
 use crate::pipeline::history;
 use crate::plan::PlanSettings;
 use crate::plan::locate::{Identified, LocatePlan, locate};
@@ -44,16 +42,19 @@ impl Located {
         lake: Option<&Path>,
         count: usize,
     ) -> Result<Self> {
-        let Stated { read, section, settings, lake, robot, command_from_base } =
-            Stated::read(path, robot, lake)?;
-        let table = table(path, &read, &section, &lake, &robot)?;
-        let past = known::identified(&table, &read.arm, &robot).map_err(Box::new)?;
+        let stated = Stated::read(path, robot, lake)?;
+        let table = match stated.known_table(path).map_err(Box::new)? {
+            Some(table) => table,
+            None => newest_table(&stated)?,
+        };
+        let past = stated.identified(&table).map_err(Box::new)?;
+        let Stated { read, section, settings, command_from_base, .. } = stated;
         let target_sd_mm = target_sd_mm(&section, &settings);
         let model = known::full(&table, &past.arm).map_err(Box::new)?;
         let identified = Identified { model, session: past.arm.model.session, target_sd_mm };
         let plan = locate(&read.arm, &identified, count, &settings)?;
         Ok(Self {
-            plan: plan.ok_or_else(|| Box::new(KnownMisfit::NotPositive.at(&table)))?,
+            plan: plan.ok_or_else(|| Box::new(KnownError::NotPositive(table)))?,
             identified_by: past.key,
             command_from_base,
             with_target: target_sd_mm.is_some(),
@@ -63,19 +64,8 @@ impl Located {
     }
 }
 
-/// The table of the run that identified the arm.
-fn table(
-    path: &Path,
-    read: &Files,
-    section: &PlanSection,
-    lake: &Place,
-    robot: &str,
-) -> Result<PathBuf> {
-    if let Some(known) = &section.known {
-        let lakes = [lake, &read.lake];
-        let table = known::table(path, &read.base, known, lakes, robot);
-        return Ok(table.map_err(Box::new)?);
-    }
+/// The table of the current run of the robot's newest session.
+fn newest_table(Stated { lake, robot, .. }: &Stated) -> Result<PathBuf> {
     let lake = Lake::at(lake)?;
     let newest = history::newest(&lake, robot).map_err(|source| {
         Box::new(KnownError::NoNewest { robot: robot.to_owned(), source: Box::new(source) })

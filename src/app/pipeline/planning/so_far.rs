@@ -87,13 +87,11 @@ impl Planning {
         let placer = Placer::new(&self.arm, &self.settings)?;
         let region = compare::region_axes(&self.arm, &placer, &self.settings)?;
         let promise = enough::promised(&model, 0, &region, &self.settings);
-        let left: Vec<&VisitRow> = poses
-            .iter()
-            .filter(|pose| pose.purpose == VisitPurpose::Identify)
-            .filter(|pose| {
-                !stations.iter().any(|s| is_same_pose(&pose.joints_rad, &s.joints, &counted))
-            })
-            .collect();
+        let planned = || poses.iter().filter(|pose| pose.purpose == VisitPurpose::Identify);
+        let is_left = |pose: &&VisitRow| {
+            !stations.iter().any(|s| is_same_pose(&pose.joints_rad, &s.joints, &counted))
+        };
+        let left: Vec<&VisitRow> = planned().filter(is_left).collect();
         let next = self.next(&model, &region, &left, &promise);
         let identify = taken.iter().filter(measured).count();
         Ok(SoFar {
@@ -101,7 +99,7 @@ impl Planning {
             identify,
             verify,
             unmeasured: stations.len() - identify - verify,
-            planned: poses.iter().filter(|pose| pose.purpose == VisitPurpose::Identify).count(),
+            planned: planned().count(),
             promise,
             next: next.poses.iter().map(|&place| left[place].target.clone()).collect(),
             next_are_enough: next.are_enough,
@@ -124,7 +122,8 @@ impl Planning {
         let configuration = Configuration::load(path, &overrides)?;
         let files = configuration.pieces.iter().flat_map(|piece| &piece.training).next();
         let files = files.expect("a configuration of one session has its files");
-        let joined = run::session(&configuration, files, None, progress).map_err(Box::new)?;
+        let source = run::SessionSource { configuration: &configuration, files };
+        let joined = source.joined(None, progress).map_err(Box::new)?;
         Ok((joined, configuration.stages))
     }
 

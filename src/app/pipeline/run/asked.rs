@@ -15,20 +15,20 @@ const MOST_NAMED: usize = 6;
 impl Done {
     /// Makes its run the current one of its session, and says which run it took the place of and how the two differ.
     pub(super) fn asked_for(mut self, lake: &Lake) -> Result<Self, LakeError> {
-        let key = RunKey::new(&self.robot, &self.session, &self.run);
-        let asked = lake.ask(&key)?;
+        let asked = lake.ask(&self.key)?;
         self.asked = asked.number;
         let Some(before) = asked.replaced else { return Ok(self) };
         let again = "is current again, in place of";
         let how = if self.already_there { again } else { "takes the place of" };
+        let RunKey { robot, session, run } = &self.key;
         let row = |run: &str| {
-            let row = lake.read(RunRow::TABLE, &RunKey::new(&key.robot, &key.session, run));
+            let row = lake.read(RunRow::TABLE, &RunKey::new(robot, session, run));
             RunRow::read(&row.ok()?).pop()
         };
-        let rows = row(&before).zip(row(&key.run));
+        let rows = row(&before).zip(row(run));
         let changes = rows.map_or_else(Vec::new, |(before, now)| changes(&before, &now));
         let changes = changes.join("; ");
-        self.took_place = Some(format!("run {} {how} run {before}: {changes}", key.run));
+        self.took_place = Some(format!("run {run} {how} run {before}: {changes}"));
         Ok(self)
     }
 }

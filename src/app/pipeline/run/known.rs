@@ -22,7 +22,8 @@ use crate::io::lake::{INDEX, Lake, LakeError, PAGES, alone_key, request_key};
 use crate::io::rows::Word as _;
 use crate::io::tables::words::VerdictOf;
 use crate::manifest::{self, RunKey, VERSION};
-use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, Tree, WorkPiece};
+use crate::pipeline::configuration::{Recorded, SessionFiles, Tree};
+use crate::pipeline::fleet::FleetPiece;
 
 /// A file that changed later than this may change again at a time that is stated alike.
 const SETTLED: Duration = Duration::from_secs(2);
@@ -52,9 +53,8 @@ struct Held {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Told {
-    robot: String,
-    session: String,
-    run: String,
+    #[serde(flatten)]
+    key: RunKey,
     /// Number of the last request of the session, when the run was current.
     asked: u64,
     /// Whether it is met; `None` where it could not be shown.
@@ -99,26 +99,23 @@ impl Known {
     }
 
     /// The state of a piece of work; `None` where a file of it has none, as it changed in the last moments.
-    pub fn state(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
-        are_settled(configuration, piece).then(|| self.state_now(configuration, piece))?
+    pub fn state(&self, own: FleetPiece<'_>) -> Option<String> {
+        are_settled(own).then(|| self.state_now(own))?
     }
 
     /// The state of a piece of work once none of its files can change in the moment that it states: where one changed just now, or later
     /// than this machine's clock says that it is, after it was watched for as long as that takes.
-    pub fn settled_state(
-        &self,
-        configuration: &Configuration,
-        piece: &WorkPiece,
-    ) -> Option<String> {
-        if !are_settled(configuration, piece) {
+    pub fn settled_state(&self, own: FleetPiece<'_>) -> Option<String> {
+        if !are_settled(own) {
             sleep(SETTLED);
         }
-        self.state_now(configuration, piece)
+        self.state_now(own)
     }
 
     /// The state of a piece of work as its files are now, to be held against an earlier one: what had a state when it was listed
     /// has the same one for as long as it does not change, whatever the clock of the machine that looks.
-    pub fn state_now(&self, configuration: &Configuration, piece: &WorkPiece) -> Option<String> {
+    pub fn state_now(&self, own: FleetPiece<'_>) -> Option<String> {
+        let FleetPiece { configuration, piece, .. } = own;
         let mut hasher = blake3::Hasher::new();
         let mut add = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
@@ -148,8 +145,7 @@ impl Known {
             Some(told) => told.clone(),
             None => self.told_alone(state).filter(|own| self.is_current(own))?,
         };
-        let key = RunKey::new(&told.robot, &told.session, &told.run);
-        let done = told.done(&self.lake, &key)?;
+        let done = told.done(&self.lake)?;
         self.add(state, told);
         Some(done)
     }
@@ -157,14 +153,11 @@ impl Known {
     /// Reads what single tasks told of these states, several files at once; what the index has of current runs is not read.
     pub fn gather(&self, states: impl IntoIterator<Item = String>) {
         let Some(held) = self.listed.as_ref().filter(|held| !held.alone.is_empty()) else { return };
-        let unread = states.into_iter();
         let is_known =
             |state: &String| self.before.get(state).is_some_and(|own| self.is_current(own));
-        let unread = unread.filter(|state| !is_known(state));
-        let (states, files): (Vec<String>, Vec<Listed>) = unread
-            .filter_map(|state| Some((held.alone.get(&state)?.clone(), state)))
-            .map(|(listed, state)| (state, listed))
-            .unzip();
+        let unread = states.into_iter().filter(|state| !is_known(state));
+        let listed = unread.filter_map(|state| Some((held.alone.get(&state)?.clone(), state)));
+        let (files, states): (Vec<Listed>, Vec<String>) = listed.unzip();
         let texts = self.lake.all_kept(&files);
         let told = states.into_iter().zip(texts).filter_map(|(state, text)| {
             let told = serde_json::from_str(&text?).ok()?;
@@ -179,7 +172,7 @@ impl Known {
         let gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
         let all = self.before.values().chain(gathered.values());
         let all: Vec<(bool, Took)> = all
-            .filter_map(|own| Some((robot.is_some_and(|robot| own.robot == robot), own.took?)))
+            .filter_map(|own| Some((robot.is_some_and(|robot| own.key.robot == robot), own.took?)))
             .collect();
         let has_own = all.iter().any(|(is_own, _)| *is_own);
         all.into_iter().filter(|(is_own, _)| *is_own || !has_own).map(|(_, took)| took).collect()
@@ -211,14 +204,13 @@ impl Known {
 
     /// Whether the run that was told has a row, and its session no request since.
     fn is_current(&self, told: &Told) -> bool {
-        let key = RunKey::new(&told.robot, &told.session, &told.run);
         let is_there = |row: Result<String, LakeError>| match &self.listed {
             None => self.lake.has_key(&row?),
             Some(held) => Ok(held.rows.contains(&row?)),
         };
-        let row = is_there(self.lake.file_key("runs", &key));
+        let row = is_there(self.lake.file_key("runs", &told.key));
         let [last, later] =
-            [0, 1].map(|more| is_there(request_key(&key, told.asked.saturating_add(more))));
+            [0, 1].map(|more| is_there(request_key(&told.key, told.asked.saturating_add(more))));
         matches!((row, last, later), (Ok(true), Ok(true), Ok(false)))
     }
 
@@ -226,26 +218,19 @@ impl Known {
     pub fn keep_alone(
         &self,
         state: &str,
-        configuration: &Configuration,
-        piece: &WorkPiece,
+        own: FleetPiece<'_>,
         done: &Done,
     ) -> Result<(), LakeError> {
-        if self.state_now(configuration, piece).as_deref() != Some(state) {
+        if self.state_now(own).as_deref() != Some(state) {
             return Ok(());
         }
         keep(&self.lake, &alone_key(state), &Told::of(done))
     }
 
     /// Keeps what is told of a run, if its files have the state after it that they had before it.
-    pub fn keep(
-        &self,
-        state: Option<&str>,
-        configuration: &Configuration,
-        piece: &WorkPiece,
-        done: &Done,
-    ) {
+    pub fn keep(&self, state: Option<&str>, own: FleetPiece<'_>, done: &Done) {
         let Some(state) = state else { return };
-        if self.state(configuration, piece).as_deref() == Some(state) {
+        if self.state(own).as_deref() == Some(state) {
             self.add(state, Told::of(done));
         }
     }
@@ -258,11 +243,10 @@ impl Known {
     /// Writes the index where it changed: what was told now, and before of runs that nothing was told of now.
     pub fn write(&self) -> Result<(), LakeError> {
         let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        let run = |told: &Told| (told.robot.clone(), told.session.clone(), told.run.clone());
-        let told: BTreeSet<_> = now.values().map(run).collect();
+        let told: BTreeSet<&RunKey> = now.values().map(|own| &own.key).collect();
         let mut all = now.clone();
         let before = self.before.iter();
-        let others = before.filter(|(_, own)| !told.contains(&run(own)) && self.is_current(own));
+        let others = before.filter(|(_, own)| !told.contains(&own.key) && self.is_current(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
         if all == self.before {
             return Ok(());
@@ -284,9 +268,7 @@ impl Known {
 impl Told {
     fn of(done: &Done) -> Self {
         Self {
-            robot: done.robot.clone(),
-            session: done.session.clone(),
-            run: done.run.clone(),
+            key: done.key.clone(),
             asked: done.asked,
             met: done.met(),
             of: done.verdict_of.map(|of| of.word().to_owned()),
@@ -297,14 +279,14 @@ impl Told {
         }
     }
 
-    fn done(&self, lake: &Lake, key: &RunKey) -> Option<Done> {
+    fn done(&self, lake: &Lake) -> Option<Done> {
         let of = self.of.as_ref().map(|word| VerdictOf::of_word(word));
         Some(Done {
             asked: self.asked,
             verdict_of: of.map_or(Some(None), |of| of.map(Some))?,
             rejected: self.rejected.clone(),
-            page: if self.has_page { Some(lake.place(PAGES, key).ok()?) } else { None },
-            ..Done::before(lake, key, self.met, self.reason.clone())
+            page: if self.has_page { Some(lake.place(PAGES, &self.key).ok()?) } else { None },
+            ..Done::before(lake, &self.key, self.met, self.reason.clone())
         })
     }
 }
@@ -366,7 +348,7 @@ fn of_file(tree: &Tree, path: &Path) -> Option<String> {
     }
 }
 
-fn are_settled(configuration: &Configuration, piece: &WorkPiece) -> bool {
+fn are_settled(FleetPiece { configuration, piece, .. }: FleetPiece<'_>) -> bool {
     let mut files = piece.training.iter().chain(&piece.test).flat_map(files_of);
     files.all(|path| is_settled(&configuration.tree, path))
 }

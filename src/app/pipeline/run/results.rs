@@ -5,7 +5,7 @@
 //! from the same result, whatever pipeline file they are of.
 
 use super::inputs::is_of_session;
-use super::session::{of_joined, session};
+use super::session::SessionSource;
 use super::{Result, RunError, StageDone, work};
 use crate::files::table::Table;
 use crate::io::lake::{ESTIMATES, GRIDS, JOINED, Lake, OpenRun, Stage};
@@ -14,6 +14,7 @@ use crate::io::tables::{PublishError, estimates, grids, joined_sessions};
 use crate::judgement::{self, Estimate, JoinedSession, Outcome, StageError};
 use crate::manifest::{Input, ROBOT, RunKey, Work, Written};
 use crate::pipeline::configuration::{Configuration, Recorded, SessionFiles, WorkPiece};
+use crate::pipeline::fleet::FleetPiece;
 use crate::progress::Progress;
 
 /// Where the stages of a piece of work take their results from, and publish them.
@@ -41,11 +42,8 @@ pub(super) struct Sessions {
 }
 
 impl<'a> Results<'a> {
-    pub(super) fn of(
-        configuration: &'a Configuration,
-        piece: &WorkPiece,
-        progress: &'a dyn Progress,
-    ) -> Result<Self> {
+    pub(super) fn of(own: FleetPiece<'a>, progress: &'a dyn Progress) -> Result<Self> {
+        let FleetPiece { configuration, piece, .. } = own;
         let lake = Lake::at(&configuration.lake)?;
         Ok(Self { configuration, work: work(configuration, piece)?, lake, progress })
     }
@@ -88,6 +86,7 @@ impl<'a> Results<'a> {
         let inputs = self.work.inputs.iter().filter(is_own).cloned().collect();
         let settings = self.configuration.join_settings.clone();
         let work = joined_sessions::work(&self.work.robot, &files.name, inputs, settings);
+        let source = SessionSource { configuration: self.configuration, files };
         let is_only = matches!(files.recorded, Recorded::Joined(_));
         let known = self.known(JOINED, &work, is_only, |key| {
             // Decoded samples are published from the logs alone.
@@ -96,10 +95,10 @@ impl<'a> Results<'a> {
             }
             let restored =
                 joined_sessions::restored(&self.lake, key).map_err(unread(JOINED, key))?;
-            of_joined(self.configuration, files, restored).map(Some)
+            source.of_joined(restored).map(Some)
         })?;
         known.or_make(|key| {
-            let session = session(self.configuration, files, run, self.progress)?;
+            let session = source.joined(run, self.progress)?;
             let readings = joined_sessions::readings(&session, key)?.table;
             let row = |written: &[Written]| joined_sessions::table(&session, &work, written);
             self.publish(JOINED, key, &readings, row)?;

@@ -25,33 +25,172 @@ use crate::pipeline::{damage, driven};
 use crate::progress::Progress;
 use crate::setup::{self, Evidence, Finding};
 
-/// Reads and joins a session. Decoded samples of its logs are written to `run`, where there is one and the pipeline file publishes
-/// them.
-pub(in crate::pipeline) fn session(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    run: Option<&mut OpenRun<'_>>,
-    progress: &dyn Progress,
-) -> Result<JoinedSession> {
-    match (&files.recorded, &configuration.reads) {
-        (Recorded::Logs(logs), Reads::Logs(mapping)) => {
-            let own = OwnLogs { configuration, files, logs, mapping };
-            let read = own.read_into(run, progress)?;
-            own.joined(read).map_err(|error| own.mounted_otherwise(error, progress))
+/// The files of one session, and the configuration that says how they are read.
+#[derive(Clone, Copy)]
+pub(in crate::pipeline) struct SessionSource<'a> {
+    pub(in crate::pipeline) configuration: &'a Configuration,
+    pub(in crate::pipeline) files: &'a SessionFiles,
+}
+
+impl SessionSource<'_> {
+    /// Reads and joins the session. Decoded samples of its logs are written to `run`, where there is one and the pipeline file publishes
+    /// them.
+    pub(in crate::pipeline) fn joined(
+        self,
+        run: Option<&mut OpenRun<'_>>,
+        progress: &dyn Progress,
+    ) -> Result<JoinedSession> {
+        match (&self.files.recorded, &self.configuration.reads) {
+            (Recorded::Logs(logs), Reads::Logs(mapping)) => {
+                let own = OwnLogs { source: self, logs, mapping };
+                let read = own.read_into(run, progress)?;
+                own.joined(read).map_err(|error| own.mounted_otherwise(error, progress))
+            }
+            (Recorded::Table(table), Reads::Tables(settings)) => self.of_table(table, settings),
+            // Sessions are looked for as what the pipeline file reads, and those as joined are read back before.
+            (Recorded::Logs(_), Reads::Tables(_))
+            | (Recorded::Table(_), Reads::Logs(_))
+            | (Recorded::Joined(_), _) => {
+                Err(RunError::OtherKind { session: self.files.name.clone() })
+            }
         }
-        (Recorded::Table(table), Reads::Tables(settings)) => {
-            of_table(configuration, files, table, settings)
+    }
+
+    /// The session of a result of ingest and join: commands and the check of the set-up follow from its stations.
+    pub(super) fn of_joined(self, restored: Restored) -> Result<JoinedSession> {
+        let set_up = self.set_up(&restored.joined, || None)?;
+        Ok(JoinedSession {
+            log_rejects: restored.log_rejects,
+            counts: restored.counts,
+            sampling_plan: restored.sampling_plan,
+            set_up,
+            ..self.commanded(restored.joined, restored.driven_by)
+        })
+    }
+
+    fn of_table(self, table: &SessionTable, settings: &StationsSettings) -> Result<JoinedSession> {
+        let Self { configuration, files } = self;
+        let joints = configuration.arm.joints().iter();
+        let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
+        let bound = Bound::of(configuration.file.limits);
+        let read = station_table::read(&table.path, settings, &table.whose, &slides, bound)?;
+        let mounted = self.mounted();
+        if let Some(mounted) = mounted {
+            mounting::check(&configuration.arm, &files.name, mounted, &read.rows)?;
         }
-        // Sessions are looked for as what the pipeline file reads, and those as joined are read back before.
-        (Recorded::Logs(_), Reads::Tables(_))
-        | (Recorded::Table(_), Reads::Logs(_))
-        | (Recorded::Joined(_), _) => Err(RunError::OtherKind { session: files.name.clone() }),
+        let rows = match mounted {
+            Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
+            Some(Mounted::Fixed) | None => read.rows,
+        };
+        let mut joined = tabled(rows, &configuration.arm, &configuration.file.join);
+        let set_up = self.set_up(&joined, || None)?;
+        self.take_knocks_out(&mut joined)?;
+        Ok(JoinedSession {
+            counts: row_counts(read.read, read.covariances, &joined),
+            set_up,
+            ..self.with_commands(joined)?
+        })
+    }
+
+    /// Where the camera is mounted, as the pipeline file states it; `None` of another instrument.
+    fn mounted(self) -> Option<Mounted> {
+        let source = self.configuration.stages.noise.source(SourceId::ONLY);
+        Some(source.uncertainty.camera()?.mounted)
+    }
+
+    /// The session with the commands of its stations and the targets that drove it.
+    fn with_commands(self, joined: Joined) -> Result<JoinedSession> {
+        let limits = self.configuration.file.limits;
+        let driven_by = driven::driven_by(self.files, &joined.stations, limits)?;
+        Ok(self.commanded(joined, driven_by))
+    }
+
+    /// The session with the commands of its stations in the frames that the pipeline file states.
+    fn commanded(self, joined: Joined, driven_by: Option<DrivenBy>) -> JoinedSession {
+        let no_commands =
+            CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: None };
+        let frames = self.configuration.command_frames.unwrap_or(no_commands);
+        JoinedSession {
+            name: self.files.name.clone(),
+            sampling_plan: None,
+            driven_by,
+            log_rejects: Vec::new(),
+            counts: BTreeMap::new(),
+            commanded: commanded(&joined.stations, &self.configuration.arm, &frames),
+            joined,
+            set_up: None,
+            stated_sizes: Vec::new(),
+        }
+    }
+
+    /// Takes knocks of the instrument or the base out of a session that no references follow.
+    fn take_knocks_out(self, joined: &mut Joined) -> Result<()> {
+        if joined.references.is_empty() {
+            let (arm, up) = (&self.configuration.arm, self.configuration.stages.up);
+            let knocks = knocks::taken_out(&mut joined.stations, arm, up);
+            joined.knocks = knocks.map_err(|source| self.join_error(source))?;
+            let last = report_steps::check_last(&joined.stations, arm);
+            last.map_err(|source| self.join_error(source))?;
+        }
+        Ok(())
+    }
+
+    /// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small. `anew` is
+    /// the mistake that explains it when the session is joined anew.
+    fn set_up(
+        self,
+        joined: &Joined,
+        anew: impl FnOnce() -> Option<Finding>,
+    ) -> Result<Option<Finding>> {
+        let Self { configuration, files } = self;
+        if let Some(frames) = &configuration.command_frames {
+            let stepped = report_steps::check(&joined.stations, &configuration.arm, frames);
+            stepped.map_err(|source| self.join_error(source))?;
+        }
+        let stated = &configuration.set_up;
+        let gate_mm = configuration.file.join.geometry_gate_mm;
+        let evidence = Evidence::of_stations(&joined.stations);
+        let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
+        match found {
+            Some(finding) if finding.is_grave => {
+                // Fewer than half of the dwells may have been joined at a wrong offset, where a plane agrees with its mirror.
+                let is_whole = 2 * joined.paired() >= joined.stations.len();
+                let anew = if is_whole && !finding.mistakes.is_empty() { None } else { anew() };
+                let finding = Box::new(anew.unwrap_or(finding));
+                Err(RunError::SetUp { session: files.name.clone(), finding })
+            }
+            found => Ok(found),
+        }
+    }
+
+    fn join_error(self, source: JoinError) -> RunError {
+        RunError::Join { session: self.files.name.clone(), source: Box::new(source) }
+    }
+
+    /// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
+    fn unjoined(self, read: &SessionRead, source: JoinError) -> RunError {
+        let is_searched =
+            matches!(source, JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. });
+        if !is_searched {
+            return self.join_error(source);
+        }
+        let (session, source) = (self.files.name.clone(), Box::new(source));
+        match self.explained_anew(read) {
+            Some(finding) => RunError::SetUp { session, finding: Box::new(finding) },
+            None => RunError::Unexplained { session, source },
+        }
+    }
+
+    /// The mistake under whose correction the logs can be joined; `None` where there is none.
+    fn explained_anew(self, read: &SessionRead) -> Option<Finding> {
+        let (stated, settings) = (&self.configuration.set_up, &self.configuration.file.join);
+        let supposed = Supposed::of(&read.input, &self.configuration.arm, settings).ok()?;
+        setup::explain(&stated.set_up, &supposed, &stated.alternatives, settings.geometry_gate_mm)
     }
 }
 
 struct OwnLogs<'a> {
-    configuration: &'a Configuration,
-    files: &'a SessionFiles,
+    source: SessionSource<'a>,
     logs: &'a SessionLogs,
     mapping: &'a Mapping,
 }
@@ -63,10 +202,11 @@ impl OwnLogs<'_> {
         run: Option<&mut OpenRun<'_>>,
         progress: &dyn Progress,
     ) -> Result<SessionRead> {
-        let Some(run) = run.filter(|_| self.configuration.file.output.logs) else {
+        let SessionSource { configuration, files } = self.source;
+        let Some(run) = run.filter(|_| configuration.file.output.logs) else {
             return self.read(&mut (), progress);
         };
-        let mut samples = LogTable::new(run, &self.files.name);
+        let mut samples = LogTable::new(run, &files.name);
         let read = self.read(&mut samples, progress)?;
         if let Some(table) = samples.finish(&read.input)? {
             run.keep(table);
@@ -76,12 +216,12 @@ impl OwnLogs<'_> {
 
     /// Reads the logs; their joint samples go to `sink` too.
     fn read(&self, sink: &mut dyn JointSink, progress: &dyn Progress) -> Result<SessionRead> {
-        let (limits, rule) =
-            (self.configuration.file.limits, self.configuration.file.join.arm_rule());
+        let SessionSource { configuration, files } = self.source;
+        let (limits, rule) = (configuration.file.limits, configuration.file.join.arm_rule());
         let read = read_session(self.logs, self.mapping, limits, &rule, sink, progress)?;
         // No more of the logs may be lost than the pipeline file allows.
-        damage::within(&read.counts, self.configuration.file.input.max_lost_share)
-            .map_err(|damage| RunError::Damaged { session: self.files.name.clone(), damage })?;
+        damage::within(&read.counts, configuration.file.input.max_lost_share)
+            .map_err(|damage| RunError::Damaged { session: files.name.clone(), damage })?;
         Ok(read)
     }
 
@@ -91,17 +231,16 @@ impl OwnLogs<'_> {
             error,
             RunError::SetUp { .. } | RunError::Join { .. } | RunError::Unexplained { .. }
         );
-        let (true, Some(stated)) = (is_of_set_up, mounted(self.configuration)) else {
+        let (true, Some(stated)) = (is_of_set_up, self.source.mounted()) else {
             return error;
         };
         let mut mapping = self.mapping.clone();
         mapping.tracker.eye_in_hand = !mapping.tracker.eye_in_hand;
-        let Self { configuration, files, logs, .. } = *self;
-        let other = OwnLogs { configuration, files, logs, mapping: &mapping };
+        let other = OwnLogs { mapping: &mapping, ..*self };
         let joined = other.read(&mut (), progress);
         let joined = joined.and_then(|read| other.joined(read));
         joined.map_or(error, |joined| RunError::Mounted {
-            session: self.files.name.clone(),
+            session: self.source.files.name.clone(),
             stated: mounting::key(stated),
             right: mounting::key(mounting::other(stated)),
             evidence: format!("so {} dwells are joined", joined.joined.paired()),
@@ -109,21 +248,20 @@ impl OwnLogs<'_> {
     }
 
     fn joined(&self, read: SessionRead) -> Result<JoinedSession> {
-        let (configuration, files) = (self.configuration, self.files);
-        let (arm, settings) = (&configuration.arm, &configuration.file.join);
+        let source = self.source;
+        let (arm, settings) = (&source.configuration.arm, &source.configuration.file.join);
         let joined = join(&read.input, arm, settings);
-        let mut joined = joined.map_err(|source| unjoined(configuration, files, &read, source))?;
+        let mut joined = joined.map_err(|error| source.unjoined(&read, error))?;
         // Where nothing explains all of a disagreement, the logs may be joined at a wrong offset.
-        let set_up =
-            set_up(configuration, files, &joined, || explained_anew(configuration, &read))?;
-        without_knocks(configuration, files, &mut joined)?;
+        let set_up = source.set_up(&joined, || source.explained_anew(&read))?;
+        source.take_knocks_out(&mut joined)?;
         let counts = with_references(read.counts, &read.input, &joined);
         Ok(JoinedSession {
             sampling_plan: read.metadata.get("session.plan").cloned(),
             log_rejects: read.rejects,
             counts,
             set_up,
-            ..with_commands(configuration, files, joined)?
+            ..source.with_commands(joined)?
         })
     }
 }
@@ -149,56 +287,6 @@ fn with_references(
     counts
 }
 
-/// The session of a result of ingest and join: commands and the check of the set-up follow from its stations.
-pub(super) fn of_joined(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    restored: Restored,
-) -> Result<JoinedSession> {
-    let set_up = set_up(configuration, files, &restored.joined, || None)?;
-    Ok(JoinedSession {
-        log_rejects: restored.log_rejects,
-        counts: restored.counts,
-        sampling_plan: restored.sampling_plan,
-        set_up,
-        ..commanded_in(configuration, files, restored.joined, restored.driven_by)
-    })
-}
-
-/// Where the camera is mounted, as the pipeline file states it; `None` of another instrument.
-fn mounted(configuration: &Configuration) -> Option<Mounted> {
-    let source = configuration.stages.noise.source(SourceId::ONLY);
-    Some(source.uncertainty.camera()?.mounted)
-}
-
-fn of_table(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    table: &SessionTable,
-    settings: &StationsSettings,
-) -> Result<JoinedSession> {
-    let joints = configuration.arm.joints().iter();
-    let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
-    let bound = Bound::of(configuration.file.limits);
-    let read = station_table::read(&table.path, settings, &table.whose, &slides, bound)?;
-    let mounted = mounted(configuration);
-    if let Some(mounted) = mounted {
-        mounting::check(&configuration.arm, &files.name, mounted, &read.rows)?;
-    }
-    let rows = match mounted {
-        Some(Mounted::Flange) => read.rows.of_camera_on_flange(),
-        Some(Mounted::Fixed) | None => read.rows,
-    };
-    let mut joined = tabled(rows, &configuration.arm, &configuration.file.join);
-    let set_up = set_up(configuration, files, &joined, || None)?;
-    without_knocks(configuration, files, &mut joined)?;
-    Ok(JoinedSession {
-        counts: row_counts(read.read, read.covariances, &joined),
-        set_up,
-        ..with_commands(configuration, files, joined)?
-    })
-}
-
 /// Rows read, kept and rejected, as the messages of a log are counted.
 fn row_counts(read: u64, covariances: CovarianceCounts, joined: &Joined) -> BTreeMap<String, u64> {
     let rejected = |kind: RowItem| {
@@ -221,111 +309,4 @@ fn row_counts(read: u64, covariances: CovarianceCounts, joined: &Joined) -> BTre
     let stated = covariances.named();
     let stated = stated.map(|(name, count)| (format!("readings.{name}"), count));
     counts.chain(stated).collect()
-}
-
-/// A session with the commands of its stations and the targets that drove it.
-fn with_commands(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    joined: Joined,
-) -> Result<JoinedSession> {
-    let driven_by = driven::driven_by(files, &joined.stations, configuration.file.limits)?;
-    Ok(commanded_in(configuration, files, joined, driven_by))
-}
-
-/// A session with the commands of its stations in the frames that the pipeline file states.
-fn commanded_in(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    joined: Joined,
-    driven_by: Option<DrivenBy>,
-) -> JoinedSession {
-    let no_commands =
-        CommandFrames { base_from_command: Isometry3::identity(), flange_from_tool: None };
-    let frames = configuration.command_frames.unwrap_or(no_commands);
-    JoinedSession {
-        name: files.name.clone(),
-        sampling_plan: None,
-        driven_by,
-        log_rejects: Vec::new(),
-        counts: BTreeMap::new(),
-        commanded: commanded(&joined.stations, &configuration.arm, &frames),
-        joined,
-        set_up: None,
-        stated_sizes: Vec::new(),
-    }
-}
-
-/// Takes knocks of the instrument or the base out of a session that no references follow.
-fn without_knocks(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    joined: &mut Joined,
-) -> Result<()> {
-    if joined.references.is_empty() {
-        let up = configuration.stages.up;
-        let knocks = knocks::taken_out(&mut joined.stations, &configuration.arm, up);
-        joined.knocks = knocks.map_err(|source| join_error(files, source))?;
-        let last = report_steps::check_last(&joined.stations, &configuration.arm);
-        last.map_err(|source| join_error(files, source))?;
-    }
-    Ok(())
-}
-
-/// The disagreement of a joined session with the stated set-up: an error where it is grave, a finding where it is small. `anew` is
-/// the mistake that explains it when the session is joined anew.
-fn set_up(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    joined: &Joined,
-    anew: impl FnOnce() -> Option<Finding>,
-) -> Result<Option<Finding>> {
-    if let Some(frames) = &configuration.command_frames {
-        let stepped = report_steps::check(&joined.stations, &configuration.arm, frames);
-        stepped.map_err(|source| join_error(files, source))?;
-    }
-    let stated = &configuration.set_up;
-    let gate_mm = configuration.file.join.geometry_gate_mm;
-    let evidence = Evidence::of_stations(&joined.stations);
-    let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
-    match found {
-        Some(finding) if finding.is_grave => {
-            // Fewer than half of the dwells may have been joined at a wrong offset, where a plane agrees with its mirror.
-            let is_whole = 2 * joined.paired() >= joined.stations.len();
-            let anew = if is_whole && !finding.mistakes.is_empty() { None } else { anew() };
-            let finding = Box::new(anew.unwrap_or(finding));
-            Err(RunError::SetUp { session: files.name.clone(), finding })
-        }
-        found => Ok(found),
-    }
-}
-
-fn join_error(files: &SessionFiles, source: JoinError) -> RunError {
-    RunError::Join { session: files.name.clone(), source: Box::new(source) }
-}
-
-/// The error of logs that cannot be joined, with the mistake of the set-up that explains it.
-fn unjoined(
-    configuration: &Configuration,
-    files: &SessionFiles,
-    read: &SessionRead,
-    source: JoinError,
-) -> RunError {
-    let is_searched =
-        matches!(source, JoinError::NoCommonPattern { .. } | JoinError::AmbiguousShift { .. });
-    if !is_searched {
-        return join_error(files, source);
-    }
-    let (session, source) = (files.name.clone(), Box::new(source));
-    match explained_anew(configuration, read) {
-        Some(finding) => RunError::SetUp { session, finding: Box::new(finding) },
-        None => RunError::Unexplained { session, source },
-    }
-}
-
-/// The mistake under whose correction the logs can be joined; `None` where there is none.
-fn explained_anew(configuration: &Configuration, read: &SessionRead) -> Option<Finding> {
-    let (stated, settings) = (&configuration.set_up, &configuration.file.join);
-    let supposed = Supposed::of(&read.input, &configuration.arm, settings).ok()?;
-    setup::explain(&stated.set_up, &supposed, &stated.alternatives, settings.geometry_gate_mm)
 }

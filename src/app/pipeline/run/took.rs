@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::files_of;
 use crate::figures::median;
-use crate::pipeline::configuration::{Configuration, WorkPiece};
+use crate::pipeline::fleet::FleetPiece;
 
 /// Seconds that a session to learn from takes beside the reading of its files, about, where a lake has no run yet.
 const SECONDS_A_SESSION: f64 = 30.0;
@@ -40,7 +40,7 @@ pub struct Expected {
 }
 
 impl Size {
-    pub fn of(configuration: &Configuration, piece: &WorkPiece) -> Self {
+    pub fn of(FleetPiece { configuration, piece, .. }: FleetPiece<'_>) -> Self {
         let sessions = piece.training.iter().chain(&piece.test);
         let size = |path| configuration.tree.size(path).unwrap_or(0);
         let bytes = sessions.flat_map(files_of).map(|path| size(path)).sum();

@@ -78,7 +78,7 @@ fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
 }
 
 /// Whether a file of a run is certainly missing; a file that cannot be asked for does not count.
-pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
+pub(in crate::pipeline) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
     matches!(lake.has(&file.table, &key.of_session(&file.session)), Ok(false))
 }
 

@@ -1,6 +1,7 @@
 //! The contents of a row of `runs`.
 
 use std::mem::take;
+use std::sync::Arc;
 
 use crate::files::schema::KEY_COLUMNS;
 use crate::files::table::Table;
@@ -114,41 +115,20 @@ fn together(
     Ok(together.map(|((name, number), digest)| (name, number, digest)))
 }
 
+/// Every run of a lake whose row is at its place.
 #[derive(Debug, Clone, Default)]
 pub struct Register {
-    pub(super) runs: Vec<Registered>,
-}
-
-/// A run of the lake, with the parts that others cite.
-#[derive(Debug, Clone)]
-pub(super) struct Registered {
-    pub(super) key: RunKey,
-    pub(super) files: Vec<Written>,
-    replaces: Option<String>,
-    /// The digest of the row of that run, as its own row states it.
-    pub(super) replaced: Option<String>,
-    pub(super) found: String,
+    pub(super) runs: Vec<Arc<Claim>>,
 }
 
 impl Register {
-    pub(super) fn of<'a>(claims: impl Iterator<Item = &'a Claim>) -> Self {
-        let registered = |claim: &Claim| Registered {
-            key: claim.key.clone(),
-            files: claim.files.clone(),
-            replaces: claim.run.ending.replaces.clone(),
-            replaced: claim.run.ending.replaced_row_digest.clone(),
-            found: claim.found.clone(),
-        };
-        Self { runs: claims.map(registered).collect() }
-    }
-
     /// The run of this name; no two runs have one.
-    pub(super) fn run(&self, name: &str) -> Option<&Registered> {
+    pub(super) fn run(&self, name: &str) -> Option<&Arc<Claim>> {
         self.runs.iter().find(|own| own.key.run == name)
     }
 
     /// A run that wrote this table with this digest, and the file.
-    pub(super) fn with_file(&self, table: &str, digest: &str) -> Option<(&Registered, &Written)> {
+    pub(super) fn with_file(&self, table: &str, digest: &str) -> Option<(&Arc<Claim>, &Written)> {
         let is_it = |file: &&Written| file.table == table && file.digest == digest;
         self.runs.iter().find_map(|own| Some((own, own.files.iter().find(is_it)?)))
     }
@@ -159,10 +139,10 @@ impl Register {
     }
 
     /// The runs that replaced another: two where two machines wrote at once.
-    pub(super) fn later<'r>(&'r self, key: &'r RunKey) -> impl Iterator<Item = &'r Registered> {
+    pub(super) fn later<'r>(&'r self, key: &'r RunKey) -> impl Iterator<Item = &'r Arc<Claim>> {
         self.runs.iter().filter(|own| {
             let of_session = (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
-            of_session && own.replaces.as_ref() == Some(&key.run)
+            of_session && own.run.ending.replaces.as_ref() == Some(&key.run)
         })
     }
 }
@@ -170,20 +150,21 @@ impl Register {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::tables::runs::{Ending, table};
 
-    fn run(session: &str, name: &str, replaces: Option<&str>) -> Registered {
-        Registered {
-            key: RunKey::new("r", session, name),
-            files: vec![Written {
-                table: "calibrations".to_owned(),
-                session: session.to_owned(),
-                rows: 1,
-                digest: format!("digest of {name}"),
-            }],
-            replaces: replaces.map(str::to_owned),
-            replaced: None,
-            found: String::new(),
-        }
+    fn run(session: &str, name: &str, replaces: Option<&str>) -> Arc<Claim> {
+        let file = Written {
+            table: "calibrations".to_owned(),
+            session: session.to_owned(),
+            rows: 1,
+            digest: format!("digest of {name}"),
+        };
+        let work =
+            Work::of_stage("r", session, vec![session.to_owned()], Vec::new(), "{}".to_owned());
+        let ending = Ending { replaces: replaces.map(str::to_owned), ..Ending::default() };
+        let row = table(&work, &[], &[file], &ending).expect("a row");
+        let claim = Claim::of(&row).expect("a claim");
+        Arc::new(Claim { key: RunKey::new("r", session, name), ..claim })
     }
 
     #[test]

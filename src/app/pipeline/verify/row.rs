@@ -78,7 +78,7 @@ fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
 fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
     let later = register.later(&claim.key);
     let other = later.filter_map(|later| {
-        let then = later.replaced.as_ref()?;
+        let then = later.run.ending.replaced_row_digest.as_ref()?;
         (*then != claim.found).then(|| {
             format!(
                 "run {}, which took its place, states that it had the digest {then}, and it has {}: one of the two was changed",

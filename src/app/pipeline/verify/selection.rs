@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::VerifyError;
 use super::claim::{Claim, Register};
@@ -26,7 +27,7 @@ pub struct Selection {
 pub struct PastRun {
     /// Place of its row in `runs`.
     pub place: Place,
-    pub claim: Result<Claim, NoClaim>,
+    pub claim: Result<Arc<Claim>, NoClaim>,
     /// The digest in its file compared with its content; `None` where it cannot be read.
     pub seal: Option<Seal>,
     /// The pipeline file that made it, where one of that name was given.
@@ -69,7 +70,9 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         runs: Vec::new(),
         by_others: BTreeMap::new(),
         not_drawn: 0,
-        register: Register::of(past.iter().filter_map(|run| at_its_place(run, lake))),
+        register: Register {
+            runs: past.iter().filter_map(|run| at_its_place(run, lake)).collect(),
+        },
         unread: unread(&past, lake),
     };
     for run in past {
@@ -104,10 +107,10 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
 }
 
 /// The claim of a row, if it is at the place of its run's row; otherwise `None`.
-fn at_its_place<'r>(run: &'r PastRun, lake: &Lake) -> Option<&'r Claim> {
+fn at_its_place(run: &PastRun, lake: &Lake) -> Option<Arc<Claim>> {
     let claim = run.claim.as_ref().ok()?;
     let own = lake.place("runs", &claim.key).ok()?;
-    (own == run.place).then_some(claim)
+    (own == run.place).then(|| Arc::clone(claim))
 }
 
 /// Paths below the lake of rows that cannot be read.
@@ -148,8 +151,8 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
     }
     let run = |(place, row): RunRow| {
         let seal = row.as_ref().ok().map(|row| row.seal.clone());
-        let claim: Result<Claim, NoClaim> = row.map_err(NoClaim::from).and_then(|row| {
-            Claim::of(&row.table).map_err(|reason| NoClaim {
+        let claim = row.map_err(NoClaim::from).and_then(|row| {
+            Claim::of(&row.table).map(Arc::new).map_err(|reason| NoClaim {
                 reason: format!("{}: {reason}", place.display()),
                 is_damage: true,
             })

@@ -14,6 +14,7 @@ use crate::pipeline::configuration::{
     SessionFiles, Tree, WorkPiece, files, look,
 };
 use crate::pipeline::fetch::Fetched;
+use crate::pipeline::fleet::FleetPiece;
 use crate::pipeline::planning::{self, Planning, PlanningError};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
@@ -45,7 +46,13 @@ impl Source {
         lake: &Path,
     ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.run.sessions.is_empty() {
-            return Self::find_plan(claim, pipeline, known_arm, lake);
+            let planning =
+                Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
+            let planning = planning.map_err(|error| match error {
+                PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
+                error => other(error),
+            })?;
+            return Ok(Self::Planning(Box::new(planning)));
         }
         let overrides = Overrides {
             robot: Some(claim.key.robot.clone()),
@@ -70,20 +77,6 @@ impl Source {
         // Tables that were elsewhere are in this lake now.
         let configuration = Configuration { tree: Tree::Folder, ..configuration };
         Ok(Self::Sessions(Box::new(configuration), fetched))
-    }
-
-    fn find_plan(
-        claim: &Claim,
-        pipeline: &Path,
-        known_arm: Option<&Path>,
-        lake: &Path,
-    ) -> Result<Self, NoSource> {
-        let planning = Planning::reload(pipeline, Some(&claim.key.robot), Some(lake), known_arm);
-        let planning = planning.map_err(|error| match error {
-            PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
-            error => other(error),
-        })?;
-        Ok(Self::Planning(Box::new(planning)))
     }
 
     /// The plan that the last session's logs name.
@@ -124,9 +117,11 @@ impl Source {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
             Self::Sessions(configuration, fetched) => {
-                let done = run_piece(configuration, &fetched.piece, progress);
+                let piece = &fetched.piece;
+                let done =
+                    run_piece(FleetPiece { configuration, piece, is_of_several: false }, progress);
                 let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
-                Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
+                Ok(RunKey { robot: claim.key.robot.clone(), ..done.key })
             }
         }
     }

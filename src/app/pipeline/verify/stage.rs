@@ -22,6 +22,7 @@ use crate::manifest::{ROBOT, RunKey, Work, digest};
 use crate::pipeline::configuration::{
     Configuration, JoinedBefore, Overrides, Recorded, Session, SessionFiles, WorkPiece,
 };
+use crate::pipeline::fleet::FleetPiece;
 use crate::pipeline::run::{input, stage_piece};
 use crate::progress::Progress;
 
@@ -174,7 +175,9 @@ impl StageVerifier<'_> {
             lake: Place::of(temporary.path()),
             ..configuration
         };
-        let done = stage_piece(&configuration, &piece, stage, self.progress);
+        let (configuration, piece) = (&configuration, &piece);
+        let own = FleetPiece { configuration, piece, is_of_several: false };
+        let done = stage_piece(own, stage, self.progress);
         if done.map_err(|error| error.to_string())?.run != key.run {
             return Err(
                 "its inputs, or the version, are not those that it was made with".to_owned()

@@ -126,22 +126,14 @@ fn warning(course: &ReferenceCourse, event: &Event) -> Option<String> {
         Event::Bump { after, before, shift_mm, turn_rad } => {
             let turned = format!(" and {:.2} mrad", 1e3 * turn_rad);
             let turned = if course.followed.tells_turns { turned } else { String::new() };
+            let places = course.followed.places.iter();
+            let references: BTreeSet<_> = places.map(|own| own.reference).collect();
             let tied = if course.followed.is_bridged() {
                 "the references tie both parts of the session together"
+            } else if references.len() == 1 {
+                "or the one reference was: a second tells which. Only the larger of the two parts is used"
             } else {
-                match course
-                    .followed
-                    .places
-                    .iter()
-                    .map(|own| own.reference)
-                    .collect::<BTreeSet<_>>()
-                    .len()
-                {
-                    1 => {
-                        "or the one reference was: a second tells which. Only the larger of the two parts is used"
-                    }
-                    _ => "two parts of the session have nothing in common; only the larger is used",
-                }
+                "two parts of the session have nothing in common; only the larger is used"
             };
             let (from, to) = (moment(course, after), moment(course, before));
             Some(format!(

@@ -3,9 +3,10 @@
 
 use nalgebra::Vector3;
 
+use super::densify::Known;
 use super::solve::Solver;
 use crate::programs::write::Command;
-use crate::programs::{Asked, Programs, Wanted};
+use crate::programs::{Asked, Wanted};
 
 /// How far from a position its correction is looked at, mm.
 pub(super) const AWAY_MM: f64 = 100.0;
@@ -13,18 +14,12 @@ pub(super) const AWAY_MM: f64 = 100.0;
 impl Solver<'_> {
     /// The largest difference between the correction of a position that motions move beside, and that 100 mm away along each axis of the
     /// base, mm; `None` where no such position is corrected.
-    pub(super) fn left_by_offsets(
-        &self,
-        programs: &Programs,
-        asked: &[Result<Asked, String>],
-        commands: &[Option<Command>],
-    ) -> Option<f64> {
+    pub(super) fn left_by_offsets(&self, known: &Known<'_>) -> Option<f64> {
+        let Known { programs, asked, commands } = known;
         let is_beside =
             |own: &&Asked| programs.positions[own.position].uses.iter().any(|own| own.is_beside);
-        let corrected = asked
-            .iter()
-            .flatten()
-            .filter(is_beside)
+        let beside = asked.iter().flatten().filter(is_beside);
+        let corrected = beside
             .filter_map(|own| Some((own, correction(own, commands[own.position].as_ref()?)?)));
         let pairs = corrected.flat_map(|(own, at)| {
             let axes = [Vector3::x(), Vector3::y(), Vector3::z()];

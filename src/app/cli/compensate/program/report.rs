@@ -48,7 +48,7 @@ struct Motion {
 }
 
 /// All positions that motions use, in the order of files and lines.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Report {
     positions: usize,
     corrected: usize,
@@ -69,7 +69,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// The report of what became of each position.
     pub(super) fn of(
         programs: &Programs,
         outcomes: Vec<Outcome>,
@@ -106,20 +105,13 @@ impl Report {
             points_added: 0,
             not_split: None,
         });
-        let motions = motions.collect();
         let mut report = Self {
             positions: lines.len(),
-            corrected: 0,
-            refused: 0,
-            computed: 0,
-            largest_correction_mm: 0.0,
-            crossed: 0,
             orientations_corrected,
-            left_by_offsets_mm: None,
             unread,
             taught_frames,
-            lines: Vec::new(),
-            motions,
+            motions: motions.collect(),
+            ..Self::default()
         };
         for own in &lines {
             match &own.outcome {
@@ -162,9 +154,7 @@ impl Report {
     pub(super) fn json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default()
     }
-}
 
-impl Report {
     /// How far the arm leaves the wanted path between positions.
     fn write_motions(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let stated = |own: &Motion| own.deviation_mm;

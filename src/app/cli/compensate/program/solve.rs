@@ -37,11 +37,18 @@ pub(super) struct Solver<'a> {
     largest_mm: Option<f64>,
 }
 
-/// Poses with the joint angles that reach them, from which those of poses nearby are found.
-#[derive(Default)]
-struct Ways(Vec<(Isometry3<f64>, Vec<Vec<f64>>)>);
+/// All joint angles that reach poses, found anywhere or from those of poses nearby.
+struct Ways<'a> {
+    anywhere: &'a Anywhere<'a>,
+    /// Poses that were solved, each with the ways that those of positions nearby may agree with.
+    known: Vec<(Isometry3<f64>, Vec<Vec<f64>>)>,
+}
 
-impl Ways {
+impl<'a> Ways<'a> {
+    const fn new(anywhere: &'a Anywhere<'a>) -> Self {
+        Self { anywhere, known: Vec::new() }
+    }
+
     /// Keeps the ways to a pose that those of positions nearby may agree with: with the shoulder turned over joint 1 is two
     /// quarters away, with the wrist turned over joints 4 and 6 are.
     fn add(&mut self, pose: Isometry3<f64>, mut joints: Vec<Vec<f64>>, agreeing: &[f64]) {
@@ -51,7 +58,7 @@ impl Ways {
         };
         let is_turned = |own: &[f64]| apart(own, 3).max(apart(own, 5)) < -0.99;
         joints.retain(|own| apart(own, 0) > 0.0 && !is_turned(own));
-        self.0.push((pose, joints));
+        self.known.push((pose, joints));
     }
 
     /// The ways to the first pose nearby; none where there is none.
@@ -60,28 +67,29 @@ impl Ways {
             (from.translation.vector - pose.translation.vector).norm() < NEAR_MM
                 && from.rotation.angle_to(&pose.rotation) < NEAR_RAD
         };
-        self.0.iter().find(is_near).map_or(&[], |(_, joints)| joints)
+        self.known.iter().find(is_near).map_or(&[], |(_, joints)| joints)
     }
-}
 
-/// All joint angles that reach a pose within the limits.
-fn all_joints(pose: &Isometry3<f64>, anywhere: &Anywhere<'_>) -> Result<Vec<Vec<f64>>, String> {
-    let found = RefCell::new(Vec::<Vec<f64>>::new());
-    let collect = |joints: &[f64]| {
-        let mut found = found.borrow_mut();
-        let is_one = |own: &Vec<f64>| own.iter().zip(joints).all(|(a, b)| (a - b).abs() < SAME_RAD);
-        if !found.iter().any(is_one) {
-            found.push(joints.to_vec());
+    /// All joint angles that reach a pose within the limits.
+    fn all(&self, pose: &Isometry3<f64>) -> Result<Vec<Vec<f64>>, String> {
+        let found = RefCell::new(Vec::<Vec<f64>>::new());
+        let collect = |joints: &[f64]| {
+            let mut found = found.borrow_mut();
+            let is_one =
+                |own: &Vec<f64>| own.iter().zip(joints).all(|(a, b)| (a - b).abs() < SAME_RAD);
+            if !found.iter().any(is_one) {
+                found.push(joints.to_vec());
+            }
+            false
+        };
+        let ended = self.anywhere.joints_where(pose, None, collect);
+        let found = found.into_inner();
+        if found.is_empty() {
+            let why = ended.err().map_or_else(String::new, |why| why.to_string());
+            return Err(format!("{why}; is it of another arm?"));
         }
-        false
-    };
-    let ended = anywhere.joints_where(pose, None, collect);
-    let found = found.into_inner();
-    if found.is_empty() {
-        let why = ended.err().map_or_else(String::new, |why| why.to_string());
-        return Err(format!("{why}; is it of another arm?"));
+        Ok(found)
     }
-    Ok(found)
 }
 
 pub(super) struct Done {
@@ -119,12 +127,12 @@ impl<'a> Solver<'a> {
     /// Gives positions whose motions go on in the arm configuration of another position the joint angles of that.
     pub(super) fn follow(&self, programs: &Programs, asked: &mut [Result<Asked, String>]) {
         let anywhere = self.anywhere();
-        let mut ways = Ways::default();
+        let mut ways = Ways::new(&anywhere);
         let mut known: HashMap<usize, Result<Branch, String>> = HashMap::new();
         let followed = asked.iter().flatten().flat_map(Asked::branches).filter_map(Branch::other);
         for by in followed.collect::<Vec<_>>() {
             let of = || match &asked[by] {
-                Ok(own) => self.at_own_turns(own, &anywhere, &mut ways),
+                Ok(own) => self.at_own_turns(own, &mut ways),
                 Err(why) => Err(why.clone()),
             };
             known.entry(by).or_insert_with(of);
@@ -148,19 +156,14 @@ impl<'a> Solver<'a> {
     }
 
     /// The joint angles at which the controller has a position now, by the quarter turns that it states.
-    fn at_own_turns(
-        &self,
-        asked: &Asked,
-        anywhere: &Anywhere<'_>,
-        ways: &mut Ways,
-    ) -> Result<Branch, String> {
+    fn at_own_turns(&self, asked: &Asked, ways: &mut Ways<'_>) -> Result<Branch, String> {
         let Wanted::Pose { programmed, branches, .. } = &asked.wanted else {
             return Err("it is stated in joint angles".to_owned());
         };
         let is_own = |branch: &&Branch| matches!(branch, Branch::Quadrants(_));
         let own: Vec<Branch> = branches.iter().filter(is_own).cloned().collect();
         let pose = programmed * self.own_tool_in(&asked.stated_tool);
-        let joints = self.only_joints(&pose, &own, anywhere, ways)?;
+        let joints = self.only_joints(&pose, &own, ways)?;
         Ok(Branch::Joints(self.shown(&joints)))
     }
 
@@ -173,8 +176,8 @@ impl<'a> Solver<'a> {
     pub(super) fn solve(&self, asked: &[&Asked]) -> Vec<Solved> {
         let anywhere = self.anywhere();
         let targets = asked.par_chunks(CHUNK).flat_map_iter(|chunk| {
-            let mut ways = Ways::default();
-            let targets = chunk.iter().map(|asked| self.target(asked, &anywhere, &mut ways));
+            let mut ways = Ways::new(&anywhere);
+            let targets = chunk.iter().map(|asked| self.target(asked, &mut ways));
             targets.collect::<Vec<_>>()
         });
         let targets: Vec<Result<Target, String>> = targets.collect();
@@ -197,7 +200,6 @@ impl<'a> Solver<'a> {
             .collect()
     }
 
-    /// Each target with its command.
     fn commands(
         &self,
         targets: Vec<Result<Target, String>>,
@@ -260,12 +262,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    fn target(
-        &self,
-        asked: &Asked,
-        anywhere: &Anywhere<'_>,
-        ways: &mut Ways,
-    ) -> Result<Target, String> {
+    fn target(&self, asked: &Asked, ways: &mut Ways<'_>) -> Result<Target, String> {
         self.same_tool(&asked.flange_from_tool)?;
         let (base_from_tool, programmed, branches) = match &asked.wanted {
             Wanted::Joints(joints) => {
@@ -286,7 +283,7 @@ impl<'a> Solver<'a> {
         if branches.iter().any(|branch| matches!(branch, Branch::Quadrants(_))) {
             // The quarter turns are those of the position as the controller has it.
             let programmed = programmed * self.own_tool_in(&asked.stated_tool);
-            let angles = self.only_joints(&programmed, branches, anywhere, ways)?;
+            let angles = self.only_joints(&programmed, branches, ways)?;
             let angles = self.inverse.joints(&own, &angles).map_err(|why| why.to_string())?;
             let joints = Some(TargetJoints { angles, ..TargetJoints::default() });
             return Ok(Target { joints, ..target });
@@ -306,8 +303,7 @@ impl<'a> Solver<'a> {
         &self,
         pose: &Isometry3<f64>,
         branches: &[Branch],
-        anywhere: &Anywhere<'_>,
-        ways: &mut Ways,
+        ways: &mut Ways<'_>,
     ) -> Result<Vec<f64>, String> {
         let agrees = |joints: &Vec<f64>| {
             let own = self.configuration(joints);
@@ -319,9 +315,10 @@ impl<'a> Solver<'a> {
                 self.agrees(branch, &joints).filter(|_| is_in(branch))
             })
         };
-        let mut agreeing: Vec<Vec<f64>> = self.near(pose, ways).iter().filter_map(agrees).collect();
+        let from = |seed: &Vec<f64>| agrees(&self.inverse.joints(pose, seed).ok()?);
+        let mut agreeing: Vec<Vec<f64>> = ways.near(pose).iter().filter_map(from).collect();
         if agreeing.is_empty() {
-            let found = all_joints(pose, anywhere)?;
+            let found = ways.all(pose)?;
             agreeing = found.iter().filter_map(agrees).collect();
             if let Some(first) = agreeing.first() {
                 ways.add(*pose, found, first);
@@ -336,12 +333,6 @@ impl<'a> Solver<'a> {
                       arm"
                 .to_owned()),
         }
-    }
-
-    /// Joint angles that reach a pose from those of one nearby; none where that is further away.
-    fn near(&self, pose: &Isometry3<f64>, ways: &Ways) -> Vec<Vec<f64>> {
-        let from = |seed: &Vec<f64>| self.inverse.joints(pose, seed).ok();
-        ways.near(pose).iter().filter_map(from).collect()
     }
 
     /// The calibrated tool in the frame of another one.

@@ -13,11 +13,10 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
 
+use super::Points;
 use super::solve::Solver;
-use super::{Points, ProgramError};
 use crate::cli::compensate::CompensateArgs;
 use crate::cli::compensate::error::CompensateCommandError;
-use crate::cli::compensate::source::Source;
 use crate::compensation::{Covariances, Target};
 use crate::io::calibrations_table::PublishedArm;
 use crate::programs::taught::{Taught, TaughtError, TaughtFrame, Touched, base, tool};
@@ -76,12 +75,7 @@ impl CompensateArgs {
             };
             let path = folder.join(path);
             if !arms.contains_key(&path) {
-                let source = Source::read(&path)?;
-                self.admit_verdict(&path, &source)?;
-                let Source::Arm(read) = source else {
-                    return Err(ProgramError::Table.into());
-                };
-                arms.insert(path.clone(), read);
+                arms.insert(path.clone(), self.arm_of(&path)?);
             }
             let place = if self.program.points == Some(Points::Taught) {
                 Ok(frame.stated)

@@ -4,11 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 
-use chrono::DateTime;
-
 use super::ProgramError;
 use crate::cli::compensate::CompensateCommandError;
-use crate::cli::compensate::record::{Made, Recording};
+use crate::cli::compensate::record::{Made, Recording, utc};
 use crate::compensation::Corrected;
 use crate::files::whole_file::write_whole;
 use crate::io::calibrations_table::PublishedArm;
@@ -109,10 +107,7 @@ pub(super) fn write_new(path: &Path, bytes: &[u8]) -> Result<(), ProgramError> {
 
 /// The day of the correction, UTC.
 pub(super) fn today() -> String {
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
-    let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
-    day.map_or_else(|| "no date".to_owned(), |day| day.date_naive().to_string())
+    utc(SystemTime::now()).map_or_else(|| "no date".to_owned(), |now| now.date_naive().to_string())
 }
 
 #[cfg(test)]

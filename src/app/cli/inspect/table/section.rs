@@ -1,5 +1,6 @@
 //! The sections of a pipeline file that would read a table of stations, with what is unsure beside each line.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use nalgebra::Isometry3;
@@ -8,7 +9,7 @@ use crate::cli::inspect::{Form, escaped, toml_text};
 use crate::geometry::rpy;
 use crate::ingest::{
     OrientationColumns, OrientationForm, PoseColumns, ReadingColumns, ReferenceColumns,
-    StationsSettings, TableTime,
+    StationsSettings,
 };
 use crate::io::inspect::table::{Commands, Guess, Key};
 use crate::io::robot::Selection;
@@ -76,26 +77,18 @@ impl Lines<'_> {
 
     fn input(&mut self, paths: &[&Path]) {
         self.head("input");
-        let folder = paths
-            .first()
-            .and_then(|path| path.parent())
-            .map(|path| path.to_string_lossy().into_owned());
-        let folder = folder.filter(|folder| !folder.is_empty()).unwrap_or_else(|| ".".to_owned());
-        self.key("folder", &toml_text(&folder), None);
+        let quoted = |name: Option<&OsStr>| toml_text(&name.unwrap_or_default().to_string_lossy());
+        let folder = paths.first().and_then(|path| path.parent());
+        let folder = folder.map(Path::as_os_str).filter(|folder| !folder.is_empty());
+        self.key("folder", &quoted(folder.or(Some(OsStr::new(".")))), None);
         if !self.guess.sessions.is_empty() {
             self.key("sessions_by", "\"column\"", Some(Key::Session));
-            let files: Vec<String> = paths
-                .iter()
-                .map(|path| toml_text(&path.file_name().unwrap_or_default().to_string_lossy()))
-                .collect();
+            let files: Vec<String> = paths.iter().map(|path| quoted(path.file_name())).collect();
             self.key("stations", &list_or_one(&files), None);
             return;
         }
         self.key("sessions_by", "\"file_name\"", None);
-        let stems: Vec<String> = paths
-            .iter()
-            .map(|path| toml_text(&path.file_stem().unwrap_or_default().to_string_lossy()))
-            .collect();
+        let stems: Vec<String> = paths.iter().map(|path| quoted(path.file_stem())).collect();
         self.key("sessions", &format!("[{}]", stems.join(", ")), None);
         let mut endings: Vec<String> = Vec::new();
         for path in paths {
@@ -130,8 +123,8 @@ impl Lines<'_> {
             self.key("targets", &list(&settings.targets), None);
         }
         if let Some(time) = &settings.time {
-            let (column, unit) = (toml_text(&time.column), word(time.unit));
-            let value = format!("{{ column = {column}, unit = \"{unit}\" }}");
+            let unit = toml::Value::try_from(time.unit).expect("a word");
+            let value = format!("{{ column = {}, unit = {unit} }}", toml_text(&time.column));
             self.key("time", &value, Some(Key::Time));
         }
         if let Some(temperature) = &settings.temperature {
@@ -207,18 +200,6 @@ impl Lines<'_> {
         self.key("flange_from_tool", &placement(&commands.flange_from_tool), Some(Key::Commanded));
         self.text +=
             "target_is_tool = false  # true where the commanded point is the measured target\n";
-    }
-}
-
-const fn word(unit: TableTime) -> &'static str {
-    match unit {
-        TableTime::S => "s",
-        TableTime::Ms => "ms",
-        TableTime::Us => "us",
-        TableTime::Ns => "ns",
-        TableTime::Iso8601 => "iso8601",
-        TableTime::MonthDay => "mm/dd/yy",
-        TableTime::DayMonth => "dd.mm.yy",
     }
 }
 

@@ -1,14 +1,13 @@
 use super::*;
 use crate::io::tables::words::VerdictOf;
+use crate::manifest::RunKey;
 use crate::pipeline::summary::Summary;
 use crate::report::next::{Instead, Stated};
 use crate::report::verdict::Applied;
 
 fn done(verdict: Verdict) -> Box<Done> {
     Box::new(Done {
-        robot: "r".to_owned(),
-        session: "a".to_owned(),
-        run: "00ff".to_owned(),
+        key: RunKey::new("r", "a", "00ff"),
         already_there: false,
         asked: 1,
         took_place: None,

@@ -13,7 +13,7 @@ use crate::files::input::Bound;
 use crate::ingest::StationsSettings;
 use crate::io::lake;
 use crate::io::log::{Limits, SessionLogs, session_record};
-use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
+use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, ToldBy};
 use logs::Lack;
 
 /// A session as found: with its files, or why there is no work with it at present.
@@ -33,38 +33,29 @@ type Side = Result<Vec<PathBuf>, Lack>;
 /// All sessions in the sessions' folder.
 #[derive(Debug)]
 pub struct Found<'a> {
-    tree: &'a Tree,
-    folder: &'a Path,
-    input: &'a InputSection,
-    stations: Option<&'a StationsSettings>,
+    pub tree: &'a Tree,
+    pub folder: &'a Path,
+    pub input: &'a InputSection,
+    pub stations: Option<&'a StationsSettings>,
     /// The robot whose rows are meant, where tables have a column of robots; `None`: those of all of them.
-    robot: Option<&'a str>,
-    limits: Limits,
+    pub robot: Option<&'a str>,
+    pub limits: Limits,
     /// By name.
     pub sessions: Vec<Session>,
     /// By name.
     pub left_out: Vec<LeftOut>,
 }
 
-impl<'a> Found<'a> {
-    pub fn look(
-        tree: &'a Tree,
-        folder: &'a Path,
-        input: &'a InputSection,
-        stations: Option<&'a StationsSettings>,
-        robot: Option<&'a str>,
-        limits: Limits,
-    ) -> io::Result<Self> {
-        let (sessions, left_out) = (Vec::new(), Vec::new());
-        let mut found = Self { tree, folder, input, stations, robot, limits, sessions, left_out };
-        match (&input.stations, input.sessions_by) {
-            (Some(names), _) => found.tables(names)?,
-            (None, SessionsBy::Folder) => found.by_folder()?,
-            (None, SessionsBy::FileName) => found.by_file_name()?,
-            (None, SessionsBy::Metadata | SessionsBy::Column) => found.by_metadata()?,
+impl Found<'_> {
+    pub fn look(&mut self) -> io::Result<()> {
+        match (&self.input.stations, self.input.sessions_by) {
+            (Some(names), _) => self.tables(names)?,
+            (None, ToldBy::Folder) => self.by_folder()?,
+            (None, ToldBy::FileName) => self.by_file_name()?,
+            (None, ToldBy::Metadata | ToldBy::Column) => self.by_metadata()?,
         }
-        found.names_are_sound();
-        Ok(found)
+        self.names_are_sound();
+        Ok(())
     }
 
     fn by_folder(&mut self) -> io::Result<()> {

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::found::Session;
-use super::{JoinedBefore, LeftOut, Recorded, Why};
+use super::{FoundSessions, JoinedBefore, LeftOut, Recorded, Why};
 use crate::io::lake::{JOINED, Lake, LakeError};
 use crate::io::rows::Row as _;
 use crate::io::tables::joined_sessions::JoinedSessionRow;
@@ -26,10 +26,7 @@ pub struct Wanted<'a> {
 type Before = (JoinedBefore, Option<&'static str>);
 
 /// The sessions of a lake as joined, by name, and rows that cannot be read.
-pub(super) fn sessions(
-    lake: &Lake,
-    wanted: &Wanted<'_>,
-) -> Result<(Vec<Session>, Vec<LeftOut>), LakeError> {
+pub(super) fn sessions(lake: &Lake, wanted: &Wanted<'_>) -> Result<FoundSessions, LakeError> {
     let mut by_name: BTreeMap<String, Vec<Before>> = BTreeMap::new();
     let mut left_out = Vec::new();
     for (place, row) in lake.rows_of_all(JOINED.rows)? {
@@ -46,7 +43,8 @@ pub(super) fn sessions(
             Err(reason) => left_out.push(LeftOut { name: place.display().to_string(), reason }),
         }
     }
-    Ok((by_name.into_iter().map(session).collect(), left_out))
+    let sessions = by_name.into_iter().map(session).collect();
+    Ok(FoundSessions { sessions, left_out, by: None })
 }
 
 fn before(key: RunKey, row: &JoinedSessionRow, wanted: &Wanted<'_>) -> Option<Before> {

@@ -65,10 +65,13 @@ impl<'a> Set<'a> {
     fn ends(&self, between: Option<[usize; 2]>) -> Vec<End> {
         let Some([first, last]) = between else { return Vec::new() };
         let stations = self.stations.saturating_sub(last + 1);
-        let ends = [End::Before(first), End::Behind { last, stations }];
-        let is_long = |end: &End| {
-            end.stations() >= LEAST && end.stations() as f64 > SHARE * self.stations as f64
-        };
+        let far = self.stations.saturating_sub(1);
+        let ends = [
+            End { is_before: true, stations: first, edge: first, far: 0 },
+            End { is_before: false, stations, edge: last, far },
+        ];
+        let is_long =
+            |end: &End| end.stations >= LEAST && end.stations as f64 > SHARE * self.stations as f64;
         ends.into_iter().filter(is_long).collect()
     }
 
@@ -115,7 +118,7 @@ impl<'a> Set<'a> {
     /// The whole set was read in a part of the session.
     fn carried_on(&self, end: End) -> String {
         let sd_mm = |station: usize| self.course.and_then(|course| sd_mm(course, station));
-        let grows = sd_mm(end.edge()).zip(sd_mm(end.far(self.stations)));
+        let grows = sd_mm(end.edge).zip(sd_mm(end.far));
         let grows = grows.map_or_else(String::new, |(edge, far)| {
             format!(
                 ", with a standard deviation at the references of {edge:.3} mm there and {far:.3} mm at the far end"
@@ -130,7 +133,7 @@ impl<'a> Set<'a> {
             self.on.word(),
             end.words(self.stations),
             self.on.moves(),
-            end.stations(),
+            end.stations,
             end.side(),
             end.when(),
         )
@@ -146,7 +149,7 @@ impl<'a> Set<'a> {
         let follows = if others >= FOR_TURNS {
             format!("the other {others} tell the motion there")
         } else {
-            let (stations, side, when) = (end.stations(), end.side(), end.when());
+            let (stations, side, when) = (end.stations, end.side(), end.when());
             format!(
                 "the {others} left there tell no rotation: at the {stations} stations {side} it is carried on with growing covariance, \
                  and what a bump turns there is not found; read it {when} too"
@@ -158,58 +161,31 @@ impl<'a> Set<'a> {
     }
 }
 
+/// An end of a session without readings of references.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
-    /// Before the station with this number, from 0.
-    Before(usize),
-    /// So many stations behind the last that was read.
-    Behind { last: usize, stations: usize },
+struct End {
+    /// Whether it is the begin of the session.
+    is_before: bool,
+    /// Number of its stations.
+    stations: usize,
+    /// The station at which readings begin or end, from 0.
+    edge: usize,
+    /// The station that is furthest from them, from 0.
+    far: usize,
 }
 
 impl End {
-    const fn stations(self) -> usize {
-        match self {
-            Self::Before(stations) | Self::Behind { stations, .. } => stations,
-        }
-    }
-
-    /// The station at which readings begin or end.
-    const fn edge(self) -> usize {
-        match self {
-            Self::Before(first) => first,
-            Self::Behind { last, .. } => last,
-        }
-    }
-
-    /// The station that is furthest from them.
-    const fn far(self, stations: usize) -> usize {
-        match self {
-            Self::Before(_) => 0,
-            Self::Behind { .. } => stations.saturating_sub(1),
-        }
-    }
-
     fn words(self, stations: usize) -> String {
-        match self {
-            Self::Before(first) => format!("none of them before station {first} of {stations}"),
-            Self::Behind { last, .. } => {
-                format!("none of them behind station {last} of {stations}")
-            }
-        }
+        let side = if self.is_before { "before" } else { "behind" };
+        format!("none of them {side} station {} of {stations}", self.edge)
     }
 
     const fn side(self) -> &'static str {
-        match self {
-            Self::Before(_) => "before it",
-            Self::Behind { .. } => "behind it",
-        }
+        if self.is_before { "before it" } else { "behind it" }
     }
 
     const fn when(self) -> &'static str {
-        match self {
-            Self::Before(_) => "before the first station",
-            Self::Behind { .. } => "after the last station",
-        }
+        if self.is_before { "before the first station" } else { "after the last station" }
     }
 }
 

@@ -9,15 +9,14 @@ use super::super::growing::growing_table;
 use super::{Bound, Found, Lack, Recorded, Session, SessionTable, Tree, Why, logs, name_of};
 use crate::ingest::StationsSettings;
 use crate::io::station_table::{self, Whose};
-use crate::pipeline::file::{LogNames, SessionsBy};
+use crate::pipeline::file::{LogNames, ToldBy};
 
 impl Found<'_> {
-    /// Finds the sessions of tables with these names.
     pub(super) fn tables(&mut self, names: &LogNames) -> io::Result<()> {
         match self.input.sessions_by {
-            SessionsBy::Folder => self.tables_in_folders(names),
-            SessionsBy::FileName | SessionsBy::Metadata => self.tables_by_name(names),
-            SessionsBy::Column => self.sessions_in_tables(names),
+            ToldBy::Folder => self.tables_in_folders(names),
+            ToldBy::FileName | ToldBy::Metadata => self.tables_by_name(names),
+            ToldBy::Column => self.sessions_in_tables(names),
         }
     }
 
