@@ -11,6 +11,12 @@ pub mod op {
 
 pub const FRAME_HEADER: u64 = 9;
 
+/// Opcode and length of the record whose frame begins with these bytes; `None` where the frame's header is cut.
+pub fn frame_header(bytes: &[u8]) -> Option<(u8, u64)> {
+    let (&opcode, rest) = bytes.split_first()?;
+    Some((opcode, u64::from_le_bytes(*rest.first_chunk()?)))
+}
+
 #[derive(Debug, Clone)]
 pub struct Fields<'a> {
     rest: &'a [u8],
