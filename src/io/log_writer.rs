@@ -13,7 +13,7 @@ use crate::geometry::{PoseCovariance, pose_covariance, symmetric};
 use crate::ingest::{
     CommandSamples, JointSamples, LengthSamples, Recording, TargetReadings, TemperatureSamples,
 };
-use crate::units::MM_PER_M;
+use crate::units::{MM_PER_M, Stamp};
 
 mod cdr;
 mod topic;
@@ -144,97 +144,91 @@ fn encoded(
     Ok(Encoded { ns: unsigned, body: cdr.into_bytes() })
 }
 
+/// A message for each stamp; `fill` writes what follows the header in the message of a row.
+fn messages<C: Copy>(
+    topic: &str,
+    frame: &str,
+    stamps: &[Stamp<C>],
+    fill: impl Fn(&mut Cdr, usize) -> Result<()>,
+) -> Result<Vec<Encoded>> {
+    let message =
+        |(row, stamp): (usize, &Stamp<C>)| encoded(topic, stamp.ns(), frame, |cdr| fill(cdr, row));
+    stamps.iter().enumerate().map(message).collect()
+}
+
 fn joint_messages(joints: &JointSamples, joint_names: &[&str]) -> Result<Vec<Encoded>> {
     let topic = "/joint_states";
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "base", |cdr| {
-            cdr.length(topic, joint_names.len())?;
-            for name in joint_names {
-                cdr.string(topic, name)?;
-            }
-            cdr.length(topic, joints.angles.joints())?;
-            for &angle in joints.angles.row(row) {
-                cdr.f64(angle);
-            }
-            // Velocity and effort are not recorded.
-            cdr.length(topic, 0)?;
-            cdr.length(topic, 0)
-        })
-    };
-    joints.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "base", &joints.stamps, |cdr, row| {
+        cdr.length(topic, joint_names.len())?;
+        for name in joint_names {
+            cdr.string(topic, name)?;
+        }
+        cdr.length(topic, joints.angles.joints())?;
+        for &angle in joints.angles.row(row) {
+            cdr.f64(angle);
+        }
+        // Velocity and effort are not recorded.
+        cdr.length(topic, 0)?;
+        cdr.length(topic, 0)
+    })
 }
 
 fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded("/commanded_pose", stamp.ns(), "base", |cdr| {
-            push_point(cdr, &commands.positions[row]);
-            let upright = [0.0, 0.0, 0.0, 1.0];
-            push_quaternion(cdr, commands.orientations.as_ref().map_or(&upright, |all| &all[row]));
-            Ok(())
-        })
-    };
-    commands.stamps.iter().enumerate().map(message).collect()
+    messages("/commanded_pose", "base", &commands.stamps, |cdr, row| {
+        push_point(cdr, &commands.positions[row]);
+        push_quaternion(cdr, commands.orientations.as_ref().map_or(&UPRIGHT, |all| &all[row]));
+        Ok(())
+    })
 }
 
 fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            push_point(cdr, &readings.positions[row]);
-            let orientations = readings.orientations.as_ref();
-            match (orientations, &readings.covariances) {
-                (Some(all), _) => push_quaternion(cdr, &all[row]),
-                (None, Some(_)) => push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]),
-                (None, None) => {}
-            }
-            if let Some(covariances) = &readings.covariances {
-                push_covariance(cdr, &covariances[row]);
-            }
-            Ok(())
-        })
-    };
-    readings.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "tracker", &readings.stamps, |cdr, row| {
+        push_point(cdr, &readings.positions[row]);
+        let orientations = readings.orientations.as_ref();
+        match (orientations, &readings.covariances) {
+            (Some(all), _) => push_quaternion(cdr, &all[row]),
+            (None, Some(_)) => push_quaternion(cdr, &UPRIGHT),
+            (None, None) => {}
+        }
+        if let Some(covariances) = &readings.covariances {
+            push_covariance(cdr, &covariances[row]);
+        }
+        Ok(())
+    })
 }
 
 fn transform_messages(topic: &str, name: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            cdr.string(topic, name)?;
-            push_point(cdr, &readings.positions[row]);
-            push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]);
-            Ok(())
-        })
-    };
-    readings.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "tracker", &readings.stamps, |cdr, row| {
+        cdr.string(topic, name)?;
+        push_point(cdr, &readings.positions[row]);
+        push_quaternion(cdr, &UPRIGHT);
+        Ok(())
+    })
 }
 
 fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded>> {
-    let message = |(stamp, &celsius): (&crate::units::Stamp<_>, &f64)| {
-        encoded("/tracker/temperature", stamp.ns(), "tracker", |cdr| {
-            cdr.f64(celsius);
-            cdr.f64(0.0);
-            Ok(())
-        })
-    };
-    let samples = temperatures.stamps.iter().zip(&temperatures.celsius);
-    samples.map(message).collect()
+    messages("/tracker/temperature", "tracker", &temperatures.stamps, |cdr, row| {
+        cdr.f64(temperatures.celsius[row]);
+        cdr.f64(0.0);
+        Ok(())
+    })
 }
 
 fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>> {
-    let message = |(stamp, &mm): (&crate::units::Stamp<_>, &f64)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            // Neither sound nor light, and no limits of its range.
-            cdr.u8(0);
-            cdr.f32(0.0);
-            cdr.f32(0.0);
-            cdr.f32(f32::MAX);
-            #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
-            cdr.f32((mm / MM_PER_M) as f32);
-            Ok(())
-        })
-    };
-    let samples = lengths.stamps.iter().zip(&lengths.lengths_mm);
-    samples.map(message).collect()
+    messages(topic, "tracker", &lengths.stamps, |cdr, row| {
+        // Neither sound nor light, and no limits of its range.
+        cdr.u8(0);
+        cdr.f32(0.0);
+        cdr.f32(0.0);
+        cdr.f32(f32::MAX);
+        #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
+        cdr.f32((lengths.lengths_mm[row] / MM_PER_M) as f32);
+        Ok(())
+    })
 }
+
+/// The quaternion x y z w of no rotation.
+const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 fn push_point(cdr: &mut Cdr, position_mm: &[f64; 3]) {
     for x in position_mm {
