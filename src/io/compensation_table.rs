@@ -21,7 +21,6 @@ use crate::ingest::AngleUnit;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 use crate::rows::Row as _;
-use crate::schema::{self, SchemaError};
 use crate::table::FileError;
 use crate::targets::JointUnits;
 
@@ -43,8 +42,6 @@ pub struct PublishedTable {
 pub enum CompensationTableError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
     #[error("{path} holds no node; it is not the table of a run that chose a step")]
     Empty { path: PathBuf },
     #[error(transparent)]
@@ -56,7 +53,7 @@ pub enum CompensationTableError {
 }
 
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
-    let published = read_given(path, schema::find("compensation")?)?;
+    let published = read_given(path, NodeRow::schema())?;
     let rows = NodeRow::read(&published);
     if rows.is_empty() {
         return Err(CompensationTableError::Empty { path: path.to_owned() });
