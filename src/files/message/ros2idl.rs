@@ -9,13 +9,19 @@ mod tokens;
 
 use std::collections::BTreeMap;
 
-use super::rosmsg::{BUILT_IN, short_name};
+use super::rosmsg::short_name;
 use super::{
     Definition, Field, FieldType, MessageType, Primitive, SchemaError, Serialization, Shape,
 };
 use parser::{Parsed, RawType, Struct};
 
 const MOST_ALIASES: usize = 16;
+
+/// Types that recorders may leave out of the text.
+const BUILT_IN: &str = "module builtin_interfaces { module msg {
+    struct Time { int32 sec; uint32 nanosec; };
+    struct Duration { int32 sec; uint32 nanosec; };
+}; };";
 
 pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     let mut parsed = parser::parse(text)?;
@@ -26,9 +32,9 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
         .position(|found| found.short_name() == wanted)
         .ok_or_else(|| SchemaError::UnknownType { name: name.to_owned() })?;
     parsed.structs.swap(0, root);
-    for (built_in, _) in BUILT_IN {
-        if !parsed.structs.iter().any(|found| found.short_name() == built_in) {
-            parsed.structs.push(parser::built_in(built_in));
+    for built_in in parser::parse(BUILT_IN)?.structs {
+        if !parsed.structs.iter().any(|found| found.short_name() == built_in.short_name()) {
+            parsed.structs.push(built_in);
         }
     }
     let structs = parsed.structs.iter().enumerate();

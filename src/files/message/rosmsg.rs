@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Types that recorders may leave out of the text.
-pub(super) const BUILT_IN: [(&str, &str); 2] = [
+const BUILT_IN: [(&str, &str); 2] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
     ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
 ];
