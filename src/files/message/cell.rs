@@ -76,6 +76,7 @@ pub(super) fn bytes(message: &[u8], start: u32, end: u32) -> &[u8] {
 }
 
 impl Cell {
+    #[inline]
     pub(super) fn as_number(self) -> Option<f64> {
         match self {
             Self::Integer(integer) => Some(integer as f64),

@@ -159,11 +159,7 @@ impl Row {
     /// The number in a slot; `None` for any other value.
     #[inline]
     pub fn number(&self, slot: usize) -> Option<f64> {
-        match self.cells.get(slot) {
-            Some(&Cell::Number(number)) => Some(number),
-            Some(&Cell::Integer(integer)) => Some(integer as f64),
-            _ => None,
-        }
+        self.cells.get(slot)?.as_number()
     }
 
     /// The array of numbers in a slot, if they are stored as little-endian doubles; otherwise `None`.
