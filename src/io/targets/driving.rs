@@ -7,7 +7,7 @@ use std::path::Path;
 use nalgebra::Point3;
 use serde::Deserialize;
 
-use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
+use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bytes, formula};
 use crate::input::Bound;
 pub use crate::judgement::DrivingFile;
 use crate::manifest::RunKey;
@@ -65,13 +65,13 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
 
 fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
-    let bytes = bounded::read(path, bound)?;
+    let bytes = bytes(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader.deserialize().map(|row| row.map(DrivingRow::unmarked).map_err(failed)).collect()
 }
 
 fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bounded::read(path, bound)?)
+    serde_json::from_slice(&bytes(path, bound)?)
         .map_err(|source| TargetsErrorKind::Json(source).at(path))
 }
 
