@@ -50,7 +50,8 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
         if opcode == op::METADATA && length <= MOST_METADATA {
             source.read(at, length, &mut body).map_err(at_fault)?;
             if let Some(found) = MetadataRecord::read(&body).filter(|found| found.name == SESSION) {
-                return Ok(owned(found));
+                let pairs = found.pairs.map(|(key, value)| (key.to_owned(), value.to_owned()));
+                return Ok(pairs.collect());
             }
         }
         at = at.saturating_add(length);
@@ -59,11 +60,6 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
         }
     }
     Ok(BTreeMap::new())
-}
-
-fn owned(record: MetadataRecord<'_>) -> BTreeMap<String, String> {
-    let pairs = record.pairs;
-    pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
 }
 
 #[cfg(test)]

@@ -240,7 +240,7 @@ where
                 self.add(extent)
             }
             Piece::Private { start, end, opcode } => {
-                self.read_summary.private(opcode, 1);
+                *self.read_summary.private_records.entry(opcode).or_default() += 1;
                 let full = self.private.len() >= MOST_PLACES;
                 match self.private.last_mut() {
                     Some(last) if full || last.1 == start => last.1 = end,

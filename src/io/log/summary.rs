@@ -8,9 +8,7 @@ use std::ops::Range;
 use mcap::MAGIC;
 
 use super::frames::{Records, belongs_to_summary};
-use super::record::{
-    ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord, frame_header, op,
-};
+use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, Statistics, frame_header, op};
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
@@ -148,34 +146,21 @@ fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, 
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
 }
 
-#[derive(Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    pub messages: u64,
-    /// Number of messages of each channel, where the writer counted them.
-    pub of_channels: BTreeMap<u16, u64>,
-}
-
 /// Bytes of the longest statistics: a count for every possible id.
 const MOST_STATISTICS: u64 = 64 + (1 << 16) * 10;
 
-impl Statistics {
-    /// Reads the statistics from a summary; `None` where it has none.
-    pub fn read(source: &mut Source, range: Range<u64>) -> io::Result<Option<Self>> {
-        let mut at = range.start;
-        while let Some((opcode, end)) = next_frame(source, at, range.end)? {
-            if opcode == op::STATISTICS && end - at <= MOST_STATISTICS {
-                let mut frame = Vec::new();
-                source.read(at, end - at, &mut frame)?;
-                let record = frame.get(9..).and_then(StatisticsRecord::read);
-                return Ok(record.map(|record| Self {
-                    messages: record.messages,
-                    of_channels: record.of_channels.collect(),
-                }));
-            }
-            at = end;
+/// Reads the statistics from a summary; `None` where it has none.
+pub fn statistics(source: &mut Source, range: Range<u64>) -> io::Result<Option<Statistics>> {
+    let mut at = range.start;
+    while let Some((opcode, end)) = next_frame(source, at, range.end)? {
+        if opcode == op::STATISTICS && end - at <= MOST_STATISTICS {
+            let mut frame = Vec::new();
+            source.read(at, end - at, &mut frame)?;
+            return Ok(frame.get(9..).and_then(Statistics::read));
         }
-        Ok(None)
+        at = end;
     }
+    Ok(None)
 }
 
 impl Source {

@@ -95,10 +95,7 @@ impl Frames<'_> {
 
     /// Whether an application-specific record is a chunk with one bit wrong.
     fn was_a_chunk(&mut self, start: u64, length: u64) -> io::Result<bool> {
-        let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
-        let opcode = bytes.first().map(|opcode| opcode & !op::FIRST_PRIVATE);
-        let body = bytes.get(9..).filter(|_| opcode == Some(op::CHUNK));
-        let chunk = body.and_then(ChunkRecord::read);
+        let chunk = self.chunk(start, op::CHUNK | op::FIRST_PRIVATE)?;
         Ok(chunk.is_some_and(|chunk| chunk.is_certain(length)))
     }
 

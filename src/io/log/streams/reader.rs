@@ -167,7 +167,9 @@ impl Reader {
                 if meaning == Meaning::NamedAngles {
                     part.order.read(values, first, joint_names, &mut part.joints)?;
                 } else {
-                    push_angles(&mut part.joints, values, first)?;
+                    let angles = &mut part.joints.angles;
+                    let places = first..first + angles.joints();
+                    angles.try_push(places.map(|place| values.number(place)))?;
                 }
                 part.joints.stamps.push(times.0);
                 part.joints.logged.push(times.1);
@@ -216,7 +218,7 @@ impl Reader {
         let read = read.collect::<Result<Vec<f64>, RowFault>>()?;
         for (place, length) in self.lengths.iter().zip(read) {
             let own = lengths.get_mut(*place).ok_or(RowFault::OtherTarget)?;
-            push_row(own, times, [length, 0.0, 0.0], None);
+            push_row(own, times, ([length, 0.0, 0.0], None, None));
         }
         Ok(())
     }
@@ -261,7 +263,7 @@ impl Reader {
         }
         for (place, row) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_element(poses, times, row);
+            push_row(poses, times, row);
         }
         Ok(())
     }
@@ -282,17 +284,6 @@ impl Reader {
             StampValues::Record => (stamp_of(message.log_time)?, 0),
         })
     }
-}
-
-fn push_element(
-    poses: &mut DecodedPoses,
-    times: Times,
-    (position, orientation, covariance): Element,
-) {
-    if let Some(covariance) = covariance {
-        poses.covariances.get_or_insert_default().push(covariance);
-    }
-    push_row(poses, times, position, orientation);
 }
 
 fn stamp_of(time: u64) -> Result<i64, RowFault> {
@@ -441,15 +432,6 @@ impl JointOrder {
     }
 }
 
-fn push_angles(
-    joints: &mut DecodedJoints,
-    values: Values<'_>,
-    first: usize,
-) -> Result<(), RowFault> {
-    let places = first..first + joints.angles.joints();
-    joints.angles.try_push(places.map(|place| values.number(place)))
-}
-
 fn push_pose(
     poses: &mut DecodedPoses,
     times: Times,
@@ -461,23 +443,18 @@ fn push_pose(
     let position = [number(0)?, number(1)?, number(2)?];
     let quaternion = || all(|place| number(3 + place));
     let quaternion = parts.orientation.then(quaternion).transpose()?;
-    if parts.covariance {
-        let slot = first + if parts.orientation { 7 } else { 3 };
-        let own = logged_covariance(values, slot)?;
-        poses.covariances.get_or_insert_default().push(own);
-    }
-    push_row(poses, times, position, quaternion);
+    let slot = first + if parts.orientation { 7 } else { 3 };
+    let covariance = parts.covariance.then(|| logged_covariance(values, slot)).transpose()?;
+    push_row(poses, times, (position, quaternion, covariance));
     Ok(())
 }
 
-fn push_row(
-    poses: &mut DecodedPoses,
-    times: Times,
-    position: [f64; 3],
-    quaternion: Option<[f64; 4]>,
-) {
+fn push_row(poses: &mut DecodedPoses, times: Times, (position, quaternion, covariance): Element) {
     if let Some(quaternion) = quaternion {
         poses.orientations.get_or_insert_default().push(quaternion);
+    }
+    if let Some(covariance) = covariance {
+        poses.covariances.get_or_insert_default().push(covariance);
     }
     poses.positions.push(position);
     poses.stamps.push(times.0);
