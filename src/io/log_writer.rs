@@ -51,11 +51,10 @@ pub fn write_controller_log<W: Write + Seek>(
     joint_names: &[&str],
     session: &BTreeMap<String, String>,
 ) -> Result<()> {
-    let mut log = Log::create(sink, session)?;
     let joints = joint_messages(&recording.joints, joint_names)?;
     let commands = command_messages(&recording.commands)?;
     let commands = (pose_topic("/commanded_pose"), commands);
-    log.write_in_time_order(vec![(joint_topic(), joints), commands])
+    write_in_time_order(sink, session, vec![(joint_topic(), joints), commands])
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +77,6 @@ impl TrackerLog<'_> {
         sink: W,
         session: &BTreeMap<String, String>,
     ) -> Result<()> {
-        let mut log = Log::create(sink, session)?;
         let mut topics = vec![self.of_targets()?];
         if !self.references.is_empty() {
             let topic = Topic { name: "/tracker/references".to_owned(), ..targets_topic() };
@@ -91,7 +89,7 @@ impl TrackerLog<'_> {
             let messages = length_messages(&topic.name, own)?;
             topics.push((topic, messages));
         }
-        log.write_in_time_order(topics)
+        write_in_time_order(sink, session, topics)
     }
 
     fn of_targets(&self) -> Result<(Topic, Vec<Encoded>)> {
@@ -137,8 +135,8 @@ fn encoded(
         return Err(unfit);
     };
     let mut cdr = Cdr::new();
-    cdr.i32(seconds);
-    cdr.u32(rest);
+    cdr.number(seconds.to_le_bytes());
+    cdr.number(rest.to_le_bytes());
     cdr.string(topic, frame)?;
     fill(&mut cdr)?;
     Ok(Encoded { ns: unsigned, body: cdr.into_bytes() })
@@ -216,13 +214,13 @@ fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded
 
 fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>> {
     messages(topic, "tracker", &lengths.stamps, |cdr, row| {
-        // Neither sound nor light, and no limits of its range.
-        cdr.u8(0);
-        cdr.f32(0.0);
-        cdr.f32(0.0);
-        cdr.f32(f32::MAX);
         #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
-        cdr.f32((lengths.lengths_mm[row] / MM_PER_M) as f32);
+        let length = (lengths.lengths_mm[row] / MM_PER_M) as f32;
+        // Neither sound nor light, and no limits of its range.
+        cdr.number([0]);
+        for number in [0.0, 0.0, f32::MAX, length] {
+            cdr.number(number.to_le_bytes());
+        }
         Ok(())
     })
 }
@@ -252,44 +250,37 @@ fn push_covariance(cdr: &mut Cdr, stated: &PoseCovariance) {
     }
 }
 
-struct Log<W: Write + Seek> {
-    writer: mcap::Writer<W>,
-}
-
-impl<W: Write + Seek> Log<W> {
-    fn create(sink: W, session: &BTreeMap<String, String>) -> Result<Self> {
-        let mut writer = WriteOptions::new()
-            .profile("ros2")
-            .library("posegrid")
-            .chunk_size(Some(CHUNK_BYTES))
-            // Bytes must not depend on the number of cores of the machine.
-            .compression_threads(0)
-            .compression_level(9)
-            .create(sink)?;
-        writer
-            .write_metadata(&Metadata { name: "session".to_owned(), metadata: session.clone() })?;
-        Ok(Self { writer })
+/// A log with the session's record. Messages are in the order of stamps; where they are equal, the earlier topic comes first.
+fn write_in_time_order<W: Write + Seek>(
+    sink: W,
+    session: &BTreeMap<String, String>,
+    topics: Vec<(Topic, Vec<Encoded>)>,
+) -> Result<()> {
+    let mut writer = WriteOptions::new()
+        .profile("ros2")
+        .library("posegrid")
+        .chunk_size(Some(CHUNK_BYTES))
+        // Bytes must not depend on the number of cores of the machine.
+        .compression_threads(0)
+        .compression_level(9)
+        .create(sink)?;
+    writer.write_metadata(&Metadata { name: "session".to_owned(), metadata: session.clone() })?;
+    let mut messages = Vec::new();
+    for (topic, encoded) in topics {
+        let definition = topic.definition.as_bytes();
+        let schema = writer.add_schema(topic.schema, "ros2msg", definition)?;
+        let channel = writer.add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
+        messages.extend(encoded.into_iter().map(|message| (message, channel)));
     }
-
-    /// Messages are in the order of stamps; where they are equal, the earlier topic comes first.
-    fn write_in_time_order(&mut self, topics: Vec<(Topic, Vec<Encoded>)>) -> Result<()> {
-        let mut messages = Vec::new();
-        for (topic, encoded) in topics {
-            let definition = topic.definition.as_bytes();
-            let schema = self.writer.add_schema(topic.schema, "ros2msg", definition)?;
-            let channel = self.writer.add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
-            messages.extend(encoded.into_iter().map(|message| (message, channel)));
-        }
-        // A stable sort keeps the order of the topics.
-        messages.sort_by_key(|(message, _)| message.ns);
-        for (message, channel_id) in messages {
-            let (publish_time, log_time) = (message.ns, message.ns.saturating_add(LATENCY_NS));
-            let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
-            self.writer.write_to_known_channel(&header, &message.body)?;
-        }
-        self.writer.finish()?;
-        Ok(())
+    // A stable sort keeps the order of the topics.
+    messages.sort_by_key(|(message, _)| message.ns);
+    for (message, channel_id) in messages {
+        let (publish_time, log_time) = (message.ns, message.ns.saturating_add(LATENCY_NS));
+        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
+        writer.write_to_known_channel(&header, &message.body)?;
     }
+    writer.finish()?;
+    Ok(())
 }
 
 #[cfg(test)]
