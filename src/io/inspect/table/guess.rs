@@ -152,7 +152,6 @@ impl Judged {
         let session = uses::session(table, columns, &roles.used());
         let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
         let verdict = by_arm::verdict(table, &rows, &choices, arms);
-        let session = session.map(|(column, counts)| (column, counts.into_keys().collect()));
         Ok(Self { roles, long, choices, session, rows, verdict })
     }
 
