@@ -9,10 +9,8 @@ mod tokens;
 
 use std::collections::BTreeMap;
 
-use super::rosmsg::short_name;
-use super::{
-    Definition, Field, FieldType, MessageType, Primitive, SchemaError, Serialization, Shape,
-};
+use super::rosmsg::{placeholder, short_name};
+use super::{Definition, Field, FieldType, MessageType, SchemaError, Serialization, Shape};
 use parser::{Parsed, RawType, Struct};
 
 const MOST_ALIASES: usize = 16;
@@ -62,12 +60,7 @@ fn resolve(
         });
     }
     if fields.is_empty() {
-        // rosidl puts this field into a message without fields.
-        fields.push(Field {
-            name: "structure_needs_at_least_one_member".to_owned(),
-            of: FieldType::Primitive(Primitive::U8),
-            shape: Shape::One,
-        });
+        fields.push(placeholder());
     }
     Ok(MessageType { name: found.short_name(), fields, extensibility: found.extensibility })
 }
