@@ -378,7 +378,6 @@ impl<'t> Work<'t> {
         }
     }
 
-    /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
         let mut notes = roles.notes.clone();
         let chosen: Vec<usize> = self.choice.placed().collect();
@@ -425,21 +424,16 @@ fn in_words(choice: &Choice, names: &[String]) -> String {
 
 fn angle_by_size(columns: &[ColumnSummary], choice: &Choice) -> AngleUnit {
     let largest = largest(columns, choice.joints.columns.iter().copied());
-    stated_angle(columns, choice).unwrap_or(if largest > LARGEST_RAD {
-        AngleUnit::Deg
-    } else {
-        AngleUnit::Rad
-    })
+    let by_size = if largest > LARGEST_RAD { AngleUnit::Deg } else { AngleUnit::Rad };
+    stated_angle(columns, choice).unwrap_or(by_size)
 }
 
-/// The unit of positions by the size of their numbers.
 fn length_by_size(columns: &[ColumnSummary], choice: &Choice) -> LengthUnit {
     let largest = largest(columns, choice.placed());
     let by_size = if largest > LARGEST_M { LengthUnit::Mm } else { LengthUnit::M };
     stated_length(columns, choice).unwrap_or(by_size)
 }
 
-/// The unit that the name of a joint's column states.
 fn stated_angle(columns: &[ColumnSummary], choice: &Choice) -> Option<AngleUnit> {
     choice.joints.columns.iter().find_map(|&column| match columns[column].named.unit {
         Some(StatedUnit::Angle(unit)) => Some(unit),
