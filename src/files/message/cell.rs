@@ -115,7 +115,6 @@ impl List {
         }
     }
 
-    /// Whether the last element has no value yet.
     pub(super) fn last_is_absent(&self) -> bool {
         matches!(self.0.last(), Some(Cell::Absent))
     }

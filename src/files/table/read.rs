@@ -237,7 +237,6 @@ fn ends(mut file: &File) -> io::Result<(Vec<u8>, Vec<u8>)> {
     Ok((start, end))
 }
 
-/// What the first bytes of a file look like.
 fn looks_like(start: &[u8]) -> &'static str {
     // A letter may be cut off at the end.
     let is_utf8 =

@@ -49,7 +49,6 @@ pub struct Frames<'s> {
     pub(super) log: LogSoFar,
 }
 
-/// The log that is walked.
 #[derive(Debug, Default)]
 pub(super) struct LogSoFar {
     pub(super) start: u64,

@@ -118,7 +118,6 @@ struct Parameters<'a> {
     model: Model,
     subjects: Vec<Subject>,
     arm: &'a Arm,
-    /// Names of the sessions.
     sessions: &'a [&'a str],
 }
 

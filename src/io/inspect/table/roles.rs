@@ -365,7 +365,6 @@ fn may_be_joint(column: &ColumnSummary) -> bool {
     column.is_numeric() && !is_other && !deviates
 }
 
-/// The columns with the names of an arm's joints.
 fn of_names(columns: &[ColumnSummary], names: &[String]) -> Option<Vec<usize>> {
     let column =
         |name: &String| columns.iter().position(|own| own.name.trim().eq_ignore_ascii_case(name));
