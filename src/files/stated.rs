@@ -3,7 +3,11 @@
 //! A page of some bytes can stand for gigabytes: nulls, a dictionary whose one long text every row repeats, texts that share the
 //! beginning of the text before. The headers of its pages, in Thrift's compact form, say how many values there are.
 
+use arrow_array::RecordBatch;
+use arrow_schema::{ArrowError, SchemaRef};
+use arrow_select::concat::concat_batches;
 use bytes::Bytes;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReader;
 use parquet::basic::Type;
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArrayType, DataType};
@@ -96,6 +100,25 @@ pub fn decoded_bytes<R: ChunkReader + 'static>(file: &R, again: R, bound: u64) -
         }
     }
     Ok(sum)
+}
+
+/// The rows of a file in one batch; `None` where they take more than `bound` bytes in memory. A few bytes of a file can stand for many
+/// rows: their size is summed as they are read.
+pub fn batch_within(
+    schema: &SchemaRef,
+    rows: ParquetRecordBatchReader,
+    bound: u64,
+) -> std::result::Result<Option<RecordBatch>, ArrowError> {
+    let (mut batches, mut bytes) = (Vec::new(), 0_u64);
+    for batch in rows {
+        let batch = batch?;
+        bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
+        if bytes > bound {
+            return Ok(None);
+        }
+        batches.push(batch);
+    }
+    concat_batches(schema, &batches).map(Some)
 }
 
 /// Bytes of all texts of a column, counted until they are more than `bound`; one takes `longest` at most.

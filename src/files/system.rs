@@ -10,25 +10,31 @@ use std::path::Path;
 const ERROR_PIPE_NOT_CONNECTED: i32 = 233;
 
 /// Reads bytes at a place of a file, as many as one call gives; on Windows the file's own position moves too.
-pub fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
+fn read_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
     #[cfg(unix)]
     return std::os::unix::fs::FileExt::read_at(file, bytes, start);
     #[cfg(windows)]
     return std::os::windows::fs::FileExt::seek_read(file, bytes, start);
 }
 
-/// Fills `bytes` from a place of a file, as [`read_at`] does; an error where the file ends before.
-pub fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
+/// Fills `bytes` from a place of a file, as far as the file goes, and gives their number.
+pub fn read_up_to_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<usize> {
     let mut filled = 0;
     while filled < bytes.len() {
         match read_at(file, &mut bytes[filled..], start + filled as u64) {
-            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(0) => break,
             Ok(more) => filled += more,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             Err(error) => return Err(error),
         }
     }
-    Ok(())
+    Ok(filled)
+}
+
+/// Fills `bytes` from a place of a file; an error where the file ends before.
+pub fn read_exact_at(file: &File, bytes: &mut [u8], start: u64) -> io::Result<()> {
+    let is_whole = read_up_to_at(file, bytes, start)? == bytes.len();
+    if is_whole { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
 }
 
 pub fn special(kind: FileType) -> &'static str {

@@ -21,6 +21,7 @@ use arrow_array::{BooleanArray, Float64Array, Int64Array, ListArray, RecordBatch
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, FileErrorKind, TableError, plain};
+pub(crate) use read::panic_message;
 pub use read::{
     Head, Opened, Seal, head, head_of, in_words, open, open_within, read, read_open, read_within,
 };

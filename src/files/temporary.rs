@@ -172,7 +172,7 @@ fn is_old(path: &Path) -> io::Result<bool> {
 }
 
 /// Removes a file; of two processes that do, one gets `true`.
-fn removed_now(path: &Path) -> io::Result<bool> {
+pub(crate) fn removed_now(path: &Path) -> io::Result<bool> {
     match fs::remove_file(path) {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),

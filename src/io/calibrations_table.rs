@@ -21,7 +21,6 @@ use crate::geometry::Transform;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 use crate::rows::{Row as _, Word as _};
-use crate::schema::{self, SchemaError};
 use crate::table::{FileError, Table};
 
 #[derive(Debug)]
@@ -38,8 +37,6 @@ type Result<T, E = CalibrationsTableError> = std::result::Result<T, E>;
 pub enum CalibrationsTableError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
     #[error(transparent)]
     Common(#[from] CommonError),
     #[error("{path} has no row of model {kind:?}; take the file of a whole run")]
@@ -77,7 +74,7 @@ struct CalibrationsFile<'t> {
 
 impl<'t> CalibrationsFile<'t> {
     fn read(path: &'t Path) -> Result<Self> {
-        let table = read_given(path, schema::find("calibrations")?)?;
+        let table = read_given(path, CalibrationRow::schema())?;
         Ok(Self { path, rows: CalibrationRow::read(&table), table })
     }
 

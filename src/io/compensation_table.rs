@@ -12,7 +12,6 @@ use thiserror::Error;
 use super::common::{self, CommonError};
 use super::lake::read_given;
 use super::tables::compensation::{NodeRow, TableColumns};
-use super::tables::validity::ValidFor;
 pub use super::tables::words::TableVerdict;
 use crate::at::At;
 use crate::compensation::{CompensationTable, Misfit};
@@ -21,7 +20,6 @@ use crate::ingest::AngleUnit;
 use crate::manifest::RunKey;
 use crate::report::frame::StatedFrame;
 use crate::rows::Row as _;
-use crate::schema::{self, SchemaError};
 use crate::table::FileError;
 use crate::targets::JointUnits;
 
@@ -43,8 +41,6 @@ pub struct PublishedTable {
 pub enum CompensationTableError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
     #[error("{path} holds no node; it is not the table of a run that chose a step")]
     Empty { path: PathBuf },
     #[error(transparent)]
@@ -56,7 +52,7 @@ pub enum CompensationTableError {
 }
 
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
-    let published = read_given(path, schema::find("compensation")?)?;
+    let published = read_given(path, NodeRow::schema())?;
     let rows = NodeRow::read(&published);
     if rows.is_empty() {
         return Err(CompensationTableError::Empty { path: path.to_owned() });
@@ -67,6 +63,8 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     let (own, valid_for) = (&file.own, &file.own.valid_for);
     let command_from_base =
         common::placement(path, "command_from_base", &valid_for.command_from_base)?;
+    let slides =
+        valid_for.joint_units.iter().flat_map(|units| units.iter()).map(|unit| unit == "mm");
     let lattice = file.lattice(&command_from_base)?;
     let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {
@@ -74,18 +72,12 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
         verdict: own.verdict,
         table_and_arm: own.table_and_arm.clone(),
         error_frame: valid_for.error_frame.stated(),
-        units: joint_units(valid_for),
+        units: JointUnits::new(AngleUnit::Deg, slides.collect()),
         measured: common::joint_ranges(path, valid_for, valid_for.joint_names.len())?,
         flange_from_target: Position::claim(own.flange_from_target.into()),
         table: table
             .map_err(|misfit| CompensationTableError::Misfit(At::new(path.display(), misfit)))?,
     })
-}
-
-/// Units of the joints in a text, degrees where they turn.
-fn joint_units(valid_for: &ValidFor) -> JointUnits {
-    let units = valid_for.joint_units.iter().flat_map(|units| units.iter());
-    JointUnits::new(AngleUnit::Deg, units.map(|unit| unit == "mm").collect())
 }
 
 struct TableFile<'a> {

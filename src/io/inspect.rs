@@ -207,13 +207,6 @@ impl Kind {
             suggestible: Suggestible::of(encoding, name, language, definition),
         }
     }
-
-    fn is_of(&self, schema: Option<&Arc<Schema>>) -> bool {
-        match (&self.schema, schema) {
-            (Some(own), Some(schema)) => Arc::ptr_eq(own, schema),
-            (own, schema) => own.is_none() && schema.is_none(),
-        }
-    }
 }
 
 #[derive(Default)]
@@ -243,8 +236,9 @@ struct Survey {
 impl Survey {
     fn kind(&mut self, channel: &Channel, schema: Option<&Arc<Schema>>) -> Arc<Kind> {
         let key = (channel.schema_id, channel.encoding.clone());
+        let is_of = |kind: &Kind| kind.schema.as_ref().map(Arc::as_ptr) == schema.map(Arc::as_ptr);
         match self.kinds.get(&key) {
-            Some(kind) if kind.is_of(schema) => Arc::clone(kind),
+            Some(kind) if is_of(kind) => Arc::clone(kind),
             _ => {
                 let kind = Arc::new(Kind::of(&channel.encoding, schema));
                 self.kinds.insert(key, Arc::clone(&kind));

@@ -26,7 +26,7 @@ mod run;
 mod vouch;
 
 use std::fs::{self, File};
-use std::io::{self, Read as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -165,10 +165,7 @@ impl Lake {
 
     pub fn read_page(&self, key: &RunKey) -> Result<String> {
         let place = self.place(PAGES, key)?.named();
-        let mut html = String::new();
-        let mut file = self.open(PAGES, key)?;
-        file.read_to_string(&mut html).map_err(folder_error("read", &place))?;
-        Ok(html)
+        io::read_to_string(self.open(PAGES, key)?).map_err(folder_error("read", &place))
     }
 
     pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<()> {

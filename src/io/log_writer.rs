@@ -13,7 +13,7 @@ use crate::geometry::{PoseCovariance, pose_covariance, symmetric};
 use crate::ingest::{
     CommandSamples, JointSamples, LengthSamples, Recording, TargetReadings, TemperatureSamples,
 };
-use crate::units::MM_PER_M;
+use crate::units::{MM_PER_M, Stamp};
 
 mod cdr;
 mod topic;
@@ -51,11 +51,10 @@ pub fn write_controller_log<W: Write + Seek>(
     joint_names: &[&str],
     session: &BTreeMap<String, String>,
 ) -> Result<()> {
-    let mut log = Log::create(sink, session)?;
     let joints = joint_messages(&recording.joints, joint_names)?;
     let commands = command_messages(&recording.commands)?;
     let commands = (pose_topic("/commanded_pose"), commands);
-    log.write_in_time_order(vec![(joint_topic(), joints), commands])
+    write_in_time_order(sink, session, vec![(joint_topic(), joints), commands])
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +77,6 @@ impl TrackerLog<'_> {
         sink: W,
         session: &BTreeMap<String, String>,
     ) -> Result<()> {
-        let mut log = Log::create(sink, session)?;
         let mut topics = vec![self.of_targets()?];
         if !self.references.is_empty() {
             let topic = Topic { name: "/tracker/references".to_owned(), ..targets_topic() };
@@ -91,7 +89,7 @@ impl TrackerLog<'_> {
             let messages = length_messages(&topic.name, own)?;
             topics.push((topic, messages));
         }
-        log.write_in_time_order(topics)
+        write_in_time_order(sink, session, topics)
     }
 
     fn of_targets(&self) -> Result<(Topic, Vec<Encoded>)> {
@@ -137,104 +135,98 @@ fn encoded(
         return Err(unfit);
     };
     let mut cdr = Cdr::new();
-    cdr.i32(seconds);
-    cdr.u32(rest);
+    cdr.number(seconds.to_le_bytes());
+    cdr.number(rest.to_le_bytes());
     cdr.string(topic, frame)?;
     fill(&mut cdr)?;
     Ok(Encoded { ns: unsigned, body: cdr.into_bytes() })
 }
 
+/// A message for each stamp; `fill` writes what follows the header in the message of a row.
+fn messages<C: Copy>(
+    topic: &str,
+    frame: &str,
+    stamps: &[Stamp<C>],
+    fill: impl Fn(&mut Cdr, usize) -> Result<()>,
+) -> Result<Vec<Encoded>> {
+    let message =
+        |(row, stamp): (usize, &Stamp<C>)| encoded(topic, stamp.ns(), frame, |cdr| fill(cdr, row));
+    stamps.iter().enumerate().map(message).collect()
+}
+
 fn joint_messages(joints: &JointSamples, joint_names: &[&str]) -> Result<Vec<Encoded>> {
     let topic = "/joint_states";
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "base", |cdr| {
-            cdr.length(topic, joint_names.len())?;
-            for name in joint_names {
-                cdr.string(topic, name)?;
-            }
-            cdr.length(topic, joints.angles.joints())?;
-            for &angle in joints.angles.row(row) {
-                cdr.f64(angle);
-            }
-            // Velocity and effort are not recorded.
-            cdr.length(topic, 0)?;
-            cdr.length(topic, 0)
-        })
-    };
-    joints.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "base", &joints.stamps, |cdr, row| {
+        cdr.length(topic, joint_names.len())?;
+        for name in joint_names {
+            cdr.string(topic, name)?;
+        }
+        cdr.length(topic, joints.angles.joints())?;
+        for &angle in joints.angles.row(row) {
+            cdr.f64(angle);
+        }
+        // Velocity and effort are not recorded.
+        cdr.length(topic, 0)?;
+        cdr.length(topic, 0)
+    })
 }
 
 fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded("/commanded_pose", stamp.ns(), "base", |cdr| {
-            push_point(cdr, &commands.positions[row]);
-            let upright = [0.0, 0.0, 0.0, 1.0];
-            push_quaternion(cdr, commands.orientations.as_ref().map_or(&upright, |all| &all[row]));
-            Ok(())
-        })
-    };
-    commands.stamps.iter().enumerate().map(message).collect()
+    messages("/commanded_pose", "base", &commands.stamps, |cdr, row| {
+        push_point(cdr, &commands.positions[row]);
+        push_quaternion(cdr, commands.orientations.as_ref().map_or(&UPRIGHT, |all| &all[row]));
+        Ok(())
+    })
 }
 
 fn reading_messages(topic: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            push_point(cdr, &readings.positions[row]);
-            let orientations = readings.orientations.as_ref();
-            match (orientations, &readings.covariances) {
-                (Some(all), _) => push_quaternion(cdr, &all[row]),
-                (None, Some(_)) => push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]),
-                (None, None) => {}
-            }
-            if let Some(covariances) = &readings.covariances {
-                push_covariance(cdr, &covariances[row]);
-            }
-            Ok(())
-        })
-    };
-    readings.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "tracker", &readings.stamps, |cdr, row| {
+        push_point(cdr, &readings.positions[row]);
+        let orientations = readings.orientations.as_ref();
+        match (orientations, &readings.covariances) {
+            (Some(all), _) => push_quaternion(cdr, &all[row]),
+            (None, Some(_)) => push_quaternion(cdr, &UPRIGHT),
+            (None, None) => {}
+        }
+        if let Some(covariances) = &readings.covariances {
+            push_covariance(cdr, &covariances[row]);
+        }
+        Ok(())
+    })
 }
 
 fn transform_messages(topic: &str, name: &str, readings: &TargetReadings) -> Result<Vec<Encoded>> {
-    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            cdr.string(topic, name)?;
-            push_point(cdr, &readings.positions[row]);
-            push_quaternion(cdr, &[0.0, 0.0, 0.0, 1.0]);
-            Ok(())
-        })
-    };
-    readings.stamps.iter().enumerate().map(message).collect()
+    messages(topic, "tracker", &readings.stamps, |cdr, row| {
+        cdr.string(topic, name)?;
+        push_point(cdr, &readings.positions[row]);
+        push_quaternion(cdr, &UPRIGHT);
+        Ok(())
+    })
 }
 
 fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded>> {
-    let message = |(stamp, &celsius): (&crate::units::Stamp<_>, &f64)| {
-        encoded("/tracker/temperature", stamp.ns(), "tracker", |cdr| {
-            cdr.f64(celsius);
-            cdr.f64(0.0);
-            Ok(())
-        })
-    };
-    let samples = temperatures.stamps.iter().zip(&temperatures.celsius);
-    samples.map(message).collect()
+    messages("/tracker/temperature", "tracker", &temperatures.stamps, |cdr, row| {
+        cdr.f64(temperatures.celsius[row]);
+        cdr.f64(0.0);
+        Ok(())
+    })
 }
 
 fn length_messages(topic: &str, lengths: &LengthSamples) -> Result<Vec<Encoded>> {
-    let message = |(stamp, &mm): (&crate::units::Stamp<_>, &f64)| {
-        encoded(topic, stamp.ns(), "tracker", |cdr| {
-            // Neither sound nor light, and no limits of its range.
-            cdr.u8(0);
-            cdr.f32(0.0);
-            cdr.f32(0.0);
-            cdr.f32(f32::MAX);
-            #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
-            cdr.f32((mm / MM_PER_M) as f32);
-            Ok(())
-        })
-    };
-    let samples = lengths.stamps.iter().zip(&lengths.lengths_mm);
-    samples.map(message).collect()
+    messages(topic, "tracker", &lengths.stamps, |cdr, row| {
+        #[expect(clippy::cast_possible_truncation, reason = "the message's own resolution")]
+        let length = (lengths.lengths_mm[row] / MM_PER_M) as f32;
+        // Neither sound nor light, and no limits of its range.
+        cdr.number([0]);
+        for number in [0.0, 0.0, f32::MAX, length] {
+            cdr.number(number.to_le_bytes());
+        }
+        Ok(())
+    })
 }
+
+/// The quaternion x y z w of no rotation.
+const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 fn push_point(cdr: &mut Cdr, position_mm: &[f64; 3]) {
     for x in position_mm {
@@ -258,44 +250,37 @@ fn push_covariance(cdr: &mut Cdr, stated: &PoseCovariance) {
     }
 }
 
-struct Log<W: Write + Seek> {
-    writer: mcap::Writer<W>,
-}
-
-impl<W: Write + Seek> Log<W> {
-    fn create(sink: W, session: &BTreeMap<String, String>) -> Result<Self> {
-        let mut writer = WriteOptions::new()
-            .profile("ros2")
-            .library("posegrid")
-            .chunk_size(Some(CHUNK_BYTES))
-            // Bytes must not depend on the number of cores of the machine.
-            .compression_threads(0)
-            .compression_level(9)
-            .create(sink)?;
-        writer
-            .write_metadata(&Metadata { name: "session".to_owned(), metadata: session.clone() })?;
-        Ok(Self { writer })
+/// A log with the session's record. Messages are in the order of stamps; where they are equal, the earlier topic comes first.
+fn write_in_time_order<W: Write + Seek>(
+    sink: W,
+    session: &BTreeMap<String, String>,
+    topics: Vec<(Topic, Vec<Encoded>)>,
+) -> Result<()> {
+    let mut writer = WriteOptions::new()
+        .profile("ros2")
+        .library("posegrid")
+        .chunk_size(Some(CHUNK_BYTES))
+        // Bytes must not depend on the number of cores of the machine.
+        .compression_threads(0)
+        .compression_level(9)
+        .create(sink)?;
+    writer.write_metadata(&Metadata { name: "session".to_owned(), metadata: session.clone() })?;
+    let mut messages = Vec::new();
+    for (topic, encoded) in topics {
+        let definition = topic.definition.as_bytes();
+        let schema = writer.add_schema(topic.schema, "ros2msg", definition)?;
+        let channel = writer.add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
+        messages.extend(encoded.into_iter().map(|message| (message, channel)));
     }
-
-    /// Messages are in the order of stamps; where they are equal, the earlier topic comes first.
-    fn write_in_time_order(&mut self, topics: Vec<(Topic, Vec<Encoded>)>) -> Result<()> {
-        let mut messages = Vec::new();
-        for (topic, encoded) in topics {
-            let definition = topic.definition.as_bytes();
-            let schema = self.writer.add_schema(topic.schema, "ros2msg", definition)?;
-            let channel = self.writer.add_channel(schema, &topic.name, "cdr", &BTreeMap::new())?;
-            messages.extend(encoded.into_iter().map(|message| (message, channel)));
-        }
-        // A stable sort keeps the order of the topics.
-        messages.sort_by_key(|(message, _)| message.ns);
-        for (message, channel_id) in messages {
-            let (publish_time, log_time) = (message.ns, message.ns.saturating_add(LATENCY_NS));
-            let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
-            self.writer.write_to_known_channel(&header, &message.body)?;
-        }
-        self.writer.finish()?;
-        Ok(())
+    // A stable sort keeps the order of the topics.
+    messages.sort_by_key(|(message, _)| message.ns);
+    for (message, channel_id) in messages {
+        let (publish_time, log_time) = (message.ns, message.ns.saturating_add(LATENCY_NS));
+        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
+        writer.write_to_known_channel(&header, &message.body)?;
     }
+    writer.finish()?;
+    Ok(())
 }
 
 #[cfg(test)]

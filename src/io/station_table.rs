@@ -22,6 +22,7 @@ use crate::join::tabled::Rows;
 use crate::measured_table::{self, Cell, Form, MeasuredTable};
 use columns::Columns;
 
+pub(crate) use columns::{Sum, Value};
 pub use error::{StationTableError, StationTableErrorKind};
 pub(crate) use rows::{date_ns, rotation_of_matrix};
 pub use write::{LengthColumn, Read, csv};

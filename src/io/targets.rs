@@ -4,7 +4,6 @@
 //! drove.
 
 mod angles;
-mod bounded;
 mod corrected;
 mod csv;
 pub mod driving;
@@ -24,7 +23,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
 use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
-use crate::input::Bound;
+use crate::input::{self, Bound};
 use crate::tables::words::CorrectedForm;
 
 pub use angles::JointUnits;
@@ -82,6 +81,11 @@ fn rows(path: &Path) -> Result<Rows, TargetsError> {
         Form::Parquet => parquet::rows(path, bound),
         Form::Json => json::rows(path, bound),
     }
+}
+
+/// A whole file in memory, up to a bound.
+fn bytes(path: &Path, bound: Bound) -> Result<Vec<u8>, TargetsError> {
+    input::bytes(path, bound).map_err(|source| TargetsErrorKind::Read(source).at(path))
 }
 
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {

@@ -38,12 +38,8 @@ impl Cells {
         Ok(())
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.bits.len()
-    }
-
     pub(super) fn check(&self) -> Result<()> {
-        if self.len() > MOST_CELLS {
+        if self.bits.len() > MOST_CELLS {
             return Err(MeasuredTableErrorKind::TooManyCells);
         }
         Ok(())

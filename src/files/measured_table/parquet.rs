@@ -7,7 +7,6 @@ use ::parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReade
 use arrow_array::cast::AsArray as _;
 use arrow_array::{Array, ArrayRef, Float64Array, Int64Array, ListArray, RecordBatch, StringArray};
 use arrow_schema::{DataType, TimeUnit};
-use arrow_select::concat::concat_batches;
 use bytes::Bytes;
 
 use super::fill::Filling;
@@ -57,17 +56,8 @@ fn batch(bytes: Bytes, bound: Bound) -> Result<RecordBatch> {
         return Err(MeasuredTableErrorKind::TooManyCells);
     }
     let schema = Arc::clone(reader.schema());
-    let (mut batches, mut size) = (Vec::new(), 0_u64);
-    // A few bytes of a file can stand for many rows: their size is summed as they are read.
-    for batch in reader.build().map_err(wrong)? {
-        let batch = batch.map_err(wrong)?;
-        size = size.saturating_add(batch.get_array_memory_size() as u64);
-        if size > values.bytes {
-            return Err(too_large());
-        }
-        batches.push(batch);
-    }
-    concat_batches(&schema, &batches).map_err(wrong)
+    let rows = reader.build().map_err(wrong)?;
+    stated::batch_within(&schema, rows, values.bytes).map_err(wrong)?.ok_or_else(too_large)
 }
 
 enum Values {

@@ -1,4 +1,3 @@
-use std::any::Any;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -10,18 +9,16 @@ use super::sheet::{self, Sheet, SheetCell, wrong};
 use super::tree::MOST_NODES;
 use super::{Form, MeasuredTable, MeasuredTableErrorKind, Result};
 use crate::input::Bound;
+use crate::table::panic_message;
 
 pub(super) fn read(bytes: &[u8], form: &Form, bound: Bound) -> Result<MeasuredTable> {
     sheet::check_unpacked(bytes, bound)?;
     // The reader may panic on a damaged file. It owns nothing but its own state.
     let read = catch_unwind(AssertUnwindSafe(|| table(bytes, form)));
-    read.unwrap_or_else(|panic| Err(panicked(panic.as_ref())))
-}
-
-pub(super) fn panicked(panic: &(dyn Any + Send)) -> MeasuredTableErrorKind {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-    MeasuredTableErrorKind::Spreadsheet(format!("it is damaged ({})", text.unwrap_or("no message")))
+    read.unwrap_or_else(|panic| {
+        let problem = format!("it is damaged ({})", panic_message(panic.as_ref()));
+        Err(MeasuredTableErrorKind::Spreadsheet(problem))
+    })
 }
 
 fn table(bytes: &[u8], form: &Form) -> Result<MeasuredTable> {

@@ -76,6 +76,7 @@ pub(super) fn bytes(message: &[u8], start: u32, end: u32) -> &[u8] {
 }
 
 impl Cell {
+    #[inline]
     pub(super) fn as_number(self) -> Option<f64> {
         match self {
             Self::Integer(integer) => Some(integer as f64),
@@ -114,7 +115,6 @@ impl List {
         }
     }
 
-    /// Whether the last element has no value yet.
     pub(super) fn last_is_absent(&self) -> bool {
         matches!(self.0.last(), Some(Cell::Absent))
     }

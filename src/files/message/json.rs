@@ -13,6 +13,7 @@ use std::sync::Arc;
 
 use super::FieldPath;
 use super::path::{Segment, Want};
+use super::row::Target;
 
 pub(super) use read::NumberSlot;
 pub use schema::JsonSchema;
@@ -28,14 +29,14 @@ pub struct JsonReader {
 
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct Node {
-    /// The value itself, a number, a string or an array of either: the slots, and whether it is added to a list there.
-    slots: Vec<(usize, bool)>,
+    /// Where the value itself goes, a number, a string or an array of either.
+    targets: Vec<Target>,
     names: Vec<(String, usize)>,
     elements: Vec<(usize, usize)>,
     /// The child for every element of an array, and the lists that it is added to.
     each: Option<(usize, Vec<usize>)>,
-    /// All slots at or below it, and whether they are added to a list that begins above it.
-    below: Vec<(usize, bool)>,
+    /// The targets of all values at or below it.
+    below: Vec<Target>,
 }
 
 impl JsonReader {
@@ -49,50 +50,46 @@ impl JsonReader {
     }
 
     fn add(&mut self, node: usize, want: Want<'_>) {
-        self.nodes[node].below.push((want.slot, want.each));
+        if node == self.nodes.len() {
+            self.nodes.push(Node::default());
+        }
+        self.nodes[node].below.push(want.target());
         let Some(segment) = want.rest.first() else {
-            self.nodes[node].slots.push((want.slot, want.each));
+            self.nodes[node].targets.push(want.target());
             return;
         };
         match segment {
             // All names of a choice are searched: nothing states which one the message has.
             Segment::Field(names) => {
                 for name in names {
-                    let child = self.child(node, |node| {
-                        node.names.iter().find(|(known, _)| known == name).map(|(_, child)| *child)
-                    });
-                    let names = &mut self.nodes[node].names;
-                    if !names.iter().any(|(known, _)| known == name) {
-                        names.push((name.clone(), child));
-                    }
+                    let new = self.nodes.len();
+                    let child = child(&mut self.nodes[node].names, name, new);
                     self.add(child, want.inner());
                 }
             }
             Segment::Element(index) => {
-                let child = self.child(node, |node| {
-                    node.elements.iter().find(|(known, _)| known == index).map(|(_, child)| *child)
-                });
-                let elements = &mut self.nodes[node].elements;
-                if !elements.iter().any(|(known, _)| known == index) {
-                    elements.push((*index, child));
-                }
+                let new = self.nodes.len();
+                let child = child(&mut self.nodes[node].elements, index, new);
                 self.add(child, want.inner());
             }
             Segment::Each => {
-                let child = self.child(node, |node| node.each.as_ref().map(|(child, _)| *child));
-                let (_, lists) = self.nodes[node].each.get_or_insert((child, Vec::new()));
+                let new = self.nodes.len();
+                let (child, lists) = self.nodes[node].each.get_or_insert((new, Vec::new()));
+                let child = *child;
                 lists.push(want.slot);
                 self.add(child, want.inner());
             }
         }
     }
+}
 
-    fn child(&mut self, node: usize, find: impl FnOnce(&Node) -> Option<usize>) -> usize {
-        find(&self.nodes[node]).unwrap_or_else(|| {
-            self.nodes.push(Node::default());
-            self.nodes.len() - 1
-        })
+/// The child of a key; `new`, which is its child from now on, where it has none.
+fn child<K: PartialEq + Clone>(children: &mut Vec<(K, usize)>, key: &K, new: usize) -> usize {
+    if let Some((_, child)) = children.iter().find(|(known, _)| known == key) {
+        return *child;
     }
+    children.push((key.clone(), new));
+    new
 }
 
 /// The text of a string with JSON escapes; `None` where they are not valid.

@@ -3,6 +3,7 @@
 
 use std::fmt;
 
+use super::row::Target;
 use super::{Parsed, SchemaError};
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,6 +81,10 @@ impl fmt::Display for FieldPath {
 impl<'p> Want<'p> {
     pub(super) fn inner(self) -> Self {
         Self { rest: &self.rest[1..], each: self.each || self.rest[0] == Segment::Each, ..self }
+    }
+
+    pub(super) const fn target(&self) -> Target {
+        if self.each { Target::Last(self.slot) } else { Target::Slot(self.slot) }
     }
 
     /// The first name of its next step, a choice of names, that `has` accepts; `None` without one.

@@ -9,13 +9,17 @@ mod tokens;
 
 use std::collections::BTreeMap;
 
-use super::rosmsg::{BUILT_IN, short_name};
-use super::{
-    Definition, Field, FieldType, MessageType, Primitive, SchemaError, Serialization, Shape,
-};
+use super::rosmsg::{placeholder, short_name};
+use super::{Definition, Field, FieldType, MessageType, SchemaError, Serialization, Shape};
 use parser::{Parsed, RawType, Struct};
 
 const MOST_ALIASES: usize = 16;
+
+/// Types that recorders may leave out of the text.
+const BUILT_IN: &str = "module builtin_interfaces { module msg {
+    struct Time { int32 sec; uint32 nanosec; };
+    struct Duration { int32 sec; uint32 nanosec; };
+}; };";
 
 pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
     let mut parsed = parser::parse(text)?;
@@ -26,9 +30,9 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
         .position(|found| found.short_name() == wanted)
         .ok_or_else(|| SchemaError::UnknownType { name: name.to_owned() })?;
     parsed.structs.swap(0, root);
-    for (built_in, _) in BUILT_IN {
-        if !parsed.structs.iter().any(|found| found.short_name() == built_in) {
-            parsed.structs.push(parser::built_in(built_in));
+    for built_in in parser::parse(BUILT_IN)?.structs {
+        if !parsed.structs.iter().any(|found| found.short_name() == built_in.short_name()) {
+            parsed.structs.push(built_in);
         }
     }
     let structs = parsed.structs.iter().enumerate();
@@ -56,12 +60,7 @@ fn resolve(
         });
     }
     if fields.is_empty() {
-        // rosidl puts this field into a message without fields.
-        fields.push(Field {
-            name: "structure_needs_at_least_one_member".to_owned(),
-            of: FieldType::Primitive(Primitive::U8),
-            shape: Shape::One,
-        });
+        fields.push(placeholder());
     }
     Ok(MessageType { name: found.short_name(), fields, extensibility: found.extensibility })
 }

@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Types that recorders may leave out of the text.
-pub(super) const BUILT_IN: [(&str, &str); 2] = [
+const BUILT_IN: [(&str, &str); 2] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
     ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
 ];
@@ -37,10 +37,6 @@ struct Section {
 pub fn parse(name: &str, text: &str, serialization: Serialization) -> Parsed<Definition> {
     let mut sections = sections(name, text)?;
     add_built_in(&mut sections, serialization)?;
-    if serialization == Serialization::Cdr {
-        let empty = sections.iter_mut().filter(|section| section.fields.is_empty());
-        empty.for_each(|section| section.fields.push(placeholder()));
-    }
     let indices = sections.iter().enumerate().rev();
     // Where a type is defined twice the first definition counts.
     let indices: BTreeMap<_, _> = indices.map(|(i, section)| (section.name.as_str(), i)).collect();
@@ -49,9 +45,9 @@ pub fn parse(name: &str, text: &str, serialization: Serialization) -> Parsed<Def
 }
 
 /// The field that rosidl puts into a message without fields.
-fn placeholder() -> RawField {
+pub(super) fn placeholder() -> Field {
     let name = "structure_needs_at_least_one_member".to_owned();
-    RawField { type_name: "uint8".to_owned(), name, shape: Shape::One }
+    Field { name, of: FieldType::Primitive(Primitive::U8), shape: Shape::One }
 }
 
 pub fn short_name(name: &str) -> String {
@@ -157,7 +153,7 @@ fn resolve(
     serialization: Serialization,
 ) -> Parsed<MessageType> {
     let package = section.name.split_once('/').map_or("", |(package, _)| package);
-    let fields = section
+    let mut fields = section
         .fields
         .iter()
         .map(|field| {
@@ -170,7 +166,10 @@ fn resolve(
                 shape: field.shape,
             })
         })
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<Vec<_>, _>>()?;
+    if fields.is_empty() && serialization == Serialization::Cdr {
+        fields.push(placeholder());
+    }
     Ok(MessageType { name: section.name.clone(), fields, extensibility: Extensibility::Unstated })
 }
 

@@ -41,6 +41,36 @@ impl CellsMut<'_> {
     }
 }
 
+/// Where a value goes: into a slot, or into the last element of the list in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Target {
+    Slot(usize),
+    Last(usize),
+}
+
+impl Target {
+    #[inline]
+    pub(super) fn set(self, cell: Cell, row: &mut Row) {
+        match self {
+            Self::Slot(slot) => row.set(slot, cell),
+            Self::Last(slot) => row.list(slot).set_last(cell),
+        }
+    }
+
+    pub(super) const fn slot(self) -> usize {
+        match self {
+            Self::Slot(slot) | Self::Last(slot) => slot,
+        }
+    }
+
+    pub(super) fn is_absent(self, row: &mut Row) -> bool {
+        match self {
+            Self::Slot(slot) => row.cell(slot) == Cell::Absent,
+            Self::Last(slot) => row.list(slot).last_is_absent(),
+        }
+    }
+}
+
 impl Row {
     /// Empties it for a message with this number of wanted values.
     #[inline]
@@ -126,9 +156,22 @@ impl Row {
         self.cells[slot]
     }
 
-    pub(super) fn forget(&mut self, slot: usize) {
+    fn forget(&mut self, slot: usize) {
         self.cells[slot] = Cell::Absent;
         self.lists[slot].clear();
+    }
+
+    /// Removes the values of these targets.
+    pub(super) fn oust(&mut self, targets: &[Target]) {
+        for &target in targets {
+            if !target.is_absent(self) {
+                self.template.depends_on_more();
+            }
+            match target {
+                Target::Slot(slot) => self.forget(slot),
+                Target::Last(_) => target.set(Cell::Absent, self),
+            }
+        }
     }
 
     /// Begins a list in a slot; an existing list continues.
@@ -137,14 +180,6 @@ impl Row {
         self.listed = true;
         self.cells[slot] = Cell::List;
         &mut self.lists[slot]
-    }
-
-    pub const fn len(&self) -> usize {
-        self.cells.len()
-    }
-
-    pub const fn is_empty(&self) -> bool {
-        self.cells.is_empty()
     }
 
     /// The integer in a slot; `None` for any other value.
@@ -159,11 +194,7 @@ impl Row {
     /// The number in a slot; `None` for any other value.
     #[inline]
     pub fn number(&self, slot: usize) -> Option<f64> {
-        match self.cells.get(slot) {
-            Some(&Cell::Number(number)) => Some(number),
-            Some(&Cell::Integer(integer)) => Some(integer as f64),
-            _ => None,
-        }
+        self.cells.get(slot)?.as_number()
     }
 
     /// The array of numbers in a slot, if they are stored as little-endian doubles; otherwise `None`.

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
-use crate::temporary::Temporary;
+use crate::temporary::{Temporary, removed_now};
 
 /// Depth of folders above the files of a lake: of the table, the robot and the session.
 const FOLDERS: usize = 3;
@@ -109,12 +109,7 @@ impl Store for Folder {
 
     fn remove(&self, key: &str) -> Result<(), StoreError> {
         let path = self.path(key);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(StoreError::folder("remove", &path)(error))
-            }
-            _ => Ok(()),
-        }
+        removed_now(&path).map(drop).map_err(StoreError::folder("remove", &path))
     }
 }
 

@@ -13,7 +13,6 @@ use arrow_array::cast::AsArray as _;
 use arrow_array::types::TimestampMicrosecondType;
 use arrow_array::{ArrayRef, RecordBatch, new_null_array};
 use arrow_schema::{ArrowError, DataType, TimeUnit};
-use arrow_select::concat::concat_batches;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
@@ -183,19 +182,9 @@ fn decode(
         check_version(path, schema, &entries)?;
     }
     let found = Arc::clone(reader.schema());
-    let mut batches = Vec::new();
-    let mut bytes = 0_u64;
-    // A few bytes of a file can represent many rows: their size is summed as they are read.
-    for batch in reader.build().map_err(parquet)? {
-        let batch = batch.map_err(values)?;
-        bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
-        if bytes > limit {
-            return Err(too_large());
-        }
-        batches.push(batch);
-    }
-    let batch = concat_batches(&found, &batches).map_err(values)?;
-    Ok((entries, batch))
+    let rows = reader.build().map_err(parquet)?;
+    let batch = stated::batch_within(&found, rows, limit).map_err(values)?;
+    Ok((entries, batch.ok_or_else(too_large)?))
 }
 
 pub fn head(path: &Path) -> Result<Head, FileError> {
@@ -248,7 +237,6 @@ fn ends(mut file: &File) -> io::Result<(Vec<u8>, Vec<u8>)> {
     Ok((start, end))
 }
 
-/// What the first bytes of a file look like.
 fn looks_like(start: &[u8]) -> &'static str {
     // A letter may be cut off at the end.
     let is_utf8 =
@@ -264,7 +252,7 @@ fn looks_like(start: &[u8]) -> &'static str {
     }
 }
 
-fn panic_message(panic: &(dyn Any + Send)) -> String {
+pub(crate) fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }

@@ -18,7 +18,7 @@ use super::urdf_chain::{self, Ends, Step};
 use super::{ExportError, ExportErrorKind};
 use crate::geometry::rpy;
 use crate::robot;
-use crate::robot::urdf::child;
+use crate::robot::urdf::{self, child};
 use crate::units::MM_PER_M;
 
 #[derive(Debug, Clone, Copy)]
@@ -34,30 +34,20 @@ pub fn write(
     mut sink: impl Write,
 ) -> Result<Vec<String>, ExportError> {
     let own = InControllerBase::read(path)?;
-    let text = read(given.path)?;
-    let refused = |source| ExportErrorKind::NoChain(source).at(given.path);
-    let document = urdf_chain::document(&text).map_err(refused)?;
-    let steps = urdf_chain::steps(&document, given.ends).map_err(refused)?;
-    let origins = origins(&own, &steps, given.path)?;
+    let at = |kind: ExportErrorKind| kind.at(given.path);
+    let text = robot::text(given.path).map_err(|source| at(ExportErrorKind::NotRead(source)))?;
+    let no_chain = |source| at(ExportErrorKind::NoChain(source));
+    let document = urdf::document(&text).map_err(|source| no_chain(source.into()))?;
+    let steps = urdf_chain::steps(&document, given.ends).map_err(no_chain)?;
+    let chain: Vec<ChainJoint> = steps.iter().map(|step| step.joint.clone()).collect();
+    let origins = Origins::of(&own, &chain);
+    let origins = origins.map_err(|source| at(ExportErrorKind::OtherChain(source)))?;
     let changed = steps.iter().zip(&origins.joints);
     let edits =
         changed.filter_map(|(step, origin)| Some(edits(&text, step.node, origin.as_ref()?)));
     let corrected = edited(&text, edits.flatten().chain(encoding(&text)).collect());
     sink.write_all(corrected.as_bytes())?;
     Ok(remarks(&own, &steps, &origins, Limits::of(path)))
-}
-
-fn read(path: &Path) -> Result<String, ExportError> {
-    robot::text(path).map_err(|source| ExportErrorKind::NotRead(source).at(path))
-}
-
-fn origins(
-    own: &InControllerBase,
-    steps: &[Step<'_, '_>],
-    path: &Path,
-) -> Result<Origins, ExportError> {
-    let chain: Vec<ChainJoint> = steps.iter().map(|step| step.joint.clone()).collect();
-    Origins::of(own, &chain).map_err(|source| ExportErrorKind::OtherChain(source).at(path))
 }
 
 type Edit = (Range<usize>, String);

@@ -1,12 +1,11 @@
 //! Errors that a geometry alone leaves on held-out stations, and that the full error model leaves: the cost of the
 //! parts that an export drops.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::lake::read_given;
 use crate::report::{Angles, Model, Split};
-use crate::rows::Row as _;
-use crate::schema;
+use crate::rows::Row;
 use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::tables::words::Role;
 
@@ -30,9 +29,7 @@ pub fn dropped(calibrations: &Path) -> String {
 }
 
 fn figures(calibrations: &Path) -> Option<HeldOut> {
-    let table =
-        read_given(&beside(calibrations, "accuracy")?, schema::find("accuracy").ok()?).ok()?;
-    let rows = AccuracyRow::read(&table);
+    let rows = rows_beside::<AccuracyRow>(calibrations)?;
     let mean = |model: Model, angles: Angles| {
         let is_wanted = |row: &&AccuracyRow| {
             (row.subject.split, row.role, row.subject.model, row.subject.angles)
@@ -50,12 +47,12 @@ fn figures(calibrations: &Path) -> Option<HeldOut> {
     Some(HeldOut { geometric, full, n })
 }
 
-/// The file of another table of the same run: a lake has TABLE/robot/session/run.
-pub(super) fn beside(calibrations: &Path, table: &str) -> Option<PathBuf> {
+/// The rows of another table of the same run, of which a lake has TABLE/robot/session/run; `None` where that is not there.
+pub(super) fn rows_beside<R: Row>(calibrations: &Path) -> Option<Vec<R>> {
     let session = calibrations.parent()?;
     let robot = session.parent()?;
     let lake = robot.parent()?.parent()?;
     let same =
         Path::new(robot.file_name()?).join(session.file_name()?).join(calibrations.file_name()?);
-    Some(lake.join(table).join(same))
+    Some(R::read(&read_given(&lake.join(R::TABLE).join(same), R::schema()).ok()?))
 }

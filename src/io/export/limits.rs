@@ -4,13 +4,10 @@
 
 use std::path::Path;
 
-use super::held_out::{self, beside};
+use super::held_out::{self, rows_beside};
 use crate::figures::expanded;
 use crate::fit::Identifiability;
-use crate::lake::read_given;
 use crate::report::Model;
-use crate::rows::Row as _;
-use crate::schema;
 use crate::tables::parameters::{BelongsTo, ParameterRow};
 use crate::tables::words::Unit;
 
@@ -21,7 +18,7 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) fn of(calibrations: &Path) -> Self {
-        let rows = parameters(calibrations);
+        let rows = rows_beside::<ParameterRow>(calibrations);
         Self {
             dropped: held_out::dropped(calibrations),
             not_identified: rows.map_or_else(
@@ -37,13 +34,6 @@ impl Limits {
     pub(super) fn words(&self) -> String {
         format!("{} {}", self.not_identified, self.dropped)
     }
-}
-
-/// The rows of table `parameters` of the same run; `None` where the table is not beside.
-fn parameters(calibrations: &Path) -> Option<Vec<ParameterRow>> {
-    let path = beside(calibrations, "parameters")?;
-    let table = read_given(&path, schema::find("parameters").ok()?).ok()?;
-    Some(ParameterRow::read(&table))
 }
 
 const BODIES: [(&str, BelongsTo, Option<Unit>); 3] = [

@@ -7,47 +7,25 @@ use std::path::Path;
 use super::{ExportError, ExportErrorKind};
 use crate::compensation_table;
 use crate::ingest::AngleUnit;
-use crate::schema;
+use crate::rows::{Field as _, Row as _};
+use crate::schema::KEY_COLUMNS;
 use crate::table::{self, Table};
+use crate::tables::compensation::{NodeRow, TableColumns};
 use crate::targets::spread::Spread;
 use crate::targets::write_csv::write_columns;
 use crate::targets::write_json::value;
-
-/// Columns that differ from node to node. All others have one value in the whole table.
-const OF_NODES: [&str; 24] = [
-    "node",
-    "index_x",
-    "index_y",
-    "index_z",
-    "x_mm",
-    "y_mm",
-    "z_mm",
-    "joints_rad",
-    "error_x_mm",
-    "error_y_mm",
-    "error_z_mm",
-    "error_sd_mm",
-    "error_cov_xx_mm2",
-    "error_cov_xy_mm2",
-    "error_cov_xz_mm2",
-    "error_cov_yy_mm2",
-    "error_cov_yz_mm2",
-    "error_cov_zz_mm2",
-    "refused",
-    "nearest_station_mm",
-    "nearest_station_rad",
-    "stations_near",
-    "within_joint_ranges",
-    "orientation",
-];
 
 /// Writes the nodes of the table in a file, lengths to the nanometre, joint angles in degrees.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     // What is exported is a table that `compensate` would read too.
     let published = compensation_table::read(path)?;
-    let table = table::read(path, schema::find("compensation")?)?;
-    let (of_nodes, of_all): (Vec<_>, Vec<_>) =
-        Spread::all(&table).into_iter().partition(|column| OF_NODES.contains(&column.name()));
+    let table = table::read(path, NodeRow::schema())?;
+    // All columns but these differ from node to node; the orientation's number is a part of a node's name.
+    let common_columns = TableColumns::columns(&[]).into_iter().map(|column| column.name);
+    let common_columns = common_columns.filter(|name| *name != "orientation").chain(KEY_COLUMNS);
+    let common_columns: Vec<&str> = common_columns.collect();
+    let (of_all, of_nodes): (Vec<_>, Vec<_>) =
+        Spread::all(&table).into_iter().partition(|column| common_columns.contains(&column.name()));
     writeln!(
         sink,
         "# posegrid compensation table: error to subtract, attained minus commanded position, in the frame of commands"

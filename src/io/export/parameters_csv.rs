@@ -24,13 +24,13 @@ pub fn write(
     let own = InControllerBase::read(path)?;
     let from = &own.published.arm.arm;
     let convention = convention.unwrap_or_else(|| from.convention());
-    let to = in_convention(from, convention).map_err(|kind| kind.at(path))?;
+    let (to, file) = in_convention(from, convention).map_err(|kind| kind.at(path))?;
     let found = converted(from, &own.flange_errors(), &to, &Isometry3::identity());
     let limits = Limits::of(path);
     for line in remarks(&limits, &own, convention, &found) {
         writeln!(sink, "# {line}")?;
     }
-    for line in nominal_file(from, convention) {
+    for line in nominal_file(file.as_ref()) {
         writeln!(sink, "# {line}")?;
     }
     let mut csv = csv::Writer::from_writer(sink);
@@ -55,24 +55,25 @@ pub fn write(
     Ok(vec![limits.not_identified])
 }
 
-/// The nominal arm in a convention; as its robot file states it where that is the convention.
-fn in_convention(arm: &Arm, convention: Convention) -> Result<Arm, ExportErrorKind> {
+/// The nominal arm in a convention, and its robot file of it; no file where that is the convention of the run's.
+fn in_convention(
+    arm: &Arm,
+    convention: Convention,
+) -> Result<(Arm, Option<RobotFile>), ExportErrorKind> {
     if convention == arm.convention() {
-        return Ok(arm.clone());
+        return Ok((arm.clone(), None));
     }
-    let other = RobotFile::of_arm(arm, convention).map_err(ExportErrorKind::Convention)?;
-    let other = other.arm().map_err(|source| ExportErrorKind::Convention(source.into()))?;
-    Ok(other)
+    let file = RobotFile::of_arm(arm, convention).map_err(ExportErrorKind::Convention)?;
+    let other = file.arm().map_err(|source| ExportErrorKind::Convention(source.into()))?;
+    Ok((other, Some(file)))
 }
 
-fn nominal_file(arm: &Arm, convention: Convention) -> Vec<String> {
-    if convention == arm.convention() {
+fn nominal_file(file: Option<&RobotFile>) -> Vec<String> {
+    let Some(file) = file else {
         return vec!["nominal: as the robot file of the run states it".to_owned()];
-    }
-    let file = RobotFile::of_arm(arm, convention).ok();
-    let text = file.and_then(|file| toml::to_string(&file).ok());
+    };
     let mut lines = vec!["nominal, as a robot file of this convention:".to_owned()];
-    let text = text.unwrap_or_default();
+    let text = toml::to_string(file).unwrap_or_default();
     lines.extend(text.lines().map(|line| format!("  {line}")));
     lines
 }

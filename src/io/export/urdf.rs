@@ -146,7 +146,7 @@ fn fixed_name(child: &str, joints: &[Joint]) -> String {
     own
 }
 
-/// The value of an attribute. XML has no form for most control characters.
+/// The value of an attribute.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -156,16 +156,16 @@ pub(super) fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '"' => out.push_str("&quot;"),
             '\'' => out.push_str("&apos;"),
-            _ if letter.is_control() || is_no_character(letter) => out.push('\u{FFFD}'),
-            _ => out.push(letter),
+            _ => out.push(character(letter)),
         }
     }
     out
 }
 
-/// Whether XML 1.0 excludes a code point that is no control character.
-const fn is_no_character(letter: char) -> bool {
-    matches!(letter, '\u{FFFE}' | '\u{FFFF}')
+/// A character, or a sign for one that XML 1.0 excludes: it has no form for most control characters.
+fn character(letter: char) -> char {
+    let is_none = letter.is_control() || matches!(letter, '\u{FFFE}' | '\u{FFFF}');
+    if is_none { '\u{FFFD}' } else { letter }
 }
 
 /// A text inside a comment, which two hyphens would end.
@@ -175,8 +175,7 @@ fn in_comment(text: &str) -> String {
         if letter == '-' && out.ends_with('-') {
             out.push(' ');
         }
-        let is_none = letter.is_control() || is_no_character(letter);
-        out.push(if is_none { '\u{FFFD}' } else { letter });
+        out.push(character(letter));
     }
     out
 }

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::origins::{ChainJoint, Moves};
 use crate::kinematics::JointKind;
 use crate::robot::Selection;
-use crate::robot::urdf::{self, Joint, Tree, UrdfError, child};
+use crate::robot::urdf::{Joint, Tree, UrdfError, child};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Ends<'a> {
@@ -54,10 +54,6 @@ impl From<UrdfError> for UrdfChainError {
             other => Self::Urdf(Box::new(other)),
         }
     }
-}
-
-pub(super) fn document(text: &str) -> Result<Document<'_>, UrdfChainError> {
-    Ok(urdf::document(text)?)
 }
 
 pub(super) fn steps<'a, 'i>(

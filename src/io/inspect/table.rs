@@ -17,7 +17,6 @@ mod long;
 mod matrices;
 mod names;
 mod roles;
-mod spread;
 mod sum;
 #[cfg(test)]
 mod tests;
@@ -58,7 +57,8 @@ pub fn inspect(
 }
 
 fn of_table(table: &MeasuredTable, arms: &Arms) -> TableInspection {
-    let columns = columns::summaries(table);
+    let columns = (0..table.columns().len()).map(|column| ColumnSummary::of(table, column));
+    let columns: Vec<ColumnSummary> = columns.collect();
     let left_out = table.left_out.iter().map(|row| (row.line, row.reason.to_string()));
     TableInspection {
         rows: table.row_count(),

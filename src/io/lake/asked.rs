@@ -10,7 +10,6 @@ use super::{Lake, LakeError, RUNS, Result, session_key};
 use crate::manifest::{Replaced, RunKey};
 use crate::rows::{Row as _, row};
 use crate::store::Listed;
-use crate::table;
 use crate::tables::runs::row_digest;
 use crate::units::WallTime;
 
@@ -126,13 +125,12 @@ impl Lake {
 
     /// The run and the row of a request, which has to be the one of its place.
     pub fn request(&self, key: &str) -> Result<(RunKey, AskedRow)> {
-        let place = self.store.place(key);
-        let table = table::read_open(self.store.open(key)?, &place.named(), AskedRow::schema())?;
+        let table = self.read_key(key, AskedRow::schema())?;
         let row = table.key().cloned().zip(AskedRow::read(&table).pop());
         let is_own = |(own, row): &(RunKey, AskedRow)| {
             request_key(own, row.number).is_ok_and(|own| own == key)
         };
-        row.filter(is_own).ok_or(LakeError::NotAsked { place })
+        row.filter(is_own).ok_or_else(|| LakeError::NotAsked { place: self.store.place(key) })
     }
 }
 

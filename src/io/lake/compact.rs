@@ -17,7 +17,7 @@
 //! began before has that long to end.
 
 use std::collections::{BTreeSet, HashMap};
-use std::io::{Read as _, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::time::{Duration, SystemTime};
 
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ use super::error::folder_error;
 use super::{Lake, Result, request_of};
 use crate::schema;
 use crate::store::Listed;
-use crate::table::{self, Table};
+use crate::table::Table;
 use crate::temporary::{Owner, Temporary};
 
 pub const COMPACT: &str = "compact";
@@ -74,9 +74,8 @@ impl Lake {
             return Ok(CompactState::default());
         };
         let place = self.store.place(&newest.key).named();
-        let mut text = String::new();
-        let mut file = self.store.open_listed(newest)?;
-        file.read_to_string(&mut text).map_err(folder_error("read", &place))?;
+        let text = io::read_to_string(self.store.open_listed(newest)?);
+        let text = text.map_err(folder_error("read", &place))?;
         let files: Result<_, _> = text.lines().map(serde_json::from_str).collect();
         let files = files.unwrap_or_default();
         Ok(CompactState { number, files })
@@ -135,10 +134,7 @@ impl Lake {
 
     /// Reads the rows of a file of the compact form, checked by the digest of their content.
     pub fn read_compact(&self, file: &CompactFile) -> Result<Table> {
-        let schema = schema::find(&file.table)?;
-        let open = self.store.open(&file.file)?;
-        let place = self.store.place(&file.file).named();
-        Ok(table::read_open(open, &place, schema)?)
+        self.read_key(&file.file, schema::find(&file.table)?)
     }
 
     /// Reads the paths of the rows of runs in the compact form; `None` where they are damaged or gone.
@@ -199,10 +195,9 @@ impl Lake {
     }
 
     fn named_in(&self, state: &Listed) -> Result<Vec<String>> {
-        let mut text = String::new();
         let place = self.store.place(&state.key).named();
-        let mut file = self.store.open_listed(state)?;
-        file.read_to_string(&mut text).map_err(folder_error("read", &place))?;
+        let text = io::read_to_string(self.store.open_listed(state)?);
+        let text = text.map_err(folder_error("read", &place))?;
         let files = text.lines().filter_map(|line| serde_json::from_str(line).ok());
         Ok(files.map(|own: CompactFile| own.file).collect())
     }

@@ -5,12 +5,12 @@
 use std::path::Path;
 use std::time::SystemTime;
 
-use super::{Lake, LakeError, Result, encoded, file_key};
+use super::{Lake, LakeError, Result, file_key, session_key};
 use crate::manifest::RunKey;
 use crate::rows::{Row as _, Word as _, row};
-use crate::schema::{self, KEY_COLUMNS};
+use crate::schema::KEY_COLUMNS;
 use crate::store::Place;
-use crate::table::{self, Table, TableError};
+use crate::table::{Table, TableError};
 use crate::tables::words::{CorrectedForm, CorrectingTable};
 
 pub const CORRECTIONS: &str = "corrections";
@@ -125,10 +125,8 @@ impl Correction {
     }
 
     fn file_key(&self) -> Result<String> {
-        let (robot, session) =
-            (encoded("robot", &self.key.robot)?, encoded("session", &self.key.session)?);
-        let name = &self.digest()[..NAME];
-        Ok(format!("{CORRECTIONS}/{robot}/{session}/{name}.parquet"))
+        let folder = session_key(CORRECTIONS, &self.key)?;
+        Ok(format!("{folder}/{}.parquet", &self.digest()[..NAME]))
     }
 
     fn digest(&self) -> String {
@@ -193,10 +191,8 @@ impl Lake {
     /// The record of a key; an error states why the file there is no valid record.
     pub fn correction(&self, key: &str) -> Result<Correction, String> {
         let text = |error: LakeError| error.to_string();
-        let schema = schema::find(CORRECTIONS).map_err(|error| error.to_string())?;
-        let file = self.store.open(key).map_err(|error| text(error.into()))?;
-        let table = table::read_open(file, &self.store.place(key).named(), schema);
-        let record = Correction::of(&table.map_err(|error| error.to_string())?)?;
+        let table = self.read_key(key, CorrectionRow::schema()).map_err(text)?;
+        let record = Correction::of(&table)?;
         let own = record.file_key().map_err(text)?;
         if own == key { Ok(record) } else { Err(format!("its content is that of {own}")) }
     }

@@ -4,7 +4,7 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::{Lake, LakeError, folder_error};
@@ -45,7 +45,9 @@ impl Lake {
         let Some(root) = self.folder() else { return Locking::NoFolder };
         let path = root.join(FILE);
         let refused = |error| Locking::Refused(folder_error("lock", &path)(error));
-        let mut file = match lock_file(root, &path) {
+        let mut options = File::options();
+        options.read(true).write(true).create(true).truncate(false);
+        let mut file = match fs::create_dir_all(root).and_then(|()| options.open(&path)) {
             Ok(file) => file,
             Err(error) => return refused(error),
         };
@@ -59,11 +61,6 @@ impl Lake {
             Err(TryLockError::Error(error)) => refused(error),
         }
     }
-}
-
-fn lock_file(root: &Path, path: &Path) -> io::Result<File> {
-    fs::create_dir_all(root)?;
-    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }
 
 fn sign(file: &mut File, by: &str) -> io::Result<()> {

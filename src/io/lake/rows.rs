@@ -5,9 +5,9 @@ use std::fs::File;
 use rayon::ThreadPoolBuilder;
 
 use super::{Lake, LakeError, RUNS, Result};
-use crate::schema;
+use crate::schema::{self, TableSchema};
 use crate::store::{Listed, Place};
-use crate::table::{self, Opened};
+use crate::table::{self, Opened, Table};
 
 const AT_ONCE: usize = 64;
 const WAITING: usize = 16;
@@ -35,6 +35,12 @@ impl Lake {
 
     pub fn open_listed(&self, listed: &Listed) -> Result<File> {
         Ok(self.store.open_listed(listed)?)
+    }
+
+    /// Reads a table by its path below the lake, checked by the digest that its file carries.
+    pub(super) fn read_key(&self, key: &str, schema: &'static TableSchema) -> Result<Table> {
+        let file = self.store.open(key)?;
+        Ok(table::read_open(file, &self.store.place(key).named(), schema)?)
     }
 
     /// Uses as many threads as this lake is read with: one for each processor in a folder, `WAITING` on object storage.

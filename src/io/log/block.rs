@@ -207,8 +207,14 @@ impl<P> Block<P> {
                         Seen::Known
                     }
                 },
-                Ok((_, op::SCHEMA, body)) => see_schema(registry, body),
-                Ok((_, op::CHANNEL, body)) => see_channel(registry, body),
+                Ok((_, op::SCHEMA, body)) => {
+                    let schema = SchemaRecord::read(body);
+                    Seen::of(op::SCHEMA, schema.map(|own| registry.has_schema(&own)))
+                }
+                Ok((_, op::CHANNEL, body)) => {
+                    let channel = ChannelRecord::read(body);
+                    Seen::of(op::CHANNEL, channel.map(|own| registry.has_channel(&own)))
+                }
                 Ok((_, op::METADATA, body)) if !in_chunk => self.metadata.take(body),
                 Ok((_, opcode @ op::FIRST_PRIVATE.., _)) => {
                     *self.private_records.entry(opcode).or_default() += 1;
@@ -326,19 +332,14 @@ enum Seen {
     Fault(BlockFault),
 }
 
-fn see_schema<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
-    match SchemaRecord::read(body) {
-        None => Seen::Fault(BlockFault::Malformed(op::SCHEMA)),
-        Some(schema) if registry.has_schema(&schema) => Seen::Known,
-        Some(_) => Seen::New,
-    }
-}
-
-fn see_channel<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
-    match ChannelRecord::read(body) {
-        None => Seen::Fault(BlockFault::Malformed(op::CHANNEL)),
-        Some(channel) if registry.has_channel(&channel) => Seen::Known,
-        Some(_) => Seen::New,
+impl Seen {
+    /// A definition that may be known; `None` of one whose fields do not fit.
+    const fn of(opcode: u8, known: Option<bool>) -> Self {
+        match known {
+            None => Self::Fault(BlockFault::Malformed(opcode)),
+            Some(true) => Self::Known,
+            Some(false) => Self::New,
+        }
     }
 }
 

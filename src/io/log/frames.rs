@@ -49,7 +49,6 @@ pub struct Frames<'s> {
     pub(super) log: LogSoFar,
 }
 
-/// The log that is walked.
 #[derive(Debug, Default)]
 pub(super) struct LogSoFar {
     pub(super) start: u64,
@@ -124,7 +123,7 @@ impl<'s> Frames<'s> {
             op::CHUNK => {
                 self.log.chunked = true;
                 // The file may have been cut since it was judged.
-                Some(match self.chunk(start)? {
+                Some(match self.chunk(start, op::CHUNK)? {
                     Some(chunk) => Piece::Chunk { start, end, chunk },
                     None => lost(start, end, Loss::Truncated),
                 })
@@ -137,10 +136,10 @@ impl<'s> Frames<'s> {
         })
     }
 
-    /// The header of the chunk whose frame begins at `start`; `None` where no chunk does.
-    fn chunk(&mut self, start: u64) -> io::Result<Option<ChunkRecord>> {
+    /// The header of the chunk whose frame begins at `start`, with this opcode; `None` where no chunk does.
+    fn chunk(&mut self, start: u64, opcode: u8) -> io::Result<Option<ChunkRecord>> {
         let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
-        let is_chunk = bytes.first() == Some(&op::CHUNK);
+        let is_chunk = bytes.first() == Some(&opcode);
         let body = bytes.get(9..).filter(|_| is_chunk);
         Ok(body.and_then(ChunkRecord::read))
     }

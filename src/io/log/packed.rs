@@ -47,7 +47,8 @@ pub(super) fn unpack(
         FileError::new(name, FileFault::NoRoom { folder, source })
     };
     let bytes = file.metadata().map_err(at_fault)?.len();
-    let mut from = decoder(file).map_err(at_fault)?;
+    let mut from = Decoder::with_buffer(BufReader::new(file)).map_err(at_fault)?;
+    from.window_log_max(WINDOW_LOG).map_err(at_fault)?;
     let mut to = tempfile::tempfile().map_err(no_room)?;
     let mut piece = vec![0; PIECE];
     let (mut length, mut reported) = (0, 0);
@@ -74,12 +75,6 @@ pub(super) fn unpack(
         return Err(FileError::new(name, unpacked));
     }
     Ok((to, Packed { bytes, fault }))
-}
-
-fn decoder(file: File) -> io::Result<Decoder<'static, BufReader<File>>> {
-    let mut decoder = Decoder::with_buffer(BufReader::new(file))?;
-    decoder.window_log_max(WINDOW_LOG)?;
-    Ok(decoder)
 }
 
 /// Fills `piece` as far as the input goes; an error comes after the bytes before it.

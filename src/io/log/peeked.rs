@@ -6,7 +6,7 @@ use std::path::Path;
 
 use mcap::MAGIC;
 
-use super::record::{FRAME_HEADER, MetadataRecord, op};
+use super::record::{FRAME_HEADER, MetadataRecord, frame_header, op};
 use super::source::Source;
 use super::{FileError, FileFault, Limits};
 use crate::progress::Quiet;
@@ -45,12 +45,13 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
     let (mut source, _) = Source::open(path, &file, limits, &Quiet)?;
     let mut at = MAGIC.len() as u64;
     let mut body = Vec::new();
-    while let Some((opcode, length)) = frame(source.probe(at, HEADER).map_err(at_fault)?) {
+    while let Some((opcode, length)) = frame_header(source.probe(at, 9).map_err(at_fault)?) {
         at += FRAME_HEADER;
         if opcode == op::METADATA && length <= MOST_METADATA {
             source.read(at, length, &mut body).map_err(at_fault)?;
             if let Some(found) = MetadataRecord::read(&body).filter(|found| found.name == SESSION) {
-                return Ok(owned(found));
+                let pairs = found.pairs.map(|(key, value)| (key.to_owned(), value.to_owned()));
+                return Ok(pairs.collect());
             }
         }
         at = at.saturating_add(length);
@@ -59,18 +60,6 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
         }
     }
     Ok(BTreeMap::new())
-}
-
-const HEADER: usize = 9;
-
-fn frame(bytes: &[u8]) -> Option<(u8, u64)> {
-    let (opcode, rest) = bytes.split_first()?;
-    Some((*opcode, u64::from_le_bytes(rest.try_into().ok()?)))
-}
-
-fn owned(record: MetadataRecord<'_>) -> BTreeMap<String, String> {
-    let pairs = record.pairs;
-    pairs.map(|(key, value)| (key.to_owned(), value.to_owned())).collect()
 }
 
 #[cfg(test)]

@@ -55,10 +55,6 @@ impl ReadSummary {
         }
     }
 
-    pub(super) fn private(&mut self, opcode: u8, count: u64) {
-        *self.private_records.entry(opcode).or_default() += count;
-    }
-
     pub(super) fn lose(&mut self, topic: &str, messages: u64) {
         if messages > 0 {
             let lost = self.lost_of.entry(topic.to_owned()).or_default();

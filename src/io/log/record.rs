@@ -2,6 +2,8 @@
 //! `None` where a record is shorter than its fields. The parsers of the `mcap` crate panic or abort on some hostile
 //! lengths.
 
+use std::collections::BTreeMap;
+
 pub mod op {
     pub use mcap::records::op::*;
 
@@ -10,6 +12,12 @@ pub mod op {
 }
 
 pub const FRAME_HEADER: u64 = 9;
+
+/// Opcode and length of the record whose frame begins with these bytes; `None` where the frame's header is cut.
+pub fn frame_header(bytes: &[u8]) -> Option<(u8, u64)> {
+    let (&opcode, rest) = bytes.split_first()?;
+    Some((opcode, u64::from_le_bytes(*rest.first_chunk()?)))
+}
 
 #[derive(Debug, Clone)]
 pub struct Fields<'a> {
@@ -252,36 +260,25 @@ pub(super) fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u
     (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some((channel, bytes / 16))
 }
 
-#[derive(Debug, Clone)]
-pub struct StatisticsRecord<'a> {
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
     pub messages: u64,
     /// Number of messages of each channel; some writers leave it empty.
-    pub of_channels: Counts<'a>,
+    pub of_channels: BTreeMap<u16, u64>,
 }
 
-impl<'a> StatisticsRecord<'a> {
-    pub fn read(body: &'a [u8]) -> Option<Self> {
+impl Statistics {
+    pub fn read(body: &[u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
         let messages = fields.u64()?;
         // Schemas, channels, attachments, metadata records, chunks, first and last log time.
         fields.array::<{ 2 + 4 * 4 + 2 * 8 }>()?;
-        let counts = fields.bytes()?;
-        let of_channels = Counts { fields: Fields::new(counts) };
+        let counts = fields.bytes()?.chunks(10).map(|count| {
+            let mut count = Fields::new(count);
+            Some((count.u16()?, count.u64()?))
+        });
         fields.end()?;
-        counts.len().is_multiple_of(10).then_some(Self { messages, of_channels })
-    }
-}
-
-#[derive(Debug, Clone)]
-pub struct Counts<'a> {
-    fields: Fields<'a>,
-}
-
-impl Iterator for Counts<'_> {
-    type Item = (u16, u64);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        Some((self.fields.u16()?, self.fields.u64()?))
+        Some(Self { messages, of_channels: counts.collect::<Option<_>>()? })
     }
 }
 

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
 use super::frames::{Frames, Loss, Lost, Piece, indexed_behind};
 use super::read_summary::ReadSummary;
-use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
+use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, frame_header, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::summary::Definitions;
@@ -135,13 +135,8 @@ fn read_header(
 ) -> std::io::Result<u64> {
     read_summary.logs += 1;
     let at = log + MAGIC.len() as u64;
-    let frame = source.peek(at, 9)?;
-    let (Some(&op::HEADER), Some(length)) =
-        (frame.first(), frame.get(1..).and_then(|l| l.first_chunk::<8>()))
-    else {
-        return Ok(at);
-    };
-    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let Some((op::HEADER, length)) = frame_header(source.peek(at, 9)?) else { return Ok(at) };
+    let length = usize::try_from(length).unwrap_or(usize::MAX);
     let body = source.peek(at + FRAME_HEADER, length)?;
     if body.len() < length {
         return Ok(at);
@@ -245,7 +240,7 @@ where
                 self.add(extent)
             }
             Piece::Private { start, end, opcode } => {
-                self.read_summary.private(opcode, 1);
+                *self.read_summary.private_records.entry(opcode).or_default() += 1;
                 let full = self.private.len() >= MOST_PLACES;
                 match self.private.last_mut() {
                     Some(last) if full || last.1 == start => last.1 = end,

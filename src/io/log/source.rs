@@ -110,16 +110,8 @@ impl Source {
         // Its old content is overwritten: only the added bytes have to be zeroed.
         to.reserve_exact(count.saturating_sub(to.len()));
         to.resize(count, 0);
-        let mut filled = 0;
-        while filled < count {
-            match system::read_at(&self.file, &mut to[filled..], start + filled as u64) {
-                // The file was cut while it was read.
-                Ok(0) => break,
-                Ok(more) => filled += more,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => return Err(error),
-            }
-        }
+        // Fewer where the file was cut while it was read.
+        let filled = system::read_up_to_at(&self.file, to, start)?;
         to.truncate(filled);
         Ok(())
     }

@@ -8,7 +8,7 @@ use std::ops::Range;
 use mcap::MAGIC;
 
 use super::frames::{Records, belongs_to_summary};
-use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord, op};
+use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, Statistics, frame_header, op};
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
@@ -70,12 +70,11 @@ fn footer(source: &mut Source, log: &Range<u64>) -> io::Result<Option<Footer>> {
 }
 
 fn read_footer(at: u64, tail: &[u8]) -> Option<Footer> {
-    let (&opcode, rest) = tail.split_first()?;
-    let (length, rest) = rest.split_first_chunk::<8>()?;
-    let (start, rest) = rest.split_first_chunk::<8>()?;
+    let header = frame_header(tail)?;
+    let (start, rest) = tail.get(9..)?.split_first_chunk::<8>()?;
     let (_offsets, rest) = rest.split_first_chunk::<8>()?;
     let (crc, magic) = rest.split_first_chunk::<4>()?;
-    let sound = opcode == op::FOOTER && u64::from_le_bytes(*length) == 20 && magic == MAGIC;
+    let sound = header == (op::FOOTER, 20) && magic == MAGIC;
     let (summary_start, crc) = (u64::from_le_bytes(*start), u32::from_le_bytes(*crc));
     sound.then_some(Footer { at, summary_start, crc })
 }
@@ -142,41 +141,26 @@ pub const fn of_summary(opcode: u8) -> bool {
 
 /// Opcode and end of the frame at `at`; `None` where none ends by `end`.
 fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, u64)>> {
-    let header = source.peek(at, 9)?;
-    let length = header.get(1..9).and_then(|l| l.first_chunk::<8>());
-    let (Some(&opcode), Some(length)) = (header.first(), length) else { return Ok(None) };
-    let own_end = u64::from_le_bytes(*length).checked_add(at + FRAME_HEADER);
+    let Some((opcode, length)) = frame_header(source.peek(at, 9)?) else { return Ok(None) };
+    let own_end = length.checked_add(at + FRAME_HEADER);
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
-}
-
-#[derive(Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    pub messages: u64,
-    /// Number of messages of each channel, where the writer counted them.
-    pub of_channels: BTreeMap<u16, u64>,
 }
 
 /// Bytes of the longest statistics: a count for every possible id.
 const MOST_STATISTICS: u64 = 64 + (1 << 16) * 10;
 
-impl Statistics {
-    /// Reads the statistics from a summary; `None` where it has none.
-    pub fn read(source: &mut Source, range: Range<u64>) -> io::Result<Option<Self>> {
-        let mut at = range.start;
-        while let Some((opcode, end)) = next_frame(source, at, range.end)? {
-            if opcode == op::STATISTICS && end - at <= MOST_STATISTICS {
-                let mut frame = Vec::new();
-                source.read(at, end - at, &mut frame)?;
-                let record = frame.get(9..).and_then(StatisticsRecord::read);
-                return Ok(record.map(|record| Self {
-                    messages: record.messages,
-                    of_channels: record.of_channels.collect(),
-                }));
-            }
-            at = end;
+/// Reads the statistics from a summary; `None` where it has none.
+pub fn statistics(source: &mut Source, range: Range<u64>) -> io::Result<Option<Statistics>> {
+    let mut at = range.start;
+    while let Some((opcode, end)) = next_frame(source, at, range.end)? {
+        if opcode == op::STATISTICS && end - at <= MOST_STATISTICS {
+            let mut frame = Vec::new();
+            source.read(at, end - at, &mut frame)?;
+            return Ok(frame.get(9..).and_then(Statistics::read));
         }
-        Ok(None)
+        at = end;
     }
+    Ok(None)
 }
 
 impl Source {

@@ -14,35 +14,24 @@ impl Cdr {
         Self { bytes: ENCAPSULATION.to_vec() }
     }
 
-    pub(super) fn i32(&mut self, value: i32) {
-        self.align(4);
-        self.bytes.extend(value.to_le_bytes());
-    }
-
-    pub(super) fn u32(&mut self, value: u32) {
-        self.align(4);
-        self.bytes.extend(value.to_le_bytes());
-    }
-
-    pub(super) fn u8(&mut self, value: u8) {
-        self.bytes.push(value);
-    }
-
-    pub(super) fn f32(&mut self, value: f32) {
-        self.align(4);
-        self.bytes.extend(value.to_le_bytes());
+    /// A number by its bytes, the least significant first.
+    pub(super) fn number<const N: usize>(&mut self, bytes: [u8; N]) {
+        let behind = (self.bytes.len() - ENCAPSULATION.len()) % N;
+        if behind != 0 {
+            self.bytes.resize(self.bytes.len() + N - behind, 0);
+        }
+        self.bytes.extend(bytes);
     }
 
     pub(super) fn f64(&mut self, value: f64) {
-        self.align(8);
-        self.bytes.extend(value.to_le_bytes());
+        self.number(value.to_le_bytes());
     }
 
     /// The number of values that follow.
     pub(super) fn length(&mut self, topic: &str, length: usize) -> Result<()> {
         let counted = u32::try_from(length)
             .map_err(|_| LogWriteError::TooLong { topic: topic.to_owned(), found: length })?;
-        self.u32(counted);
+        self.number(counted.to_le_bytes());
         Ok(())
     }
 
@@ -56,12 +45,5 @@ impl Cdr {
 
     pub(super) fn into_bytes(self) -> Vec<u8> {
         self.bytes
-    }
-
-    fn align(&mut self, size: usize) {
-        let behind = (self.bytes.len() - ENCAPSULATION.len()) % size;
-        if behind != 0 {
-            self.bytes.resize(self.bytes.len() + size - behind, 0);
-        }
     }
 }

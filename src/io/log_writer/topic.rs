@@ -96,7 +96,6 @@ pub(super) fn temperature_topic() -> Topic {
     topic("/tracker/temperature", "sensor_msgs/msg/Temperature", fields, "")
 }
 
-/// Readings of an instrument of one length.
 pub(super) fn length_topic(name: &str) -> Topic {
     let fields = "uint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\nfloat32 range\n";
     topic(&format!("/lengths/{name}"), "sensor_msgs/msg/Range", fields, "")

@@ -87,13 +87,9 @@ pub(crate) fn document(text: &str) -> Result<Document<'_>> {
             problem: format!("an element has more than {} attributes", MOST_QUOTES / 2),
         });
     }
-    parsed(text).map_err(|source| UrdfError::of_xml(&source))
-}
-
-fn parsed(text: &str) -> Result<Document<'_>, roxmltree::Error> {
     let options =
         ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options)
+    Document::parse_with_options(text, options).map_err(|source| UrdfError::of_xml(&source))
 }
 
 /// The text with a declaration for each prefix that lacks one, as those of simulators do; its lines stay.

@@ -4,6 +4,7 @@ use crate::ingest::{
 };
 use crate::measured_table::{Cell, ColumnError, MeasuredTable};
 
+/// Columns, each with its sign, and a number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sum {
     terms: Vec<(f64, usize)>,
@@ -175,7 +176,7 @@ impl Sum {
     /// them.
     fn find(table: &MeasuredTable, key: &str, value: &str) -> Found<Self> {
         if let Ok(column) = table.find(value) {
-            return Ok(Self { terms: vec![(1.0, column)], constant: 0.0 });
+            return Ok(Self::of(column));
         }
         let mut sum = Self { terms: Vec::new(), constant: 0.0 };
         for (sign, term) in terms(value) {
@@ -190,6 +191,27 @@ impl Sum {
             return Err(StationTableErrorKind::Empty { key, value });
         }
         Ok(sum)
+    }
+
+    pub fn of(column: usize) -> Self {
+        Self { terms: vec![(1.0, column)], constant: 0.0 }
+    }
+
+    /// This with one column more, added or (−1) taken away.
+    #[must_use]
+    pub fn with(&self, sign: f64, column: usize) -> Self {
+        Self { terms: [&self.terms[..], &[(sign, column)]].concat(), ..*self }
+    }
+
+    /// As `[stations]` writes a sum of columns alone.
+    pub fn text(&self, names: &[String]) -> String {
+        let mut text = String::new();
+        for (place, &(sign, column)) in self.terms.iter().enumerate() {
+            let operator = if sign < 0.0 { " - " } else { " + " };
+            text += if place == 0 { "" } else { operator };
+            text += &names[column];
+        }
+        text
     }
 
     pub fn columns(&self) -> impl Iterator<Item = usize> {

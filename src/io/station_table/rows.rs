@@ -290,7 +290,10 @@ impl Reader<'_> {
             return Ok(None);
         };
         let orientation = match (&columns.orientation, &settings.orientation) {
-            (Some(sums), Some(form)) => if_there(self.orientation(sums, row, form))?,
+            (Some(sums), Some(form)) => {
+                let values = self.values(sums, row);
+                if_there(values.and_then(|values| rotation(&values, &form.form)))?
+            }
             _ => None,
         };
         Ok(Some(Command { position, orientation }))
@@ -507,18 +510,9 @@ impl Reader<'_> {
         let squares = deviations.iter().map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
         let squares = squares.collect::<Result<Vec<f64>, Fault>>()?;
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        let orientation = self.orientation(sums, row, columns)?;
+        let orientation = rotation(&self.values(sums, row)?, &columns.form)?;
         let scatter_rad = to_rad * mean.sqrt();
         Ok(MeanOrientation { orientation, scatter_rad, stated_covariance: None })
-    }
-
-    fn orientation(
-        &self,
-        sums: &[Sum],
-        row: usize,
-        columns: &OrientationColumns,
-    ) -> Result<UnitQuaternion<f64>, Fault> {
-        rotation(&self.values(sums, row)?, &columns.form)
     }
 
     fn values(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {

@@ -10,6 +10,12 @@ use crate::kinematics::{Arm, Joint};
 /// Decimals of angles in degrees, and of lengths in mm.
 const DECIMALS: usize = 7;
 
+const POSITION: [&str; 3] = ["x", "y", "z"];
+const MEASURED: [&str; 7] = ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"];
+
+/// A target's orientation: quaternion, standard deviation of a sample about each axis.
+const ORIENTATION: [&str; 5] = ["qx", "qy", "qz", "qw", "sd_turn"];
+
 /// An instrument of one length of a table: its name, the word of what it reads, and its standard deviation, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LengthColumn {
@@ -36,8 +42,8 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     let joints = arm.joints().iter().map(|joint| joint.name.clone());
     let commands = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(|own| format!("command_{own}"));
     let readings = targets.iter().zip(&parts).flat_map(|(target, parts)| {
-        let orientation = parts.turned.then(|| of_orientation(target));
-        of_target(target)
+        let orientation = parts.turned.then(|| named(target, ORIENTATION));
+        named(target, MEASURED)
             .into_iter()
             .chain(orientation.into_iter().flatten())
             .chain(parts.of_covariance(target))
@@ -49,7 +55,7 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
         .chain(commands)
         .chain(readings)
         .chain(lengths.iter().map(|own| own.name.clone()))
-        .chain(references.iter().flat_map(|(name, _)| of_reference(name)))
+        .chain(references.iter().flat_map(|(name, _)| named(name, POSITION)))
         .collect();
     let named: Vec<String> = header.iter().map(|name| quoted(name)).collect();
     writeln!(text, "{}", named.join(",")).expect("a string");
@@ -62,13 +68,9 @@ pub fn csv(stations: &[Station], arm: &Arm, read: Read<'_>) -> String {
     text
 }
 
-fn of_target(target: &str) -> [String; 7] {
-    ["x", "y", "z", "sd_x", "sd_y", "sd_z", "samples"].map(|own| format!("{target}_{own}"))
-}
-
-/// Columns of a target's orientation: quaternion, standard deviation of a sample about each axis.
-fn of_orientation(target: &str) -> [String; 5] {
-    ["qx", "qy", "qz", "qw", "sd_turn"].map(|own| format!("{target}_{own}"))
+/// Names of the columns of a target or a reference.
+fn named<const N: usize>(name: &str, columns: [&str; N]) -> [String; N] {
+    columns.map(|own| format!("{name}_{own}"))
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -118,10 +120,6 @@ fn parts(stations: &[Station], targets: usize) -> Vec<Parts> {
     parts
 }
 
-fn of_reference(name: &str) -> [String; 3] {
-    ["x", "y", "z"].map(|own| format!("{name}_{own}"))
-}
-
 /// The section that reads the table, as comments.
 fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
     let (targets, lengths) = (read.targets, read.lengths);
@@ -143,7 +141,7 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
             .to_owned(),
     );
     for (place, target) in targets.iter().enumerate() {
-        let columns = of_target(target);
+        let columns = named(target, MEASURED);
         let several = targets.len() > 1;
         lines
             .push(if several { "[[stations.measured]]" } else { "[stations.measured]" }.to_owned());
@@ -158,7 +156,7 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
             lines.push(format!("covariance = {}", list(&covariance)));
         }
         lines.extend(parts.turned.then(|| {
-            let [quaternion @ .., sd] = of_orientation(target);
+            let [quaternion @ .., sd] = named(target, ORIENTATION);
             format!("orientation = {{ quaternion_xyzw = {}, sd = [{sd:?}] }}", list(&quaternion))
         }));
     }
@@ -177,7 +175,7 @@ fn section(arm: &Arm, read: &Read<'_>, parts: &[Parts]) -> String {
             "[[stations.references]]".to_owned(),
             format!("name = {name:?}"),
             format!("on = {:?}", on.word()),
-            format!("position = {}", list(&of_reference(name))),
+            format!("position = {}", list(&named(name, POSITION))),
             "unit = \"mm\"".to_owned(),
         ]);
     }

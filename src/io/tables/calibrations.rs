@@ -107,11 +107,6 @@ words! {
 }
 
 /// A calibration of geometry or frames, or the full error model.
-struct Identified<'a> {
-    model: Model,
-    of: Of<'a>,
-}
-
 #[derive(Clone, Copy)]
 enum Of<'a> {
     Calibration(&'a Calibration),
@@ -126,7 +121,7 @@ pub fn rows(
     let calibrations = outcome.calibrations.iter();
     let calibrations = calibrations.map(|(model, own)| (*model, Of::Calibration(own)));
     let full = outcome.full.iter().map(|own| (Model::Full, Of::Full(own)));
-    let row = |(model, of)| Identified { model, of }.row(outcome, context, of_arm.clone());
+    let row = |(model, of): (Model, Of<'_>)| of.row(model, outcome, context, of_arm.clone());
     calibrations.chain(full).map(row).collect()
 }
 
@@ -193,9 +188,10 @@ fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
     names.into_iter().map(str::to_owned).collect()
 }
 
-impl<'a> Identified<'a> {
+impl<'a> Of<'a> {
     fn row(
-        &self,
+        self,
+        model: Model,
         outcome: &Outcome<'_>,
         context: &PublishContext<'_>,
         of_arm: ArmColumns,
@@ -208,9 +204,9 @@ impl<'a> Identified<'a> {
         let names: Vec<&str> = of_arm.sessions.iter().map(String::as_str).collect();
         let saved = self.model().saved(context.arm, &names);
         let weights = self.model().weights();
-        let (verdict, reason) = self.verdict(outcome);
+        let (verdict, reason) = verdict(model, outcome);
         Ok(CalibrationRow {
-            model_kind: self.model,
+            model_kind: model,
             parts: owned(self.parts(true)),
             parts_dropped: owned(self.parts(false)),
             parts_tried: self.tried(|part| part_name(part.name).to_owned()),
@@ -219,7 +215,7 @@ impl<'a> Identified<'a> {
             stations: weights.len(),
             stations_downweighted: weights.iter().filter(|own| **own < WEIGHTED_DOWN).count(),
             parameters: self.model().parameter_count(),
-            fit: match self.of {
+            fit: match self {
                 Of::Calibration(calibration) => calibration.into(),
                 Of::Full(full) => full.into(),
             },
@@ -235,23 +231,15 @@ impl<'a> Identified<'a> {
         })
     }
 
-    /// What held-out blocks and test sessions say of commands that this model corrects, and why.
-    fn verdict(&self, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
-        outcome.verdict.of_model(self.model).map_or_else(
-            || (TableVerdict::NotShown, Some("nothing judges".to_owned())),
-            |own| ((&own.verdict()).into(), own.reason()),
-        )
-    }
-
     /// The parts common to all models.
-    fn model(&self) -> &'a dyn PoseModel {
-        match self.of {
+    fn model(self) -> &'a dyn PoseModel {
+        match self {
             Of::Calibration(calibration) => calibration,
             Of::Full(full) => full,
         }
     }
 
-    fn parts(&self, kept: bool) -> Vec<&'static str> {
+    fn parts(self, kept: bool) -> Vec<&'static str> {
         let model = self.model();
         let always = model.parts().iter().copied().filter(|_| kept);
         let optional = model.optional_parts().iter();
@@ -260,20 +248,20 @@ impl<'a> Identified<'a> {
     }
 
     /// The value `of` each optional part that was tested by its evidence.
-    fn tried<T>(&self, of: impl Fn(&PartEvidence) -> T) -> Vec<T> {
+    fn tried<T>(self, of: impl Fn(&PartEvidence) -> T) -> Vec<T> {
         self.model().optional_parts().iter().map(of).collect()
     }
 
-    fn angles(&self) -> Angles {
-        match self.of {
+    fn angles(self) -> Angles {
+        match self {
             Of::Full(_) if self.parts(true).contains(&"command_weight") => Angles::Weighted,
             Of::Full(_) | Of::Calibration(_) => Angles::Reported,
         }
     }
 
     /// The frames where there is one session with one source and one target, and whether the target's orientation was fitted.
-    fn frames(&self) -> Option<(FramePair, bool)> {
-        let (frames, unknowns) = match self.of {
+    fn frames(self) -> Option<(FramePair, bool)> {
+        let (frames, unknowns) = match self {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
         };
@@ -283,14 +271,22 @@ impl<'a> Identified<'a> {
         }
     }
 
-    fn loss(&self, context: &PublishContext<'_>) -> LossName {
-        match (self.of, context.fit.loss) {
+    fn loss(self, context: &PublishContext<'_>) -> LossName {
+        match (self, context.fit.loss) {
             (Of::Full(_), _) if context.full.student_t > 0.0 => LossName::StudentT,
             (Of::Full(_), _) | (Of::Calibration(_), Loss::Squares) => LossName::Squares,
             (Of::Calibration(_), Loss::Huber { .. }) => LossName::Huber,
             (Of::Calibration(_), Loss::Cauchy { .. }) => LossName::Cauchy,
         }
     }
+}
+
+/// What held-out blocks and test sessions say of commands that a model corrects, and why.
+fn verdict(model: Model, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
+    outcome.verdict.of_model(model).map_or_else(
+        || (TableVerdict::NotShown, Some("nothing judges".to_owned())),
+        |own| ((&own.verdict()).into(), own.reason()),
+    )
 }
 
 /// Whether the target's orientation is among the unknowns.

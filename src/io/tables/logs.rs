@@ -19,7 +19,6 @@ use crate::schema;
 use crate::table::{Columns, ROW_GROUP_ROWS, Table};
 use crate::units::Stamp;
 
-/// Columns of positions, orientations and stated covariances.
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const COVARIANCE: [&str; 6] = [

@@ -9,9 +9,9 @@ use crate::fit::identifiability::{
 };
 use crate::fit::{Calibration, Freedom, Identifiability, Unknown};
 use crate::judgement::Outcome;
-use crate::kinematics::{Arm, Axis, Element, GaugePart, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{Arm, Element, GaugePart, Motion, Parameter};
 use crate::report::Model;
-use crate::rows::{row, words};
+use crate::rows::{Word as _, row, words};
 
 row! {
     pub struct ParameterRow of "parameters" {
@@ -118,7 +118,6 @@ struct Parameters<'a> {
     model: Model,
     subjects: Vec<Subject>,
     arm: &'a Arm,
-    /// Names of the sessions.
     sessions: &'a [&'a str],
 }
 
@@ -366,26 +365,18 @@ impl Subject {
         }
     }
 
-    const fn quantity(self) -> ParameterQuantity {
+    fn quantity(self) -> ParameterQuantity {
         match self {
             Self::CommandWeight { .. } => ParameterQuantity::CommandWeight,
             Self::Chain(unknown) => match unknown.parameter {
-                Parameter::Base(motion) | Parameter::Target(motion) => direction(motion),
-                Parameter::Link { quantity, .. } => match quantity {
-                    LinkQuantity::Theta => ParameterQuantity::Theta,
-                    LinkQuantity::D => ParameterQuantity::D,
-                    LinkQuantity::A => ParameterQuantity::A,
-                    LinkQuantity::Alpha => ParameterQuantity::Alpha,
-                    LinkQuantity::Beta => ParameterQuantity::Beta,
-                    LinkQuantity::Gamma => ParameterQuantity::Gamma,
-                    LinkQuantity::B => ParameterQuantity::B,
-                    LinkQuantity::X => ParameterQuantity::X,
-                    LinkQuantity::Y => ParameterQuantity::Y,
-                    LinkQuantity::Rx => ParameterQuantity::Rx,
-                    LinkQuantity::Ry => ParameterQuantity::Ry,
-                },
+                Parameter::Base(motion) | Parameter::Target(motion) => {
+                    ParameterQuantity::named(motion.name())
+                }
+                Parameter::Link { quantity, .. } => ParameterQuantity::named(quantity.name()),
                 Parameter::Gauge(part) => match part {
-                    GaugePart::Place(axis) => direction(Motion::Translation(axis)),
+                    GaugePart::Place(axis) => {
+                        ParameterQuantity::named(Motion::Translation(axis).name())
+                    }
                     GaugePart::Offset | GaugePart::Height => ParameterQuantity::Offset,
                     GaugePart::Tilt => ParameterQuantity::Tilt,
                     GaugePart::OtherTilt => ParameterQuantity::OtherTilt,
@@ -395,13 +386,24 @@ impl Subject {
     }
 }
 
-const fn direction(motion: Motion) -> ParameterQuantity {
-    match motion {
-        Motion::Translation(Axis::X) => ParameterQuantity::X,
-        Motion::Translation(Axis::Y) => ParameterQuantity::Y,
-        Motion::Translation(Axis::Z) => ParameterQuantity::Z,
-        Motion::Rotation(Axis::X) => ParameterQuantity::Rx,
-        Motion::Rotation(Axis::Y) => ParameterQuantity::Ry,
-        Motion::Rotation(Axis::Z) => ParameterQuantity::Rz,
+impl ParameterQuantity {
+    /// The quantity with the name of a motion or of a link's quantity.
+    fn named(name: &str) -> Self {
+        Self::of_word(name)
+            .expect("a test holds the names of motions and quantities against the words")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::LinkQuantity;
+
+    #[test]
+    fn motions_and_quantities_of_links_are_words() {
+        let motions = Motion::ALL.into_iter().map(Motion::name);
+        for name in motions.chain(LinkQuantity::ALL.into_iter().map(LinkQuantity::name)) {
+            assert_eq!(ParameterQuantity::named(name).word(), name);
+        }
     }
 }

@@ -27,10 +27,8 @@ pub struct Figure {
     pub name: String,
     /// The joint, from 1.
     pub joint: Option<usize>,
-    /// The joint's angle, rad.
     pub angle_rad: Option<f64>,
     pub value: f64,
-    /// Its standard deviation.
     pub sd: Option<f64>,
     pub unit: Unit,
     /// Its values on its control chart; `None` where it has none.

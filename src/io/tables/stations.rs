@@ -104,7 +104,6 @@ pub enum PairingVerdict {
 /// The reason why a dwell has no measurement of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unpaired {
-    /// No measurement, and why.
     Unmeasured(Unmeasured),
     /// Several measurements could belong to it.
     SeveralCandidates,

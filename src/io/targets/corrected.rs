@@ -151,46 +151,40 @@ pub fn corrected(
 ) -> Result<Table, TableError> {
     let table_id: Arc<str> = by.table_id.into();
     let names = (!by.joint_names.is_empty()).then(|| Arc::<[String]>::from(by.joint_names));
-    let rows = targets.iter().zip(outcomes).enumerate();
-    let rows = rows.map(|(place, (target, outcome))| {
-        let (table_id, joint_names) = (Arc::clone(&table_id), names.clone());
-        let (row, corrected_by) = (place, by.table);
-        CorrectedRow { row, table_id, corrected_by, joint_names, ..of_target(target, outcome) }
-    });
+    // A target's row, with the command where there is one: by how much it differs, how sure that is, and how it was found.
+    let row = |(row, (target, outcome)): (usize, (&Target, &Result<Corrected, Refused>))| {
+        let (done, refused) = (outcome.as_ref().ok(), outcome.as_ref().err());
+        let joints = done.and_then(|own| own.joints.as_ref());
+        let (stated, asked) = (target.position.as_ref(), target.orientation.as_ref());
+        CorrectedRow {
+            row,
+            target: target.name.clone(),
+            command: done.map(|own| own.command.coords().into()),
+            command_turn: done.and_then(|own| own.orientation.as_ref()).or(asked).map(xyzw),
+            configuration: target.configuration.clone(),
+            tool: target.tool.clone(),
+            table_id: Arc::clone(&table_id),
+            corrected_by: by.table,
+            joint_names: names.clone(),
+            joints_rad: joints.map(|own| own.command.clone()),
+            target_joints_rad: joints.map(|own| own.target.clone()),
+            correction_joints_rad: joints.map(JointCommand::correction),
+            target_at: done.map(|own| &own.target).or(stated).map(|place| place.coords().into()),
+            correction: done.map(|own| own.correction.into()),
+            correction_sd: done.and_then(Corrected::standard_deviation).map(Into::into),
+            correction_sd_mm: done.and_then(Corrected::standard_deviation_norm),
+            correction_frame_sd_mm: done.map(Corrected::frame_deviation_norm),
+            correction_cov_mm2: done.and_then(|own| own.covariance.as_ref()).map(upper),
+            iterations: done.map(|own| own.iterations),
+            allowed: done
+                .iter()
+                .flat_map(|own| &own.allowed)
+                .map(|own| own.word().to_owned())
+                .collect(),
+            refused: refused.map(|own| (&own.reason).into()),
+            reason: refused.map(ToString::to_string),
+        }
+    };
+    let rows = targets.iter().zip(outcomes).enumerate().map(row);
     Ok(CorrectedRow::table(rows.collect(), by.key)?.table)
-}
-
-/// The row of a target, with the command where there is one: by how much it differs, how sure that is, and how it was found.
-fn of_target(target: &Target, outcome: &Result<Corrected, Refused>) -> CorrectedRow {
-    let (done, refused) = (outcome.as_ref().ok(), outcome.as_ref().err());
-    let joints = done.and_then(|own| own.joints.as_ref());
-    let (stated, asked) = (target.position.as_ref(), target.orientation.as_ref());
-    CorrectedRow {
-        row: 0,
-        target: target.name.clone(),
-        command: done.map(|own| own.command.coords().into()),
-        command_turn: done.and_then(|own| own.orientation.as_ref()).or(asked).map(xyzw),
-        configuration: target.configuration.clone(),
-        tool: target.tool.clone(),
-        table_id: "".into(),
-        corrected_by: CorrectingTable::Compensation,
-        joint_names: None,
-        joints_rad: joints.map(|own| own.command.clone()),
-        target_joints_rad: joints.map(|own| own.target.clone()),
-        correction_joints_rad: joints.map(JointCommand::correction),
-        target_at: done.map(|own| &own.target).or(stated).map(|place| place.coords().into()),
-        correction: done.map(|own| own.correction.into()),
-        correction_sd: done.and_then(Corrected::standard_deviation).map(Into::into),
-        correction_sd_mm: done.and_then(Corrected::standard_deviation_norm),
-        correction_frame_sd_mm: done.map(Corrected::frame_deviation_norm),
-        correction_cov_mm2: done.and_then(|own| own.covariance.as_ref()).map(upper),
-        iterations: done.map(|own| own.iterations),
-        allowed: done
-            .iter()
-            .flat_map(|own| &own.allowed)
-            .map(|own| own.word().to_owned())
-            .collect(),
-        refused: refused.map(|own| (&own.reason).into()),
-        reason: refused.map(ToString::to_string),
-    }
 }

@@ -9,9 +9,7 @@ use std::path::Path;
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::angles::AngleColumns;
-use super::{
-    Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, formula, names,
-};
+use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bytes, formula, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
@@ -24,7 +22,7 @@ const TEXTS: [&str; 2] = ["configuration", "tool"];
 
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
-    let bytes = bounded::read(path, bound)?;
+    let bytes = bytes(path, bound)?;
     let decoded = decode(&bytes)
         .map_err(|fault| TargetsErrorKind::Read(io::Error::other(fault.to_string())).at(path))?;
     let text: &str = &decoded.text;

@@ -7,37 +7,38 @@ use std::path::Path;
 use nalgebra::Point3;
 use serde::Deserialize;
 
-use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
+use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bytes, formula};
 use crate::input::Bound;
 pub use crate::judgement::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
-use crate::rows::{Row as _, Word as _};
-use crate::schema::{self, KEY_COLUMNS};
+use crate::rows::{Field as _, Row as _, columns};
 use crate::table;
 
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
 
-/// One row; the file has more columns.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-struct DrivingRow {
-    robot: String,
-    session: String,
-    run: String,
-    target: String,
-    corrected_by: String,
-    x_mm: Option<f64>,
-    y_mm: Option<f64>,
-    z_mm: Option<f64>,
-    target_x_mm: Option<f64>,
-    target_y_mm: Option<f64>,
-    target_z_mm: Option<f64>,
-    correction_cov_xx_mm2: Option<f64>,
-    correction_cov_yy_mm2: Option<f64>,
-    correction_cov_zz_mm2: Option<f64>,
-    /// Files of earlier versions do not have it.
-    #[serde(default)]
-    correction_frame_sd_mm: Option<f64>,
+columns! {
+    /// One row; the file has more columns.
+    #[derive(Deserialize)]
+    pub struct DrivingRow {
+        robot: String,
+        session: String,
+        run: String,
+        target: String,
+        corrected_by: String,
+        x_mm: Option<f64>,
+        y_mm: Option<f64>,
+        z_mm: Option<f64>,
+        target_x_mm: Option<f64>,
+        target_y_mm: Option<f64>,
+        target_z_mm: Option<f64>,
+        correction_cov_xx_mm2: Option<f64>,
+        correction_cov_yy_mm2: Option<f64>,
+        correction_cov_zz_mm2: Option<f64>,
+        /// Files of earlier versions do not have it.
+        #[serde(default)]
+        correction_frame_sd_mm: Option<f64>,
+    }
 }
 
 pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
@@ -64,22 +65,19 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
 
 fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
-    let bytes = bounded::read(path, bound)?;
+    let bytes = bytes(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader.deserialize().map(|row| row.map(DrivingRow::unmarked).map_err(failed)).collect()
 }
 
 fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bounded::read(path, bound)?)
+    serde_json::from_slice(&bytes(path, bound)?)
         .map_err(|source| TargetsErrorKind::Json(source).at(path))
 }
 
 fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    let table = table::read_within(path, schema::find("corrected_targets")?, bound)?;
-    let keys = (0..table.rows())
-        .map(|row| KEY_COLUMNS.map(|column| table.text(column).value(row).to_owned()));
-    let rows = CorrectedRow::read(&table).into_iter().zip(keys);
-    Ok(rows.map(|(row, key)| DrivingRow::of(row, key)).collect())
+    let table = table::read_within(path, CorrectedRow::schema(), bound)?;
+    Ok(DrivingRow::all(&table, &[]).collect())
 }
 
 /// Checks that all numbers are finite: `nan` and `inf` can be written as text.
@@ -95,34 +93,6 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
 }
 
 impl DrivingRow {
-    fn of(row: CorrectedRow, [robot, session, run]: [String; 3]) -> Self {
-        let apart = |point: Option<[f64; 3]>| {
-            let [x, y, z] = point.unwrap_or_default();
-            [x, y, z].map(|own| point.map(|_| own))
-        };
-        let [x_mm, y_mm, z_mm] = apart(row.command);
-        let [target_x_mm, target_y_mm, target_z_mm] = apart(row.target_at);
-        let covariance = row.correction_cov_mm2;
-        let part = |place: usize| covariance.map(|own| own[place]);
-        Self {
-            robot,
-            session,
-            run,
-            target: row.target,
-            corrected_by: row.corrected_by.word().to_owned(),
-            x_mm,
-            y_mm,
-            z_mm,
-            target_x_mm,
-            target_y_mm,
-            target_z_mm,
-            correction_cov_xx_mm2: part(0),
-            correction_cov_yy_mm2: part(3),
-            correction_cov_zz_mm2: part(5),
-            correction_frame_sd_mm: row.correction_frame_sd_mm,
-        }
-    }
-
     /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
     fn unmarked(mut self) -> Self {
         let texts = [&mut self.robot, &mut self.session, &mut self.run, &mut self.target];

@@ -7,7 +7,6 @@ use thiserror::Error;
 use super::Place;
 use super::names::NamesProblem;
 use crate::at::At;
-use crate::schema::SchemaError;
 use crate::table::FileError;
 
 #[derive(Debug, Error)]
@@ -16,8 +15,6 @@ pub enum TargetsError {
     File(#[from] At<TargetsErrorKind>),
     #[error(transparent)]
     Parquet(#[from] FileError),
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
 }
 
 #[derive(Debug, Error)]

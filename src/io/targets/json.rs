@@ -9,14 +9,14 @@ use std::path::Path;
 use serde::de::DeserializeSeed as _;
 
 use super::angles::{AngleColumns, JointUnits};
-use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, names};
+use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bytes, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
 use visit::{Cell, Document, Object};
 
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
-    let bytes = bounded::read(path, bound)?;
+    let bytes = bytes(path, bound)?;
     let mut found = Found::default();
     let mut parser = serde_json::Deserializer::from_slice(&bytes);
     let read = Document(&mut found).deserialize(&mut parser);

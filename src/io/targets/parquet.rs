@@ -8,7 +8,6 @@ use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::input::Bound;
 use crate::rows::{Row as _, row};
-use crate::schema;
 use crate::table::{self, Table};
 
 row! {
@@ -32,7 +31,7 @@ row! {
 }
 
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
-    let schema = schema::find("targets")?;
+    let schema = TargetRow::schema();
     let table = table::read_within(path, schema, bound)?;
     let columns = table::head(path)?.columns;
     names::check(columns.iter().map(String::as_str))

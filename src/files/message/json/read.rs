@@ -3,6 +3,7 @@
 use super::scan::{MOST_LEVELS, Scan};
 use super::{JsonReader, Node, number, unescaped};
 use crate::message::cell::{Cell, Span};
+use crate::message::row::Target;
 use crate::message::{Decoded, MessageFault, Row, template};
 
 /// Some writers put this byte order mark before a text in UTF-8.
@@ -29,22 +30,19 @@ impl JsonReader {
         match scan.peek()? {
             b'{' => scan.members(|scan, name| match self.member(node, scan.bytes, name) {
                 Some(child) => {
-                    child.forget(row);
+                    // Of values with one name the last counts.
+                    row.oust(&child.below);
                     self.value(child, scan, row, inner)
                 }
                 None => skip(scan, row, inner),
             }),
             b'[' => self.array(node, scan, row, inner),
-            _ if node.slots.is_empty() => skip(scan, row, levels),
+            _ if node.targets.is_empty() => skip(scan, row, levels),
             _ => {
                 let cell = single(scan, row)?;
-                for &(slot, each) in &node.slots {
-                    if each {
-                        row.list(slot).set_last(cell);
-                    } else {
-                        row.set(slot, cell);
-                    }
-                    row.taken(slot, scan.at);
+                for &target in &node.targets {
+                    target.set(cell, row);
+                    row.taken(target.slot(), scan.at);
                 }
                 Ok(())
             }
@@ -65,15 +63,20 @@ impl JsonReader {
 
     fn array(&self, node: &Node, scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Decoded<()> {
         // An array inside an element of another array is no single value.
-        let whole = || node.slots.iter().filter(|(_, each)| !each);
+        let whole = || {
+            node.targets.iter().filter_map(|target| match target {
+                Target::Slot(slot) => Some(*slot),
+                Target::Last(_) => None,
+            })
+        };
         let lists = node.each.iter().flat_map(|(_, lists)| lists);
-        for &slot in lists.chain(whole().map(|(slot, _)| slot)) {
+        for slot in lists.copied().chain(whole()) {
             row.list(slot);
         }
         scan.elements(|scan, index| {
             let is_single = !matches!(scan.peek()?, b'{' | b'[');
             let start = scan.at;
-            for &(slot, _) in whole() {
+            for slot in whole() {
                 depends_on_more_from(start, scan, row);
                 row.list(slot).begin_element()?;
                 if is_single {
@@ -154,21 +157,6 @@ impl NumberSlot {
                 let mut scan = Scan { bytes, at };
                 scan.skip(levels)?;
                 Ok(scan.at)
-            }
-        }
-    }
-}
-
-impl Node {
-    /// Removes an earlier value of the same name: the last one counts.
-    fn forget(&self, row: &mut Row) {
-        for &(slot, each) in &self.below {
-            if each && !row.list(slot).last_is_absent() {
-                row.list(slot).set_last(Cell::Absent);
-                row.template.depends_on_more();
-            } else if !each && row.cell(slot) != Cell::Absent {
-                row.forget(slot);
-                row.template.depends_on_more();
             }
         }
     }

@@ -1,6 +1,6 @@
 //! JSON Schema, as far as it shows which fields messages have.
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::message::FieldPath;
 
@@ -16,23 +16,25 @@ const MOST_LEVELS: usize = 8;
 
 impl JsonSchema {
     pub fn read(bytes: &[u8]) -> Self {
-        let mut leaves = Vec::new();
-        if let Ok(schema) = serde_json::from_slice::<Value>(bytes) {
-            collect(&schema, "", MOST_LEVELS, &mut leaves);
-        }
-        Self::of(leaves)
+        Self::of(bytes, |schema| {
+            let items = schema.get("items").filter(|items| items.get("properties").is_some());
+            (schema.get("properties").and_then(Value::as_object), items)
+        })
     }
 
     /// The fields of one message, where no schema gives them.
     pub fn of_message(bytes: &[u8]) -> Self {
-        let mut leaves = Vec::new();
-        if let Ok(message) = serde_json::from_slice::<Value>(bytes) {
-            collect_values(&message, "", MOST_LEVELS, &mut leaves);
-        }
-        Self::of(leaves)
+        Self::of(bytes, |value| {
+            let first = value.as_array().and_then(|elements| elements.first());
+            (value.as_object(), first.filter(|first| first.is_object()))
+        })
     }
 
-    fn of(mut leaves: Vec<String>) -> Self {
+    fn of(bytes: &[u8], parts: Parts) -> Self {
+        let mut leaves = Vec::new();
+        if let Ok(root) = serde_json::from_slice(bytes) {
+            collect(&root, parts, "", MOST_LEVELS, &mut leaves);
+        }
         leaves.sort();
         if leaves.len() > MOST_LEAVES {
             leaves.truncate(MOST_LEAVES);
@@ -47,37 +49,24 @@ impl JsonSchema {
     }
 }
 
-fn collect(schema: &Value, path: &str, levels: usize, leaves: &mut Vec<String>) {
-    if levels == 0 || leaves.len() > MOST_LEAVES {
-        return;
-    }
-    if let Some(properties) = schema.get("properties").and_then(Value::as_object) {
-        for (name, inner) in properties {
-            let dot = if path.is_empty() { "" } else { "." };
-            collect(inner, &format!("{path}{dot}{name}"), levels - 1, leaves);
-        }
-    } else if let Some(items) =
-        schema.get("items").filter(|items| items.get("properties").is_some())
-    {
-        collect(items, &format!("{path}[]"), levels - 1, leaves);
-    } else if !path.is_empty() {
-        leaves.push(path.to_owned());
-    }
-}
+/// The members of an object, or else what each element of an array is.
+type Parts = fn(&Value) -> (Option<&Map<String, Value>>, Option<&Value>);
 
-fn collect_values(value: &Value, path: &str, levels: usize, leaves: &mut Vec<String>) {
+fn collect(value: &Value, parts: Parts, path: &str, levels: usize, leaves: &mut Vec<String>) {
     if levels == 0 || leaves.len() > MOST_LEAVES {
         return;
     }
-    let first = value.as_array().and_then(|elements| elements.first());
-    if let Some(members) = value.as_object() {
-        for (name, inner) in members {
-            let dot = if path.is_empty() { "" } else { "." };
-            collect_values(inner, &format!("{path}{dot}{name}"), levels - 1, leaves);
+    match parts(value) {
+        (Some(members), _) => {
+            for (name, inner) in members {
+                let dot = if path.is_empty() { "" } else { "." };
+                collect(inner, parts, &format!("{path}{dot}{name}"), levels - 1, leaves);
+            }
         }
-    } else if let Some(first) = first.filter(|first| first.is_object()) {
-        collect_values(first, &format!("{path}[]"), levels - 1, leaves);
-    } else if !path.is_empty() {
-        leaves.push(path.to_owned());
+        (None, Some(element)) => {
+            collect(element, parts, &format!("{path}[]"), levels - 1, leaves);
+        }
+        (None, None) if path.is_empty() => {}
+        (None, None) => leaves.push(path.to_owned()),
     }
 }

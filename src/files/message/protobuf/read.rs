@@ -1,5 +1,5 @@
 use super::descriptor::Kind;
-use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
+use super::reader::{Action, Entry, Messages, Node, ProtobufReader};
 use super::wire::{Wire, wire_type};
 use crate::message::cell::{Cell, Span};
 use crate::message::{Decoded, MessageFault, Row, template};
@@ -53,7 +53,7 @@ impl ProtobufReader {
     ) -> Decoded<()> {
         match &entry.action {
             Action::Value(target, kind) if kind.wire_type() == wire_type => {
-                oust(&entry.ousts, row);
+                row.oust(&entry.ousts);
                 target.set(kind.take(wire, row)?, row);
                 row.taken(target.slot(), wire.at);
                 Ok(())
@@ -69,7 +69,7 @@ impl ProtobufReader {
                 Ok(())
             }),
             Action::Message(node) if is_message(wire_type) => {
-                oust(&entry.ousts, row);
+                row.oust(&entry.ousts);
                 self.nested(*node, entry.number, wire_type, wire, row)
             }
             Action::Messages(messages) if is_message(wire_type) => {
@@ -77,7 +77,7 @@ impl ProtobufReader {
                 self.nested(node, entry.number, wire_type, wire, row)
             }
             Action::Skip => {
-                oust(&entry.ousts, row);
+                row.oust(&entry.ousts);
                 skip(entry.number, wire_type, wire, row)
             }
             _ => skip(entry.number, wire_type, wire, row),
@@ -155,41 +155,6 @@ impl NumberSlot {
             Stored::Unwanted { number, wire_type } => wire.skip(number, wire_type)?,
         }
         if wire.at - at == self.size { Ok(wire.at) } else { Err(MessageFault::Wire) }
-    }
-}
-
-fn oust(targets: &[Target], row: &mut Row) {
-    for &target in targets {
-        if !target.is_absent(row) {
-            row.template.depends_on_more();
-        }
-        match target {
-            Target::Slot(slot) => row.forget(slot),
-            Target::Last(_) => target.set(Cell::Absent, row),
-        }
-    }
-}
-
-impl Target {
-    #[inline]
-    fn set(self, cell: Cell, row: &mut Row) {
-        match self {
-            Self::Slot(slot) => row.set(slot, cell),
-            Self::Last(slot) => row.list(slot).set_last(cell),
-        }
-    }
-
-    const fn slot(self) -> usize {
-        match self {
-            Self::Slot(slot) | Self::Last(slot) => slot,
-        }
-    }
-
-    fn is_absent(self, row: &mut Row) -> bool {
-        match self {
-            Self::Slot(slot) => row.cell(slot) == Cell::Absent,
-            Self::Last(slot) => row.list(slot).last_is_absent(),
-        }
     }
 }
 

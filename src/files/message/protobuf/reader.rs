@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::descriptor::{Descriptors, Field, Kind, Type};
 use crate::message::cell::Cell;
 use crate::message::path::{Segment, Want, by_element};
+use crate::message::row::Target;
 use crate::message::{FieldPath, Parsed, SchemaError};
 
 #[derive(Debug, Clone, PartialEq)]
@@ -55,13 +56,6 @@ pub(super) struct Messages {
     pub(super) lists: Vec<usize>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Target {
-    Slot(usize),
-    /// Into the last element of the list in the slot.
-    Last(usize),
-}
-
 struct Resolving<'d> {
     descriptors: &'d Descriptors,
     wanted: &'d [FieldPath],
@@ -108,7 +102,7 @@ impl Resolving<'_> {
             let action = if inner.is_empty() {
                 Action::Skip
             } else {
-                members.extend(inner.iter().map(|want| (field.oneof, field.number, target(want))));
+                members.extend(inner.iter().map(|want| (field.oneof, field.number, want.target())));
                 self.action(field, &inner, &mut node)?
             };
             let (number, ousts) = (field.number, Vec::new());
@@ -136,7 +130,7 @@ impl Resolving<'_> {
             (Kind::Message(inner), true) => self.messages(inner, wants, node).map(Action::Messages),
             (kind, false) => match wants {
                 [want] if want.rest.is_empty() => {
-                    let target = target(want);
+                    let target = want.target();
                     if field.default != Cell::Absent {
                         node.defaults.push((target, field.default));
                     }
@@ -202,8 +196,4 @@ impl Resolving<'_> {
     fn wrong_type(&self, want: &Want<'_>, found: &str) -> SchemaError {
         SchemaError::WrongType { path: self.wanted[want.slot].to_string(), found: found.to_owned() }
     }
-}
-
-const fn target(want: &Want<'_>) -> Target {
-    if want.each { Target::Last(want.slot) } else { Target::Slot(want.slot) }
 }

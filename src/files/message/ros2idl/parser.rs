@@ -44,23 +44,6 @@ pub(super) enum RawType {
     Sequence(Box<RawType>),
 }
 
-/// A built-in type of two numbers: seconds and nanoseconds.
-pub(super) fn built_in(short_name: &str) -> Struct {
-    let (package, name) = short_name.split_once('/').unwrap_or(("", short_name));
-    let member = |name: &str, of| Member {
-        line: 0,
-        name: name.to_owned(),
-        of: RawType::Known(FieldType::Primitive(of)),
-        shape: Shape::One,
-    };
-    Struct {
-        scope: vec![package.to_owned(), "msg".to_owned()],
-        name: name.to_owned(),
-        members: vec![member("sec", Primitive::I32), member("nanosec", Primitive::U32)],
-        extensibility: Extensibility::Unstated,
-    }
-}
-
 pub(super) fn parse(text: &str) -> Result<Parsed, SchemaError> {
     let tokens = tokens(text);
     let mut parser =

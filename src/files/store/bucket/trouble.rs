@@ -8,7 +8,6 @@ use object_store::client::{HttpError, HttpErrorKind};
 use super::{Place, StoreError};
 use crate::store::BucketTrouble;
 
-/// Reason for an object that is no longer the one listed.
 const CHANGED: &str = "it changed meanwhile";
 const LONGEST: usize = 300;
 

@@ -11,7 +11,7 @@ use arrow_schema::DataType;
 use super::{CLOSE, cells};
 use crate::table::Table;
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Rows {
     pub both: Vec<(usize, usize)>,
     pub only_published: Vec<usize>,
@@ -38,12 +38,11 @@ pub(super) fn pair(published: &Table, computed: &Table, ignored: &[&str]) -> Row
     let in_step = published.rows() == computed.rows()
         && words.iter().all(alike)
         && (0..published.rows()).all(|row| left.order(row, &right, row).is_eq());
+    let mut rows = Rows { in_step, ..Rows::default() };
     if in_step {
-        let both = (0..published.rows()).map(|row| (row, row)).collect();
-        return Rows { both, only_published: Vec::new(), only_computed: Vec::new(), in_step };
+        rows.both = (0..published.rows()).map(|row| (row, row)).collect();
+        return rows;
     }
-    let mut rows =
-        Rows { both: Vec::new(), only_published: Vec::new(), only_computed: Vec::new(), in_step };
     for (own, other) in groups(published, computed, &words).into_values() {
         rows.merge(&left, &own, &right, &other);
     }

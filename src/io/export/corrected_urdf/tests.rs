@@ -3,7 +3,7 @@ use super::*;
 /// The text of the only joint with another origin: (1, 2, 3) m and a turn about x.
 fn changed(text: &str) -> String {
     let whole = format!("<robot name=\"r\">{text}</robot>");
-    let document = urdf_chain::document(&whole).unwrap();
+    let document = urdf::document(&whole).unwrap();
     let joint = document.root_element().first_element_child().unwrap();
     let origin = crate::geometry::isometry_from_rpy([1000.0, 2000.0, 3000.0], [0.5, 0.0, 0.0]);
     let all = edits(&whole, joint, &origin);

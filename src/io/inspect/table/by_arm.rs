@@ -11,8 +11,7 @@ use nalgebra::{DMatrix, Matrix3};
 use super::choices::{Choice, Part};
 use super::columns::number;
 use super::roles::Whose;
-use super::spread::spread;
-use super::sum::position;
+use super::sum::{position, spread};
 use crate::ingest::{AngleUnit, LengthUnit};
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;
@@ -177,7 +176,7 @@ impl Bench<'_> {
         let spread = spread(self.table, &self.choices[choice].targets[0].position);
         let moving = LENGTHS.into_iter().filter(|unit| unit.to_mm() * spread > gate_mm());
         let moving: Vec<LengthUnit> = moving.collect();
-        let mut all = Vec::new();
+        let (mut all, median_mm) = (Vec::new(), f64::INFINITY);
         let known = self.arms.known.iter().enumerate();
         for (arm, known) in known.filter(|(_, known)| known.arm.joints().len() == joints) {
             let slides = if known.arm.has_slides() { &LENGTHS[..] } else { &LENGTHS[..1] };
@@ -187,15 +186,7 @@ impl Bench<'_> {
                 for (length, is_reversed) in
                     moving.iter().flat_map(|length| [(*length, false), (*length, true)])
                 {
-                    all.push(Tried {
-                        choice,
-                        arm,
-                        angle,
-                        slide,
-                        length,
-                        is_reversed,
-                        median_mm: f64::INFINITY,
-                    });
+                    all.push(Tried { choice, arm, angle, slide, length, is_reversed, median_mm });
                 }
             }
         }

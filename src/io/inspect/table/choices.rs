@@ -6,7 +6,8 @@ use super::columns::ColumnSummary;
 use super::long::Long;
 use super::names::Sense;
 use super::roles::{JointSet, Placed, Roles, TurnColumns, Whose};
-use super::sum::{Position, Sum};
+use super::sum::Position;
+use crate::station_table::Sum;
 
 const MOST: usize = 60;
 /// Numbers of joints that are looked for where neither names nor an arm tell.

@@ -25,7 +25,7 @@ pub struct ColumnSummary {
 }
 
 impl ColumnSummary {
-    fn of(table: &MeasuredTable, column: usize) -> Self {
+    pub(super) fn of(table: &MeasuredTable, column: usize) -> Self {
         let name = table.columns()[column].clone();
         let unit_line = table.units.as_ref().and_then(|units| units.get(column));
         let named = Named::of(&name, unit_line.map(String::as_str));
@@ -96,10 +96,6 @@ impl ColumnSummary {
 /// The largest absolute value in several columns.
 pub fn largest(columns: &[ColumnSummary], of: impl IntoIterator<Item = usize>) -> f64 {
     of.into_iter().map(|column| columns[column].largest()).fold(0.0, f64::max)
-}
-
-pub fn summaries(table: &MeasuredTable) -> Vec<ColumnSummary> {
-    (0..table.columns().len()).map(|column| ColumnSummary::of(table, column)).collect()
 }
 
 /// The number in a cell; `None` where a reading is missing there.

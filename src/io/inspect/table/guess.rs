@@ -152,7 +152,6 @@ impl Judged {
         let session = uses::session(table, columns, &roles.used());
         let rows = main_rows(table, session.as_ref().map(|(column, _)| *column), long.as_ref());
         let verdict = by_arm::verdict(table, &rows, &choices, arms);
-        let session = session.map(|(column, counts)| (column, counts.into_keys().collect()));
         Ok(Self { roles, long, choices, session, rows, verdict })
     }
 
@@ -379,7 +378,6 @@ impl<'t> Work<'t> {
         }
     }
 
-    /// What was seen and is not used.
     fn notes(&self, roles: &Roles, has_commands: bool) -> Vec<String> {
         let mut notes = roles.notes.clone();
         let chosen: Vec<usize> = self.choice.placed().collect();
@@ -426,21 +424,16 @@ fn in_words(choice: &Choice, names: &[String]) -> String {
 
 fn angle_by_size(columns: &[ColumnSummary], choice: &Choice) -> AngleUnit {
     let largest = largest(columns, choice.joints.columns.iter().copied());
-    stated_angle(columns, choice).unwrap_or(if largest > LARGEST_RAD {
-        AngleUnit::Deg
-    } else {
-        AngleUnit::Rad
-    })
+    let by_size = if largest > LARGEST_RAD { AngleUnit::Deg } else { AngleUnit::Rad };
+    stated_angle(columns, choice).unwrap_or(by_size)
 }
 
-/// The unit of positions by the size of their numbers.
 fn length_by_size(columns: &[ColumnSummary], choice: &Choice) -> LengthUnit {
     let largest = largest(columns, choice.placed());
     let by_size = if largest > LARGEST_M { LengthUnit::Mm } else { LengthUnit::M };
     stated_length(columns, choice).unwrap_or(by_size)
 }
 
-/// The unit that the name of a joint's column states.
 fn stated_angle(columns: &[ColumnSummary], choice: &Choice) -> Option<AngleUnit> {
     choice.joints.columns.iter().find_map(|&column| match columns[column].named.unit {
         Some(StatedUnit::Angle(unit)) => Some(unit),

@@ -6,11 +6,11 @@ use super::columns::{ColumnSummary, largest, number};
 use super::groups::{self, AxisGroup, NumberedGroup};
 use super::matrices::Matrices;
 use super::names::{Sense, any_has, has_sense};
-use super::spread::spread;
-use super::sum::{Position, Sum, position};
+use super::sum::{Position, position, spread};
 use crate::figures::median;
 use crate::geometry::align;
 use crate::measured_table::MeasuredTable;
+use crate::station_table::Sum;
 
 /// Angles and lengths beyond this are no angles in degrees: a turn, with some room.
 const LARGEST_DEG: f64 = 400.0;
@@ -365,7 +365,6 @@ fn may_be_joint(column: &ColumnSummary) -> bool {
     column.is_numeric() && !is_other && !deviates
 }
 
-/// The columns with the names of an arm's joints.
 fn of_names(columns: &[ColumnSummary], names: &[String]) -> Option<Vec<usize>> {
     let column =
         |name: &String| columns.iter().position(|own| own.name.trim().eq_ignore_ascii_case(name));

@@ -1,43 +1,7 @@
-use super::columns::number;
+use crate::figures::median;
+use crate::ingest::MISSING;
 use crate::measured_table::MeasuredTable;
-
-/// Columns, each with its sign.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sum(Vec<(f64, usize)>);
-
-impl Sum {
-    pub fn of(column: usize) -> Self {
-        Self(vec![(1.0, column)])
-    }
-
-    /// This with one column more, added or (−1) taken away.
-    #[must_use]
-    pub fn with(&self, sign: f64, column: usize) -> Self {
-        Self([&self.0[..], &[(sign, column)]].concat())
-    }
-
-    pub fn columns(&self) -> impl Iterator<Item = usize> + '_ {
-        self.0.iter().map(|(_, column)| *column)
-    }
-
-    /// Its value in a row; `None` where a cell has no number.
-    pub fn value(&self, table: &MeasuredTable, row: usize) -> Option<f64> {
-        self.0
-            .iter()
-            .try_fold(0.0, |sum, &(sign, column)| Some(sum + sign * number(table, row, column)?))
-    }
-
-    /// As `[stations]` writes it.
-    pub fn text(&self, names: &[String]) -> String {
-        let mut text = String::new();
-        for (place, &(sign, column)) in self.0.iter().enumerate() {
-            let operator = if sign < 0.0 { " - " } else { " + " };
-            text += if place == 0 { "" } else { operator };
-            text += &names[column];
-        }
-        text
-    }
-}
+use crate::station_table::{Sum, Value};
 
 /// A position as a table has it: x, y and z.
 pub type Position = [Sum; 3];
@@ -45,7 +9,24 @@ pub type Position = [Sum; 3];
 /// The unit is that of the columns; `None` where a cell has no number, or all three are 0, which instruments write
 /// where they measured nothing.
 pub fn position(sums: &Position, table: &MeasuredTable, row: usize) -> Option<[f64; 3]> {
+    let number = |sum: &Sum| match sum.value(table, row, &MISSING) {
+        Value::Number(number) => Some(number),
+        Value::Missing(_) | Value::Text(..) => None,
+    };
     let [x, y, z] = sums;
-    let at = [x.value(table, row)?, y.value(table, row)?, z.value(table, row)?];
+    let at = [number(x)?, number(y)?, number(z)?];
     at.iter().any(|value| *value != 0.0).then_some(at)
+}
+
+/// Median distance from the median position, in the unit of the columns; 0 of nothing. Missing readings are left out.
+pub fn spread(table: &MeasuredTable, sums: &Position) -> f64 {
+    let points: Vec<[f64; 3]> =
+        (0..table.row_count()).filter_map(|row| position(sums, table, row)).collect();
+    let middle = [0, 1, 2].map(|axis| {
+        median(&points.iter().map(|point| point[axis]).collect::<Vec<_>>()).unwrap_or(0.0)
+    });
+    let apart = |point: &[f64; 3]| {
+        point.iter().zip(middle).map(|(own, middle)| (own - middle).powi(2)).sum::<f64>().sqrt()
+    };
+    median(&points.iter().map(apart).collect::<Vec<_>>()).unwrap_or(0.0)
 }

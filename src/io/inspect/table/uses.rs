@@ -1,6 +1,6 @@
 //! Columns of a row besides its numbers: time, temperature, session.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use super::columns::{ColumnSummary, number};
 use super::names::Sense;
@@ -95,26 +95,23 @@ pub fn temperature(columns: &[ColumnSummary], used: &[usize]) -> Option<usize> {
     (0..columns.len()).find(fits)
 }
 
-/// The column of sessions, by its name: each session is some rows one after another. With the number of rows of each.
+/// The column of sessions, by its name: each session is some rows one after another. With their names, in order.
 pub fn session(
     table: &MeasuredTable,
     columns: &[ColumnSummary],
     used: &[usize],
-) -> Option<(usize, BTreeMap<String, usize>)> {
+) -> Option<(usize, Vec<String>)> {
     let named =
         |column: &usize| columns[*column].named.has(Sense::Session) && !used.contains(column);
     (0..columns.len()).filter(named).find_map(|column| {
         let names: Option<Vec<String>> =
             (0..table.row_count()).map(|row| name(table.cell(row, column))).collect();
         let names = names?;
-        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-        for name in &names {
-            *counts.entry(name.clone()).or_default() += 1;
-        }
+        let different: BTreeSet<&String> = names.iter().collect();
         let runs = 1 + names.windows(2).filter(|pair| pair[0] != pair[1]).count();
-        let is_session = (2..=MOST_SESSIONS).contains(&counts.len())
-            && runs == counts.len()
-            && 2 * counts.len() <= names.len();
-        is_session.then_some((column, counts))
+        let is_session = (2..=MOST_SESSIONS).contains(&different.len())
+            && runs == different.len()
+            && 2 * different.len() <= names.len();
+        is_session.then(|| (column, different.into_iter().cloned().collect()))
     })
 }

@@ -26,7 +26,7 @@ impl Frames<'_> {
             let why = Loss::Framing(cut);
             return Ok(Piece::Lost(Lost { start: cut, end: log, why, times: None }));
         }
-        let chunk = self.chunk(start)?.filter(ChunkRecord::has_known_compression);
+        let chunk = self.chunk(start, op::CHUNK)?.filter(ChunkRecord::has_known_compression);
         let times = chunk.as_ref().map(|chunk| (chunk.start_time, chunk.end_time));
         self.log.chunked |= chunk.is_some();
         let found = self.resynchronise(start + 1, Among::Data)?;
@@ -88,7 +88,8 @@ impl Frames<'_> {
         let Judged::Sound { end, opcode } = self.judge(at)? else { return Ok(false) };
         match opcode {
             op::CHUNK => {
-                Ok(self.chunk(at)?.is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER)))
+                let chunk = self.chunk(at, op::CHUNK)?;
+                Ok(chunk.is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER)))
             }
             op::DATA_END => self.summary_follows(end),
             _ => self.is_chain(end),

@@ -8,7 +8,7 @@ use mcap::MAGIC;
 use super::again::Among;
 use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece, lost};
-use crate::log::record::{FRAME_HEADER, op};
+use crate::log::record::{FRAME_HEADER, frame_header, op};
 use crate::log::summary::{self, Ending};
 
 const MARK: u64 = MAGIC.len() as u64;
@@ -120,14 +120,11 @@ impl Frames<'_> {
 
     /// Opcode and end of the frame at `at`; `None` where it does not end within the file.
     fn frame(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
-        let header = self.source.probe(at, 9)?;
-        let length = header.get(1..9).and_then(|length| length.first_chunk());
-        let (Some(&opcode), Some(length)) = (header.first(), length) else { return Ok(None) };
-        let end = u64::from_le_bytes(*length)
-            .checked_add(FRAME_HEADER)
-            .and_then(|length| length.checked_add(at));
-        let end = end.filter(|&end| end <= self.source.length());
-        Ok(end.map(|end| (opcode, end)))
+        let Some((opcode, length)) = frame_header(self.source.probe(at, 9)?) else {
+            return Ok(None);
+        };
+        let end = length.checked_add(FRAME_HEADER).and_then(|length| length.checked_add(at));
+        Ok(end.filter(|&end| end <= self.source.length()).map(|end| (opcode, end)))
     }
 
     /// Whether the file's footer states that a summary begins here, and its checksum shows that it is damaged.

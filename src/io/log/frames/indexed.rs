@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use crate::log::record::{FRAME_HEADER, indexed_messages, op};
+use crate::log::record::{FRAME_HEADER, frame_header, indexed_messages, op};
 use crate::log::source::Source;
 
 /// Counts by channel, for a chunk that cannot be read; `None` where there are no indexes.
@@ -11,9 +11,7 @@ pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTr
     let mut found = BTreeMap::new();
     loop {
         let header = source.probe(at, 15)?;
-        let length = header.get(1..9).and_then(|length| length.first_chunk());
-        let (Some(&op::MESSAGE_INDEX), Some(length)) = (header.first(), length) else { break };
-        let length = u64::from_le_bytes(*length);
+        let Some((op::MESSAGE_INDEX, length)) = frame_header(header) else { break };
         let Some((channel, messages)) = header.get(9..).and_then(|b| indexed_messages(b, length))
         else {
             break;

@@ -3,7 +3,9 @@
 use std::io;
 
 use super::{Frames, Loss};
-use crate::log::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op};
+use crate::log::record::{
+    ChunkRecord, FRAME_HEADER, MessageRecord, extends, frame_header, indexed_messages, op,
+};
 
 /// Of a broken frame the place or the length cannot be right.
 pub(super) enum Judged {
@@ -15,11 +17,7 @@ pub(super) enum Judged {
 impl Frames<'_> {
     pub(super) fn judge(&mut self, start: u64) -> io::Result<Judged> {
         let length_of_file = self.source.length();
-        let header = self.source.probe(start, 9)?;
-        let Some((&[opcode], length)) = header.split_first_chunk::<1>() else {
-            return Ok(Judged::Broken(Loss::Truncated));
-        };
-        let Some(length) = length.first_chunk::<8>().map(|l| u64::from_le_bytes(*l)) else {
+        let Some((opcode, length)) = frame_header(self.source.probe(start, 9)?) else {
             return Ok(Judged::Broken(Loss::Truncated));
         };
         if opcode == 0 {
@@ -97,10 +95,7 @@ impl Frames<'_> {
 
     /// Whether an application-specific record is a chunk with one bit wrong.
     fn was_a_chunk(&mut self, start: u64, length: u64) -> io::Result<bool> {
-        let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
-        let opcode = bytes.first().map(|opcode| opcode & !op::FIRST_PRIVATE);
-        let body = bytes.get(9..).filter(|_| opcode == Some(op::CHUNK));
-        let chunk = body.and_then(ChunkRecord::read);
+        let chunk = self.chunk(start, op::CHUNK | op::FIRST_PRIVATE)?;
         Ok(chunk.is_some_and(|chunk| chunk.is_certain(length)))
     }
 
@@ -112,18 +107,13 @@ impl Frames<'_> {
 
     /// A quick test: the end of the file or of a log, or an opcode in use and a plausible length.
     pub(super) fn could_follow(&mut self, start: u64) -> io::Result<bool> {
-        if start == self.source.length() {
-            return Ok(true);
-        }
-        if self.has_magic(start)? {
+        if start == self.source.length() || self.has_magic(start)? {
             return Ok(true);
         }
         let most = self.limits.record_bytes.max(self.source.length());
         let header = self.source.probe(start, 9)?;
-        Ok(match (header.first(), header.get(1..9).and_then(|l| l.first_chunk::<8>())) {
-            (Some(1..=op::DATA_END | op::FIRST_PRIVATE..), Some(length)) => {
-                u64::from_le_bytes(*length) <= most
-            }
+        Ok(match (header.first(), frame_header(header)) {
+            (Some(1..=op::DATA_END | op::FIRST_PRIVATE..), Some((_, length))) => length <= most,
             (Some(1..=op::DATA_END), None) => true,
             _ => false,
         })

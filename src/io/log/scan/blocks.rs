@@ -26,7 +26,7 @@ pub(super) fn settle<V: Visitor>(
     } else {
         read_summary.count(chunk.as_ref(), block.messages);
         for (opcode, count) in &block.private_records {
-            read_summary.private(*opcode, *count);
+            *read_summary.private_records.entry(*opcode).or_default() += count;
         }
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }

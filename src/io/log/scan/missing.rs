@@ -5,7 +5,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::super::summary::Statistics;
+use super::super::record::Statistics;
+use super::super::summary::statistics;
 use super::{FileError, LogReject, LossKind, Scan, Visitor};
 
 /// More messages than any recorder can have written: a count above it is not trusted.
@@ -62,7 +63,7 @@ where
     /// Adds rejects for those that no damage explains; `summary` is the place of a sound summary.
     pub(super) fn compare(&mut self, end: u64, summary: Option<Range<u64>>) -> Result<(), E> {
         let source = &mut *self.frames.source;
-        let stated = summary.map(|range| Statistics::read(source, range));
+        let stated = summary.map(|range| statistics(source, range));
         let stated = stated.transpose().map_err(|source| self.io(source))?.flatten();
         let missing =
             Missing::new(stated.as_ref(), &self.read.by_channel(), &self.lost.by_channel());

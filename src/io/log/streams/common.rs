@@ -1,7 +1,7 @@
 //! The message types that need no field paths, and the streams that can be made of them.
 
 use super::Stream;
-use super::layout::Meaning;
+use super::layout::{Meaning, PoseParts};
 use crate::message::rosmsg;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,7 +26,8 @@ pub(super) struct Common {
     names: &'static [&'static str],
     pub(super) layout: Layout,
     pub(super) stamp: &'static str,
-    pub(super) fields: &'static [&'static str],
+    /// Paths of the values; one that ends in `.xyz` or `.xyzw` stands for a path to each letter.
+    fields: &'static [&'static str],
 }
 
 const HEADER: &str = "header.stamp";
@@ -56,43 +57,36 @@ const COMMON: [Common; 13] = [
         "timestamp",
         &["joints[].name", "joints[].position"],
     ),
-    of(&["geometry_msgs/PoseStamped"], Layout::Pose, HEADER, &POSE),
-    of(&["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"], Layout::Pose, "timestamp", &POSE),
+    of(
+        &["geometry_msgs/PoseStamped"],
+        Layout::Pose,
+        HEADER,
+        &["pose.position.xyz", "pose.orientation.xyzw"],
+    ),
+    of(
+        &["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"],
+        Layout::Pose,
+        "timestamp",
+        &["pose.position.xyz", "pose.orientation.xyzw"],
+    ),
     of(
         &["geometry_msgs/TransformStamped"],
         Layout::Pose,
         HEADER,
-        &[
-            "transform.translation.x",
-            "transform.translation.y",
-            "transform.translation.z",
-            "transform.rotation.x",
-            "transform.rotation.y",
-            "transform.rotation.z",
-            "transform.rotation.w",
-        ],
+        &["transform.translation.xyz", "transform.rotation.xyzw"],
     ),
-    of(&["geometry_msgs/PointStamped"], Layout::Point, HEADER, &["point.x", "point.y", "point.z"]),
+    of(&["geometry_msgs/PointStamped"], Layout::Point, HEADER, &["point.xyz"]),
     of(
         &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
         Layout::Point,
         "timestamp",
-        &["point.x", "point.y", "point.z"],
+        &["point.xyz"],
     ),
     of(
         &["geometry_msgs/PoseWithCovarianceStamped"],
         Layout::PoseWithCovariance,
         HEADER,
-        &[
-            "pose.pose.position.x",
-            "pose.pose.position.y",
-            "pose.pose.position.z",
-            "pose.pose.orientation.x",
-            "pose.pose.orientation.y",
-            "pose.pose.orientation.z",
-            "pose.pose.orientation.w",
-            "pose.covariance",
-        ],
+        &["pose.pose.position.xyz", "pose.pose.orientation.xyzw", "pose.covariance"],
     ),
     of(
         &["tf2_msgs/TFMessage", "tf/tfMessage"],
@@ -100,13 +94,8 @@ const COMMON: [Common; 13] = [
         "transforms[0].header.stamp",
         &[
             "transforms[].child_frame_id",
-            "transforms[].transform.translation.x",
-            "transforms[].transform.translation.y",
-            "transforms[].transform.translation.z",
-            "transforms[].transform.rotation.x",
-            "transforms[].transform.rotation.y",
-            "transforms[].transform.rotation.z",
-            "transforms[].transform.rotation.w",
+            "transforms[].transform.translation.xyz",
+            "transforms[].transform.rotation.xyzw",
         ],
     ),
     of(
@@ -115,13 +104,8 @@ const COMMON: [Common; 13] = [
         HEADER,
         &[
             "markers[].id",
-            "markers[].pose.pose.position.x",
-            "markers[].pose.pose.position.y",
-            "markers[].pose.pose.position.z",
-            "markers[].pose.pose.orientation.x",
-            "markers[].pose.pose.orientation.y",
-            "markers[].pose.pose.orientation.z",
-            "markers[].pose.pose.orientation.w",
+            "markers[].pose.pose.position.xyz",
+            "markers[].pose.pose.orientation.xyzw",
             "markers[].pose.covariance",
         ],
     ),
@@ -131,13 +115,8 @@ const COMMON: [Common; 13] = [
         HEADER,
         &[
             "detections[].id",
-            "detections[].pose.pose.pose.position.x",
-            "detections[].pose.pose.pose.position.y",
-            "detections[].pose.pose.pose.position.z",
-            "detections[].pose.pose.pose.orientation.x",
-            "detections[].pose.pose.pose.orientation.y",
-            "detections[].pose.pose.pose.orientation.z",
-            "detections[].pose.pose.pose.orientation.w",
+            "detections[].pose.pose.pose.position.xyz",
+            "detections[].pose.pose.pose.orientation.xyzw",
             "detections[].pose.pose.covariance",
         ],
     ),
@@ -145,27 +124,8 @@ const COMMON: [Common; 13] = [
         &["ros2_aruco_interfaces/ArucoMarkers"],
         Layout::Markers,
         HEADER,
-        &[
-            "marker_ids",
-            "poses[].position.x",
-            "poses[].position.y",
-            "poses[].position.z",
-            "poses[].orientation.x",
-            "poses[].orientation.y",
-            "poses[].orientation.z",
-            "poses[].orientation.w",
-        ],
+        &["marker_ids", "poses[].position.xyz", "poses[].orientation.xyzw"],
     ),
-];
-
-const POSE: [&str; 7] = [
-    "pose.position.x",
-    "pose.position.y",
-    "pose.position.z",
-    "pose.orientation.x",
-    "pose.orientation.y",
-    "pose.orientation.z",
-    "pose.orientation.w",
 ];
 
 const TEMPERATURE: Common =
@@ -196,31 +156,36 @@ impl Layout {
     }
 
     pub(super) const fn meaning(self) -> Meaning {
+        let has_covariance = matches!(self, Self::PoseWithCovariance | Self::MarkersWithCovariance);
+        let parts =
+            PoseParts { orientation: !matches!(self, Self::Point), covariance: has_covariance };
         match self {
             Self::Joints => Meaning::NamedAngles,
             Self::Temperature => Meaning::Temperature,
             Self::Length => Meaning::Lengths,
-            Self::Markers | Self::MarkersWithCovariance => Meaning::Poses {
-                orientation: true,
-                covariance: matches!(self, Self::MarkersWithCovariance),
-            },
-            Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
-                orientation: !matches!(self, Self::Point),
-                covariance: matches!(self, Self::PoseWithCovariance),
-            },
+            Self::Markers | Self::MarkersWithCovariance => Meaning::Poses(parts),
+            Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose(parts),
         }
     }
 }
 
 impl Common {
-    /// The path of the targets' names, of an array of poses, and those of the other values.
-    pub(super) fn target_and_fields(&self) -> (Option<&'static str>, &'static [&'static str]) {
-        match (self.layout, self.fields) {
-            (Layout::Markers | Layout::MarkersWithCovariance, [target, fields @ ..]) => {
-                (Some(target), fields)
+    /// The path of each value.
+    pub(super) fn fields(&self) -> Vec<String> {
+        let each = |path: &&str| match path.rsplit_once('.') {
+            Some((place, letters @ ("xyz" | "xyzw"))) => {
+                letters.chars().map(|letter| format!("{place}.{letter}")).collect()
             }
-            (_, fields) => (None, fields),
-        }
+            _ => vec![(*path).to_owned()],
+        };
+        self.fields.iter().flat_map(each).collect()
+    }
+
+    /// The path of the targets' names, of an array of poses, and those of the other values.
+    pub(super) fn target_and_fields(&self) -> (Option<&'static str>, Vec<String>) {
+        let is_array = matches!(self.layout, Layout::Markers | Layout::MarkersWithCovariance);
+        let target = self.fields.first().copied().filter(|_| is_array);
+        (target, self.fields().split_off(usize::from(is_array)))
     }
 }
 

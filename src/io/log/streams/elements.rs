@@ -1,6 +1,7 @@
 //! Messages with an array of poses: names or numbers and poses of all markers, as arrays of structures or side by side.
 //! The reader has gathered each value of the elements into a list ([`crate::message`]).
 
+use super::layout::PoseParts;
 use super::reader::{RowFault, Values};
 use crate::ingest::{LoggedCovariance, TargetName};
 use crate::message::{Numbers, Text, Value};
@@ -10,8 +11,7 @@ pub(super) type Element = ([f64; 3], Option<[f64; 4]>, Option<LoggedCovariance>)
 pub(super) struct ElementColumns<'m> {
     pub(super) values: Values<'m>,
     pub(super) first: usize,
-    pub(super) orientation: bool,
-    pub(super) covariance: bool,
+    pub(super) parts: PoseParts,
 }
 
 impl ElementColumns<'_> {
@@ -23,17 +23,18 @@ impl ElementColumns<'_> {
 
     pub(super) fn element(&self, index: usize) -> Result<Element, RowFault> {
         let position = self.numbers(0, index)?;
-        let orientation = self.orientation.then(|| self.numbers(3, index));
-        let behind = if self.orientation { 7 } else { 3 };
-        let covariance = self.covariance.then(|| self.numbers(behind, index));
+        let orientation = self.parts.orientation.then(|| self.numbers(3, index));
+        let behind = if self.parts.orientation { 7 } else { 3 };
+        let covariance = self.parts.covariance.then(|| self.numbers(behind, index));
         let (orientation, covariance) = (orientation.transpose()?, covariance.transpose()?);
         Ok((position, orientation, covariance.map(LoggedCovariance::Pose)))
     }
 
     /// Zeros in every column that an element would have.
     pub(super) fn missing(&self) -> Element {
-        let covariance = LoggedCovariance::Pose([0.0; 36]);
-        ([0.0; 3], self.orientation.then_some([0.0; 4]), self.covariance.then_some(covariance))
+        let PoseParts { orientation, covariance } = self.parts;
+        let unknown = LoggedCovariance::Pose([0.0; 36]);
+        ([0.0; 3], orientation.then_some([0.0; 4]), covariance.then_some(unknown))
     }
 
     fn numbers<const N: usize>(&self, after: usize, index: usize) -> Result<[f64; N], RowFault> {

@@ -32,18 +32,19 @@ pub(super) enum Meaning {
     /// The angle of each joint of the arm.
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
-    Pose {
-        orientation: bool,
-        covariance: bool,
-    },
+    Pose(PoseParts),
     /// Lists of x, y, z, of a quaternion and of the 36 entries of a covariance where there are: an element for each
     /// pose of an array.
-    Poses {
-        orientation: bool,
-        covariance: bool,
-    },
+    Poses(PoseParts),
     Temperature,
     Lengths,
+}
+
+/// Parts that a pose has besides its position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct PoseParts {
+    pub(super) orientation: bool,
+    pub(super) covariance: bool,
 }
 
 #[derive(Debug)]
@@ -58,11 +59,12 @@ pub(super) struct Recipe {
     pub(super) reader: FieldReader,
 }
 
+#[derive(Default)]
 struct Statements<'m> {
     stamp: Option<&'m StampField>,
     frame: Option<&'m str>,
     frame_field: Option<&'m str>,
-    named: Option<(Meaning, Vec<&'m str>)>,
+    named: Option<(Meaning, Vec<String>)>,
     target: Option<&'m str>,
     ignore_orientation: bool,
 }
@@ -90,21 +92,20 @@ impl Glance {
         };
         let names = |schema: &MessageSchema| {
             let joints = common.filter(|common| common.layout == Layout::Joints)?;
-            schema.reader(&[FieldPath::parse(joints.fields[0]).ok()?]).ok()
+            schema.reader(&[FieldPath::parse(joints.fields().first()?).ok()?]).ok()
         };
         let values = |schema: &MessageSchema| {
             let common = common?;
-            let fields = match common.layout {
-                Layout::Joints => common.fields.get(1..2)?,
-                Layout::Pose | Layout::Point | Layout::PoseWithCovariance => {
-                    common.fields.get(..3)?
-                }
+            let wanted = match common.layout {
+                Layout::Joints => 1..2,
+                Layout::Pose | Layout::Point | Layout::PoseWithCovariance => 0..3,
                 Layout::Markers
                 | Layout::MarkersWithCovariance
                 | Layout::Temperature
                 | Layout::Length => return None,
             };
-            let paths = fields.iter().map(|field| FieldPath::parse(field));
+            let fields = common.fields();
+            let paths = fields.get(wanted)?.iter().map(|field| FieldPath::parse(field));
             schema.reader(&paths.collect::<Result<Vec<_>, _>>().ok()?).ok()
         };
         let schema = schema.as_ref();
@@ -150,7 +151,8 @@ impl Recipe {
                 None => beside(&stamp_path, "frame_id")?,
             });
         }
-        for field in asked.target.into_iter().chain(asked.fields) {
+        let fields = asked.fields.iter().map(String::as_str);
+        for field in asked.target.into_iter().chain(fields) {
             paths.push(FieldPath::parse(field)?);
         }
         if let Some(covariance) = asked.entries {
@@ -173,9 +175,9 @@ struct Asked<'m> {
     meaning: Meaning,
     /// Path of the target's name, where messages name their targets.
     target: Option<&'m str>,
-    fields: Vec<&'m str>,
+    fields: Vec<String>,
     /// Path of the covariance of each pose of an array, whose entries are read one by one.
-    entries: Option<&'m str>,
+    entries: Option<String>,
 }
 
 impl<'m> Statements<'m> {
@@ -209,21 +211,27 @@ impl<'m> Statements<'m> {
     ) -> Option<Asked<'m>> {
         let is_named = mapping.tracker.names_on(&wanted.topic);
         let said = self.target.filter(|_| is_named);
-        let (meaning, fields, target) = match (&self.named, common) {
+        let (mut meaning, mut fields, target) = match (&self.named, common) {
             (Some((meaning, fields)), _) => (*meaning, fields.clone(), said),
             (None, Some(common)) => {
                 let (target, fields) = common.target_and_fields();
-                (common.layout.meaning(), fields.to_vec(), target.or(said))
+                (common.layout.meaning(), fields, target.or(said))
             }
             (None, None) => return None,
         };
-        let is_array = matches!(meaning, Meaning::Poses { .. });
+        let is_array = matches!(meaning, Meaning::Poses(_));
         if is_array && (!is_named || target.is_none()) {
             return None;
         }
-        let (meaning, mut fields) = without_orientation(meaning, fields, self.ignore_orientation);
+        if let Meaning::Pose(parts) | Meaning::Poses(parts) = &mut meaning
+            && self.ignore_orientation
+            && parts.orientation
+        {
+            parts.orientation = false;
+            fields.drain(3..7);
+        }
         let entries = match meaning {
-            Meaning::Poses { covariance: true, .. } => fields.pop(),
+            Meaning::Poses(PoseParts { covariance: true, .. }) => fields.pop(),
             _ => None,
         };
         Some(Asked { meaning, target, fields, entries })
@@ -246,65 +254,46 @@ impl<'m> Statements<'m> {
     }
 
     fn of_temperatures(tracker: &'m TrackerSettings) -> Self {
-        let field = tracker.fields.temperature.as_deref();
+        let field = tracker.fields.temperature.clone();
         Self {
             stamp: tracker.fields.stamp.as_ref(),
-            frame: None,
-            frame_field: None,
             named: field.map(|field| (Meaning::Temperature, vec![field])),
-            target: None,
-            ignore_orientation: false,
+            ..Self::default()
         }
     }
 
     fn of_lengths(tracker: &'m TrackerSettings, topic: &str) -> Self {
         let own = tracker.lengths.iter().filter(|own| own.topic == topic);
         let own: Vec<&LoggedLength> = own.collect();
-        let fields = own.iter().filter_map(|own| own.field.as_deref());
-        let fields: Vec<&str> = fields.collect();
+        let fields: Vec<String> = own.iter().filter_map(|own| own.field.clone()).collect();
         Self {
             stamp: own.first().and_then(|own| own.stamp.as_ref()),
-            frame: None,
-            frame_field: None,
             named: (fields.len() == own.len()).then_some((Meaning::Lengths, fields)),
-            target: None,
-            ignore_orientation: false,
+            ..Self::default()
         }
     }
 
     fn of_joints(fields: &'m JointFields) -> Self {
-        let names = fields.names.as_deref();
-        let named = match (names, &fields.angles) {
+        let named = match (&fields.names, &fields.angles) {
             (Some(names), Some(AngleFields::Array(angles))) => {
-                Some((Meaning::NamedAngles, vec![names, angles.as_str()]))
+                Some((Meaning::NamedAngles, vec![names.clone(), angles.clone()]))
             }
-            (None, Some(AngleFields::Each(angles))) => {
-                Some((Meaning::Angles, angles.iter().map(String::as_str).collect()))
-            }
+            (None, Some(AngleFields::Each(angles))) => Some((Meaning::Angles, angles.clone())),
             _ => None,
         };
-        Self {
-            stamp: fields.stamp.as_ref(),
-            frame: None,
-            frame_field: None,
-            named,
-            target: None,
-            ignore_orientation: false,
-        }
+        Self { stamp: fields.stamp.as_ref(), named, ..Self::default() }
     }
 
     fn of_poses(fields: &'m PoseFields, frame: Option<&'m str>, ignore_orientation: bool) -> Self {
         let named = fields.position().map(|position| {
             let orientation = fields.orientation();
             let covariance = fields.covariance.as_deref();
-            let (orientation_is, covariance_is) = (orientation.is_some(), covariance.is_some());
-            let meaning = if fields.is_of_each() {
-                Meaning::Poses { orientation: orientation_is, covariance: covariance_is }
-            } else {
-                Meaning::Pose { orientation: orientation_is, covariance: covariance_is }
-            };
+            let parts =
+                PoseParts { orientation: orientation.is_some(), covariance: covariance.is_some() };
+            let meaning =
+                if fields.is_of_each() { Meaning::Poses(parts) } else { Meaning::Pose(parts) };
             let rest = orientation.into_iter().flatten().chain(covariance);
-            (meaning, position.into_iter().chain(rest).collect())
+            (meaning, position.into_iter().chain(rest).map(str::to_owned).collect())
         });
         Self {
             stamp: fields.stamp.as_ref(),
@@ -337,24 +326,4 @@ fn beside(path: &FieldPath, name: &str) -> Result<FieldPath, SchemaError> {
     let path = path.to_string();
     let inside = path.rsplit_once('.').map(|(inside, _)| inside);
     FieldPath::parse(&inside.map_or_else(|| name.to_owned(), |inside| format!("{inside}.{name}")))
-}
-
-fn without_orientation(
-    meaning: Meaning,
-    mut fields: Vec<&str>,
-    ignore: bool,
-) -> (Meaning, Vec<&str>) {
-    match meaning {
-        Meaning::Pose { orientation: true, covariance } if ignore => {
-            fields.drain(3..7);
-            let meaning = Meaning::Pose { orientation: false, covariance };
-            (meaning, fields)
-        }
-        Meaning::Poses { orientation: true, covariance } if ignore => {
-            fields.drain(3..7);
-            let meaning = Meaning::Poses { orientation: false, covariance };
-            (meaning, fields)
-        }
-        other => (other, fields),
-    }
 }

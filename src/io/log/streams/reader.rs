@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::Stream;
 use super::elements::{Element, ElementColumns, Names, is_named};
-use super::layout::{Meaning, Recipe, StampValues};
+use super::layout::{Meaning, PoseParts, Recipe, StampValues};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LoggedCovariance, TargetName, TimeSource,
     TimeUnit,
@@ -163,13 +163,14 @@ impl Reader {
             first += 1;
         }
         match (recipe.meaning, self.stream) {
-            (Meaning::NamedAngles, _) => {
-                part.order.read(values, first, joint_names, &mut part.joints)?;
-                part.joints.stamps.push(times.0);
-                part.joints.logged.push(times.1);
-            }
-            (Meaning::Angles, _) => {
-                push_angles(&mut part.joints, values, first)?;
+            (meaning @ (Meaning::NamedAngles | Meaning::Angles), _) => {
+                if meaning == Meaning::NamedAngles {
+                    part.order.read(values, first, joint_names, &mut part.joints)?;
+                } else {
+                    let angles = &mut part.joints.angles;
+                    let places = first..first + angles.joints();
+                    angles.try_push(places.map(|place| values.number(place)))?;
+                }
                 part.joints.stamps.push(times.0);
                 part.joints.logged.push(times.1);
             }
@@ -179,17 +180,17 @@ impl Reader {
                 part.temperatures.logged.push(times.1);
             }
             (Meaning::Lengths, _) => self.push_lengths(values, first, times, &mut part.lengths)?,
-            (Meaning::Pose { orientation, covariance }, stream) => {
+            (Meaning::Pose(parts), stream) => {
                 let poses = if stream == Stream::Commands {
                     &mut part.commands
                 } else {
                     let place = self.target(values, target)?;
                     part.readings.get_mut(place).ok_or(RowFault::OtherTarget)?
                 };
-                push_pose(poses, times, values, first, orientation, covariance)?;
+                push_pose(poses, times, values, first, parts)?;
             }
-            (Meaning::Poses { orientation, covariance }, _) => {
-                let columns = ElementColumns { values, first, orientation, covariance };
+            (Meaning::Poses(parts), _) => {
+                let columns = ElementColumns { values, first, parts };
                 self.push_elements(&columns, target, times, &mut part.readings)?;
             }
         }
@@ -198,12 +199,9 @@ impl Reader {
 
     pub(super) const fn rows(&self) -> usize {
         match self.recipe.meaning {
-            Meaning::Poses { .. } => self.targets.len(),
+            Meaning::Poses(_) => self.targets.len(),
             Meaning::Lengths => self.lengths.len(),
-            Meaning::NamedAngles
-            | Meaning::Angles
-            | Meaning::Pose { .. }
-            | Meaning::Temperature => 1,
+            Meaning::NamedAngles | Meaning::Angles | Meaning::Pose(_) | Meaning::Temperature => 1,
         }
     }
 
@@ -220,7 +218,7 @@ impl Reader {
         let read = read.collect::<Result<Vec<f64>, RowFault>>()?;
         for (place, length) in self.lengths.iter().zip(read) {
             let own = lengths.get_mut(*place).ok_or(RowFault::OtherTarget)?;
-            push_row(own, times, [length, 0.0, 0.0], None);
+            push_row(own, times, ([length, 0.0, 0.0], None, None));
         }
         Ok(())
     }
@@ -265,7 +263,7 @@ impl Reader {
         }
         for (place, row) in rows {
             let poses = readings.get_mut(place).ok_or(RowFault::OtherTarget)?;
-            push_element(poses, times, row);
+            push_row(poses, times, row);
         }
         Ok(())
     }
@@ -286,17 +284,6 @@ impl Reader {
             StampValues::Record => (stamp_of(message.log_time)?, 0),
         })
     }
-}
-
-fn push_element(
-    poses: &mut DecodedPoses,
-    times: Times,
-    (position, orientation, covariance): Element,
-) {
-    if let Some(covariance) = covariance {
-        poses.covariances.get_or_insert_default().push(covariance);
-    }
-    push_row(poses, times, position, orientation);
 }
 
 fn stamp_of(time: u64) -> Result<i64, RowFault> {
@@ -445,44 +432,29 @@ impl JointOrder {
     }
 }
 
-fn push_angles(
-    joints: &mut DecodedJoints,
-    values: Values<'_>,
-    first: usize,
-) -> Result<(), RowFault> {
-    let places = first..first + joints.angles.joints();
-    joints.angles.try_push(places.map(|place| values.number(place)))
-}
-
 fn push_pose(
     poses: &mut DecodedPoses,
     times: Times,
     values: Values<'_>,
     first: usize,
-    orientation: bool,
-    covariance: bool,
+    parts: PoseParts,
 ) -> Result<(), RowFault> {
     let number = |place: usize| values.number(first + place);
     let position = [number(0)?, number(1)?, number(2)?];
-    let quaternion =
-        if orientation { Some([number(3)?, number(4)?, number(5)?, number(6)?]) } else { None };
-    if covariance {
-        let slot = first + if orientation { 7 } else { 3 };
-        let own = logged_covariance(values, slot)?;
-        poses.covariances.get_or_insert_default().push(own);
-    }
-    push_row(poses, times, position, quaternion);
+    let quaternion = || all(|place| number(3 + place));
+    let quaternion = parts.orientation.then(quaternion).transpose()?;
+    let slot = first + if parts.orientation { 7 } else { 3 };
+    let covariance = parts.covariance.then(|| logged_covariance(values, slot)).transpose()?;
+    push_row(poses, times, (position, quaternion, covariance));
     Ok(())
 }
 
-fn push_row(
-    poses: &mut DecodedPoses,
-    times: Times,
-    position: [f64; 3],
-    quaternion: Option<[f64; 4]>,
-) {
+fn push_row(poses: &mut DecodedPoses, times: Times, (position, quaternion, covariance): Element) {
     if let Some(quaternion) = quaternion {
         poses.orientations.get_or_insert_default().push(quaternion);
+    }
+    if let Some(covariance) = covariance {
+        poses.covariances.get_or_insert_default().push(covariance);
     }
     poses.positions.push(position);
     poses.stamps.push(times.0);

@@ -53,7 +53,7 @@ impl<'a, 'i> Tree<'a, 'i> {
             let found = root.tag_name().name().escape_debug().to_string();
             return Err(UrdfError::NotRobot { line: line(root), found });
         }
-        let nodes = links(root)?;
+        let nodes = named(root, "link")?;
         let joints = joints(root)?;
         let mut tree = Self {
             robot: attribute(root, "name").unwrap_or_default(),
@@ -124,9 +124,7 @@ impl<'a, 'i> Tree<'a, 'i> {
     }
 
     fn circle(&self, link: &str) -> UrdfError {
-        let up = |joint: &&Joint<'a, 'i>| self.carrier(joint.parent);
-        let around = std::iter::successors(self.carrier(link), up);
-        let mut around: Vec<_> = around.take(self.joints.len()).collect();
+        let mut around: Vec<_> = self.upwards(link).take(self.joints.len()).collect();
         let end = around.iter().position(|joint| joint.parent == link);
         around.truncate(end.map_or(around.len(), |end| end + 1));
         let closing = around.iter().max_by_key(|joint| joint.node.range().start);
@@ -197,8 +195,8 @@ impl<'a, 'i> Tree<'a, 'i> {
 
     /// The joints from base to tip: up to the link that both stand on, and down.
     pub(crate) fn steps(&self, ends: &Ends<'_>) -> Vec<Step<'_, 'a, 'i>> {
-        let mut up = self.to_root(ends.base);
-        let mut down = self.to_root(ends.tip);
+        let mut up: Vec<_> = self.upwards(ends.base).collect();
+        let mut down: Vec<_> = self.upwards(ends.tip).collect();
         let is_shared = |up: &[&Joint<'_, '_>], down: &[&Joint<'_, '_>]| match (up, down) {
             ([.., a], [.., b]) => a.name == b.name,
             _ => false,
@@ -212,9 +210,10 @@ impl<'a, 'i> Tree<'a, 'i> {
         up.chain(down.map(|joint| Step { joint, is_up: false })).collect()
     }
 
-    fn to_root(&self, link: &str) -> Vec<&Joint<'a, 'i>> {
+    /// The joints from a link to the root; without end where they close a circle.
+    fn upwards(&self, link: &str) -> impl Iterator<Item = &Joint<'a, 'i>> {
         let up = |joint: &&Joint<'a, 'i>| self.carrier(joint.parent);
-        std::iter::successors(self.carrier(link), up).collect()
+        std::iter::successors(self.carrier(link), up)
     }
 }
 
@@ -254,10 +253,6 @@ fn named<'a, 'i>(robot: Node<'a, 'i>, kind: &'static str) -> Result<Vec<(&'a str
         all.push((name, node));
     }
     Ok(all)
-}
-
-fn links<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<(&'a str, Node<'a, 'i>)>> {
-    named(robot, "link")
 }
 
 fn joints<'a, 'i>(robot: Node<'a, 'i>) -> Result<Vec<Joint<'a, 'i>>> {
