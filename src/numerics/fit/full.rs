@@ -49,7 +49,7 @@ use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
 use super::observation::Observation;
 use super::observation::measured::Shown;
-use super::problem::{Freedom, Prior, Problem, Unknown, is_turned};
+use super::problem::{Prior, Problem, Unknown, is_turned};
 use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
@@ -159,22 +159,14 @@ impl FullModel {
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
         let turned = is_turned(observations);
-        let problem = Problem::with_target_turn(
-            observations,
-            arm.chain(),
-            frames,
-            Freedom::Geometry,
-            prior,
-            turned,
-        );
+        let problem = Problem::of_geometry(observations, arm, frames, prior, turned);
         let mut start = DVector::zeros(problem.unknowns.len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let settled = train::train(&problem, start.clone(), settings, up)?;
         let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
         let scale_evidence = settled.scale_evidence(&problem);
         let mut parts: Vec<_> = curves.into_iter().chain(settled.weigh_parts()).collect();
-        let empty =
-            Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
+        let empty = Problem::of_geometry(&[], arm, frames, prior, turned);
         let left_out = match purpose {
             Purpose::Published => settled.leave_one_out(&problem, up),
             Purpose::Judges => Vec::new(),

@@ -19,7 +19,7 @@ use crate::geometry::Transform;
 use crate::join::{ReadingKind, SourceId, TargetId};
 use crate::kinematics::batch::BLOCK;
 use crate::kinematics::{
-    Axis, BatchChain, BatchColumns, Chain, Element, GaugePart, HeldChain, Motion, Parameter,
+    Arm, Axis, BatchChain, BatchColumns, Chain, Element, GaugePart, HeldChain, Motion, Parameter,
 };
 
 pub(in crate::fit) use distances::DistanceRow;
@@ -127,6 +127,17 @@ impl<'a> Problem<'a> {
             precision,
             unknowns,
         }
+    }
+
+    /// [`Self::with_target_turn`] with free geometry, as the full error model has it.
+    pub(super) fn of_geometry(
+        observations: &'a [Observation],
+        arm: &Arm,
+        starts: &[Frames],
+        prior: &Prior,
+        turned: bool,
+    ) -> Self {
+        Self::with_target_turn(observations, arm.chain(), starts, Freedom::Geometry, prior, turned)
     }
 
     /// The rows of the known distances at `offsets`, whitened.
