@@ -1,5 +1,6 @@
 //! A box divided into equal cells: nodes, cells, and where a point lies in its cell.
 
+use crate::units::whole;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -97,11 +98,6 @@ impl InCell {
 impl Lattice {
     /// The lattice that covers all of `bounds` with cells no larger than `step_mm`: along each axis of size Δ the pitch is
     /// Δ / max(1, ⌈Δ/L − 10⁻⁶⌉), so a step larger than the box makes one cell.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at least one cell, and no more than there may be nodes"
-    )]
     pub fn new(bounds: &WorkBox, step_mm: f64) -> Result<Self, NoLattice> {
         let cells: [f64; 3] =
             std::array::from_fn(|axis| (bounds.size(axis) / step_mm - RIM).ceil().max(1.0));
@@ -109,7 +105,7 @@ impl Lattice {
         if nodes > MOST_NODES {
             return Err(NoLattice::TooFine { step_mm, nodes });
         }
-        Self::of_cells(bounds, cells.map(|cells| cells as usize))
+        Self::of_cells(bounds, cells.map(whole))
     }
 
     /// The lattice that divides `bounds` into so many equal cells along each axis, one at least.
@@ -185,11 +181,6 @@ impl Lattice {
     }
 
     /// The cell a point lies in; `None` outside the lattice.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked to be within the counts"
-    )]
     pub fn locate(&self, point: &Point3<f64>) -> Option<InCell> {
         let mut index = [0; 3];
         let mut fraction = Vector3::zeros();
@@ -200,7 +191,7 @@ impl Lattice {
                 return None;
             }
             let cell = place.clamp(0.0, cells).floor().min(cells - 1.0);
-            index[axis] = cell as usize;
+            index[axis] = whole(cell);
             fraction[axis] = (place - cell).clamp(0.0, 1.0);
         }
         Some(InCell { vertices: self.vertices(index), fraction })

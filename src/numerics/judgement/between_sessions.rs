@@ -20,6 +20,7 @@ use crate::fit::full::sides::{Sides, sides};
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
+use crate::units::whole;
 
 /// Number of simulated other sessions for each station.
 const DAYS: usize = 8;
@@ -122,13 +123,8 @@ impl OtherDays<'_> {
     }
 
     /// The settling error of a joint at the station whose place among all is `share`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a place among the stations"
-    )]
     fn some(&self, joint: usize, share: f64) -> f64 {
-        let place = (share * self.settling_errors.len() as f64) as usize;
+        let place = whole(share * self.settling_errors.len() as f64);
         self.settling_errors[place.min(self.settling_errors.len() - 1)].1[joint]
     }
 

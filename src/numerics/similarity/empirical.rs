@@ -1,5 +1,6 @@
 //! The empirical semivariogram: all pairs, binned by separation.
 
+use crate::units::whole;
 use rayon::prelude::*;
 
 use super::ErrorSample;
@@ -98,13 +99,8 @@ pub fn bins(
     })
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "separations are not negative; the cast saturates"
-)]
 fn bin_of(separation: f64, width: f64) -> usize {
-    (separation / width) as usize
+    whole(separation / width)
 }
 
 fn largest(

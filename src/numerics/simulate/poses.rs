@@ -7,6 +7,7 @@ use super::random::{Ingredient, Stream};
 use super::settings::{Poses, SimulateSettings};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
+use crate::units::whole;
 
 /// A commanded pose of the measured target in the base frame, and the nominal arm's joint angles for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,12 +73,7 @@ fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3]
         return Err(SimulateError::EmptyBox { lower, upper, step });
     }
     check_count(counts.iter().product())?;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked: 1 to a million"
-    )]
-    Ok(counts.map(|count| count as usize))
+    Ok(counts.map(whole))
 }
 
 fn check_count(asked: f64) -> Result<(), SimulateError> {

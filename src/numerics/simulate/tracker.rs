@@ -20,7 +20,7 @@ use super::{
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{TargetReadings, TemperatureSamples};
 use crate::kinematics::Arm;
-use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker};
+use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, whole};
 
 /// Temperature at the start, °C, and its rise over the session.
 const TEMPERATURE: (f64, f64) = (21.5, 1.8);
@@ -271,11 +271,6 @@ impl<'a> View<'a> {
     }
 
     /// The mean of all readings of a stop at which the target is stationary at `pose`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a count of readings"
-    )]
     pub(super) fn mean(&self, stop: usize, pose: &Isometry3<f64>, noise: &mut Stream) -> Mean {
         let (motion, tracker) = (&self.settings.motion, &self.settings.tracker);
         let dwell_s = self.timeline.stops[stop].end_s - self.timeline.stops[stop].start_s;
@@ -292,7 +287,7 @@ impl<'a> View<'a> {
             Translation3::from(off),
             UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad),
             (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
-            readings as usize,
+            whole(readings),
         )
     }
 
