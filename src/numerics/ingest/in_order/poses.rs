@@ -102,10 +102,6 @@ impl PoseBuffer {
 impl Buffer for PoseBuffer {
     type Block = DecodedPoses;
 
-    fn stamps_of(block: &DecodedPoses) -> &[i64] {
-        &block.stamps
-    }
-
     fn times_of(block: &mut DecodedPoses) -> (&mut [i64], &[i64]) {
         (&mut block.stamps, &block.logged)
     }
