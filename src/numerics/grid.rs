@@ -108,7 +108,6 @@ pub struct Judged {
     pub interpolation_shown: Option<f64>,
     /// The judgement that has the larger bound: `LocalCell` for a table whose local cells have it.
     pub decided_by: Judgement,
-    /// Remaining errors on held-out stations.
     pub held_out: HeldOut,
     /// Figures of the remaining errors; `None` without any station.
     pub figures: Option<Figures>,
@@ -123,7 +122,6 @@ pub struct Judged {
     pub model_bound: Option<f64>,
     /// The verdict; for local cells it only informs.
     pub verdict: Verdict,
-    /// Whether this row's table was chosen.
     pub chosen: bool,
 }
 
@@ -161,26 +159,21 @@ pub struct Table {
     pub nodes: Vec<TableNode>,
 }
 
-/// All judged steps and the table chosen among them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grids {
     /// What every step answers, before a tolerance judges it.
     pub answers: Vec<StepAnswers>,
-    /// Every step, source, interpolation and judgement.
     pub judged: Vec<Judged>,
     /// The chosen table; `None` where no step gives one.
     pub table: Option<Table>,
-    /// The reason for the choice, and the verdict on it.
     pub choice: Choice,
     /// The arm configuration of all tables, for six-axis arms.
     pub configuration: Option<Configuration>,
-    /// The power of interpolation by inverse distance.
     pub idw_power: f64,
     /// Expanded uncertainty (k = 2) of the measurement that judged, mm.
     pub guard_mm: f64,
 }
 
-/// The reason why there are no grids.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GridError {
     #[error(
@@ -191,7 +184,6 @@ pub enum GridError {
 
 #[derive(Clone, Copy)]
 pub struct GridInput<'a> {
-    /// The stations, with their errors and folds.
     pub stations: &'a [GridStation],
     /// For each fold, the errors by a model that did not see its stations.
     pub folds: &'a [ToolErrors<'a>],

@@ -70,7 +70,6 @@ pub struct StageSettings {
     pub target_is_tool: Option<bool>,
     pub similarity: SimilaritySettings,
     pub grid: GridSettings,
-    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     /// How base and target of an unseen session are found.
     pub locate: Locate,

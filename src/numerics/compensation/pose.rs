@@ -45,7 +45,6 @@ pub(super) struct Poses<'a> {
     identified: &'a IdentifiedArm,
     error_frame: &'a ErrorFrame<'a>,
     reach: &'a Reach<'a>,
-    /// Joint angles that a search may begin at, by arm configuration.
     seeds: BTreeMap<Option<Configuration>, Vec<Seed>>,
     /// After what each joint's errors repeat, rad; `None` where they do not.
     periods: Vec<Option<f64>>,
@@ -118,7 +117,6 @@ impl<'a> Poses<'a> {
         Ok(Isometry3::from_parts(translation, rotation))
     }
 
-    /// The angles in the arm's order.
     fn in_order(&self, given: &TargetJoints) -> Result<Vec<f64>, Reason> {
         let own = || self.identified.arm.joints().iter().map(|joint| &joint.name);
         let other = || Reason::Joints {

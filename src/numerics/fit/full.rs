@@ -79,7 +79,6 @@ pub enum Purpose {
     Judges,
 }
 
-/// The full error model of an arm, trained.
 #[derive(Debug)]
 pub struct FullModel {
     /// Layout, sizes, weights and coefficients that the training found.

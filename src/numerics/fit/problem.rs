@@ -157,7 +157,6 @@ impl<'a> Problem<'a> {
         pull
     }
 
-    /// The prior's part of the cost at `offsets`.
     pub(super) fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
         let away = offsets - &self.expected;
         let distances: f64 = self.distances(offsets).map(|row| row.residual.powi(2)).sum();

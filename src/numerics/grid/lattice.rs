@@ -46,29 +46,19 @@ pub struct Lattice {
     pub counts: [usize; 3],
 }
 
-/// Why a box has no lattice of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum NoLattice {
     #[error(
         "the box is flat along {axis} ({size_mm:.3} mm), and a grid needs a size along each axis: measure poses that differ \
          along {axis} too, or state [grid] box"
     )]
-    Flat {
-        axis: char,
-        /// Size of the box along it, mm.
-        size_mm: f64,
-    },
-    /// The step is so small that the lattice has too many nodes.
+    Flat { axis: char, size_mm: f64 },
     #[error(
         "a step of {step_mm} mm makes {nodes:.0} nodes of the box, more than the {most:.0} that a table may have: choose a \
          larger step",
         most = MOST_NODES
     )]
-    TooFine {
-        step_mm: f64,
-        /// Nodes that it would make.
-        nodes: f64,
-    },
+    TooFine { step_mm: f64, nodes: f64 },
 }
 
 /// The cell of a point, and the point's place in it.

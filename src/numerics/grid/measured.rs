@@ -25,16 +25,13 @@ pub struct MeasuredGrid {
     counted: Vec<f64>,
 }
 
-/// The reason why a session is not on a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotOnGrid {
-    /// Commanded positions do not repeat along an axis.
     #[error("the commanded positions do not lie on planes of equal pitch along {axis}")]
     NoPitch { axis: char },
     /// More than half of the nodes were not visited.
     #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
     Sparse { measured: usize, nodes: usize },
-    /// Tool orientations differ.
     #[error("its stations have more than one tool orientation")]
     Mixed,
 }
@@ -134,7 +131,6 @@ impl MeasuredGrid {
 /// One decimated grid: the station at each of its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated {
-    /// The positions of the nodes.
     pub lattice: Lattice,
     /// Index in the list of stations; `None` where the node was not measured.
     pub nodes: Vec<Option<usize>>,

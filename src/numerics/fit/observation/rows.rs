@@ -307,7 +307,6 @@ impl BlockRows {
         }
     }
 
-    /// The column `k`.
     pub fn column(&self, k: usize) -> &[f64] {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }
