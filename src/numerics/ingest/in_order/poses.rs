@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::covariances::{self, CovarianceCounts};
+use super::super::covariances::CovarianceCounts;
 use super::super::poses;
 use super::super::rows::{Place, RowFault, Rows};
 use super::super::{
@@ -163,7 +163,7 @@ impl Buffer for PoseBuffer {
                     return PoseCovariance::default();
                 }
                 let own = logged.judged(with_orientation, &mut self.counted);
-                covariances::in_units(&own, to_mm, 1.0)
+                own.scaled(to_mm, 1.0)
             });
             self.covariances.get_or_insert_default().extend(own);
         }
