@@ -152,17 +152,6 @@ pub enum StageError {
     Grid(#[from] GridError),
 }
 
-/// All results that follow from joined sessions.
-pub fn run<'a>(
-    arm: &'a Arm,
-    training: Vec<JoinedSession>,
-    test: Vec<JoinedSession>,
-    settings: &StageSettings,
-    progress: &dyn Progress,
-) -> Result<Outcome<'a>, StageError> {
-    results(arm, estimate(arm, (training, test), None, settings, progress)?, None, progress)
-}
-
 /// The results of an estimate, by stations with one reading each; what steps answer is not found again where it is known.
 pub fn results<'a>(
     arm: &'a Arm,

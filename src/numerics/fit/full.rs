@@ -137,19 +137,6 @@ impl FullModel {
     pub fn train(
         arm: &Arm,
         observations: &[Observation],
-        frames: &[Frames],
-        geometry: &[f64],
-        prior: &Prior,
-        settings: &FullSettings,
-        up: Option<UnitVector3<f64>>,
-    ) -> Option<Self> {
-        let start = (frames, geometry);
-        Self::train_for(arm, observations, start, prior, settings, Purpose::Published, up)
-    }
-
-    pub fn train_for(
-        arm: &Arm,
-        observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
         settings: &FullSettings,

@@ -3,7 +3,7 @@
 //!
 //! Rates of long runs: `cargo test --release --test run history:: -- --ignored --nocapture`.
 use crate::common::NOISE;
-use posegrid::fit::full::{FullModel, FullSettings};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose};
 use posegrid::fit::saved::SavedCalibration;
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::isometry_from_rpy;
@@ -80,8 +80,15 @@ pub fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
     let start = fit::identify(arm, seen, 1, Freedom::Geometry, &settings).expect("a fit");
     let quick = FullSettings { harmonics: 12, gear_lines: false, ..FullSettings::default() };
     let up = Some(nalgebra::Vector3::z_axis());
-    let model =
-        FullModel::train(arm, seen, &start.frames, &start.geometry, &settings.prior(), &quick, up);
+    let model = FullModel::train(
+        arm,
+        seen,
+        (&start.frames[..], &start.geometry[..]),
+        &settings.prior(),
+        &quick,
+        Purpose::Published,
+        up,
+    );
     let estimate = Estimate::of_full(&model.expect("a model"), &ranges(seen));
     estimate.expect("an estimate")
 }

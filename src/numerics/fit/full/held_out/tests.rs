@@ -5,7 +5,7 @@ use crate::fit::Prior;
 use crate::fit::conversion::tests::{FILES, Truth};
 use crate::fit::full::leave_one_out::leave_one_out;
 use crate::fit::full::regression::{Evidence, Posterior, Sums};
-use crate::fit::full::{FullModel, Query};
+use crate::fit::full::{FullModel, Purpose, Query};
 use crate::fit::{FitSettings, Freedom, Observation, identify_from};
 
 fn truth(beyond: fn(&mut [f64]) -> Vector3<f64>) -> Truth {
@@ -30,7 +30,15 @@ fn curves(truth: &Truth) -> PartEvidence {
     let seen = truth.observed(false);
     let (frames, offsets, prior) = geometry(truth, &seen);
     let up: Option<UnitVector3<f64>> = None;
-    let model = FullModel::train(&truth.arm, &seen, &frames, &offsets, &prior, &settings(), up);
+    let model = FullModel::train(
+        &truth.arm,
+        &seen,
+        (&frames[..], &offsets[..]),
+        &prior,
+        &settings(),
+        Purpose::Published,
+        up,
+    );
     model.expect("a model").trained.parts[0].clone()
 }
 
@@ -85,10 +93,10 @@ fn fresh_error_mm(truth: &Truth, settings: &FullSettings) -> f64 {
     let model = FullModel::train(
         &truth.arm,
         &truth.observed(false),
-        &frames,
-        &offsets,
+        (&frames[..], &offsets[..]),
         &prior,
         settings,
+        Purpose::Published,
         None,
     );
     let model = model.expect("a model");
