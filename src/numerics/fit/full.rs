@@ -149,15 +149,15 @@ impl FullModel {
         let mut start = DVector::zeros(problem.unknowns.len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let settled = train::train(&problem, start.clone(), settings, up)?;
-        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
+        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings);
         let scale_evidence = settled.scale_evidence(&problem);
         let mut parts: Vec<_> = curves.into_iter().chain(settled.weigh_parts()).collect();
         let empty = Problem::of_geometry(&[], arm, frames, prior, turned);
         let left_out = match purpose {
-            Purpose::Published => settled.leave_one_out(&problem, up),
+            Purpose::Published => settled.leave_one_out(&problem),
             Purpose::Judges => Vec::new(),
         };
-        let mut own = Self::of_settled(&problem, empty, settled, &left_out, settings, up);
+        let mut own = Self::of_settled(&problem, empty, settled, &left_out, settings);
         parts.extend(own.trained.sides.as_ref().map(Sides::evidence));
         own.trained.scale_evidence = scale_evidence;
         own.trained.parts = parts;
@@ -170,11 +170,10 @@ impl FullModel {
         settled: train::Settled,
         left_out: &[LeftOut],
         settings: &FullSettings,
-        up: Option<Vector3<f64>>,
     ) -> Self {
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let mut approach = ApproachOffsets::of(problem.observations, &settled.state.layout, &mean);
-        let around = Around::new(problem, &settled.state, up);
+        let around = Around::new(problem, &settled.state);
         let sides = Sides::of(&around, &settled.prior_mean, &settled.posterior);
         if let Some(sides) = &sides {
             approach = Some(ApproachOffsets::with(approach, &sides.variances));
@@ -184,7 +183,7 @@ impl FullModel {
         let mean = at_fitted_bases(&problem.unknowns, &mut state.offsets, mean);
         let weights = of_readings(problem.observations, &state.weights);
         let trained = StoredFull {
-            up,
+            up: state.up,
             starts: problem.starts.clone(),
             turned: is_turned(problem.observations),
             // The basis has variance one half at a random time.

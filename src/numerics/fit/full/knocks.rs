@@ -264,7 +264,7 @@ impl<'a> Small<'a> {
         }
         let target = places(|own| matches!(own.parameter, Parameter::Target(Axis::Translation(_))));
         let turns = base.iter().map(|&own| is_turn(unknowns[own].parameter)).collect();
-        let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
+        let kept = kept(&Around::new(&problem, &settled.state), &settled.prior_mean);
         let steps = rows_of_steps(&kept, &base, &target);
         let values = kept.values;
         let units = arm.joints().iter().map(Joint::per_radian).collect();

@@ -375,6 +375,7 @@ impl FullModel {
 
     fn state(&self, stations: usize) -> State {
         State {
+            up: self.trained.up,
             layout: self.trained.layout.clone(),
             components: Components::none(),
             repeatability: self.trained.repeatability.clone(),
@@ -392,7 +393,7 @@ impl FullModel {
         problem: &Problem<'_>,
         state: &State,
     ) -> Option<(Posterior, DVector<f64>, Vec<super::LeftOut>)> {
-        let around = Around::new(problem, state, self.trained.up);
+        let around = Around::new(problem, state);
         let mut expected = self.trained.mean.clone();
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
         unknowns -= &state.offsets - &self.trained.offsets;

@@ -148,9 +148,9 @@ impl StoredFull {
                 .collect(),
             span: self.span,
             middles: self.middles.clone(),
-            ..State::expected(problem, at, settings, self.up.is_some())
+            ..State::expected(problem, at, settings, self.up)
         };
-        let around = Around::new(problem, &state, self.up);
+        let around = Around::new(problem, &state);
         let evidence = evidence(&around, &prior_mean(problem, &state));
         let posterior = evidence.posterior_at(self.scale.clone());
         let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;
