@@ -214,22 +214,18 @@ impl<'a> Problem<'a> {
     /// Root mean square of measured minus predicted position over all observations of positions, per axis, mm; of measured minus
     /// predicted length where there are none.
     pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
-        let mut sum = 0.0;
-        let places = self.channels.each().iter().filter(|own| own.gauge.is_none());
-        let mut count = 0;
-        for own in places {
-            own.stations.add_squares(&own.batch(offsets), &mut sum);
-            count += 3 * own.stations.places.len();
-        }
-        if count == 0 {
-            for own in self.channels.each() {
-                let Some(gauge) = own.gauge(offsets) else {
-                    continue;
-                };
-                own.stations.add_squares_of_lengths(&own.batch(offsets), &gauge, &mut sum);
-                count += own.stations.places.len();
+        let squares = |of_lengths: bool| {
+            let (mut sum, mut count) = (0.0, 0);
+            let channels = self.channels.each().iter();
+            for own in channels.filter(|own| own.gauge.is_some() == of_lengths) {
+                let gauge = own.gauge(offsets);
+                own.stations.add_squares(&own.batch(offsets), gauge.as_ref(), &mut sum);
+                count += if of_lengths { 1 } else { 3 } * own.stations.places.len();
             }
-        }
+            (sum, count)
+        };
+        let of_places = squares(false);
+        let (sum, count) = if of_places.1 == 0 { squares(true) } else { of_places };
         (sum / count.max(1) as f64).sqrt()
     }
 
