@@ -82,29 +82,22 @@ pub enum Verdict {
     NotShown(String),
 }
 
-/// One row of the step table.
+/// One row of the step table: what the nodes of a step answer, as [`StepAnswers`] has it, and what a tolerance makes of that.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// The step asked for, mm.
     pub step_mm: f64,
     pub source: Source,
     pub interpolation: Interpolation,
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
     pub of_test: Option<String>,
-    /// Where the nodes of its table are, in the base frame; `None` for local cells and where there is no table.
     pub lattice: Option<Lattice>,
-    /// Pitch along each axis of the base frame, mm; `None` where the step does not fit.
     pub pitch_mm: Option<[f64; 3]>,
-    /// Number of nodes of the grid; for local cells, eight for each cell.
     pub nodes: usize,
     pub refused_nodes: std::collections::BTreeMap<Refusal, usize>,
     pub cells: usize,
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
-    /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,
-    /// How much of the interpolation error its stations can show: 0 at nodes, 1 at uniform places; `None` of local cells and
-    /// without a station.
     pub interpolation_shown: Option<f64>,
     /// The judgement that has the larger bound: `LocalCell` for a table whose local cells have it.
     pub decided_by: Judgement,
