@@ -131,24 +131,16 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
             station: station.station,
-            target: None,
             pose: station.pose,
-            fold: None,
             used_for_refit: place < first,
             attained: base * station.attained,
             residual: base * station.attained - wanted(station),
-            covariance: None,
-            weight: None,
             turn: turns[place],
+            ..Residual::default()
         };
+        let of = (Split::Session, session);
         ResidualSet {
-            subject: Subject {
-                split: Split::Session,
-                of_session: session.to_owned(),
-                model,
-                angles: Angles::Commanded,
-                base_refit: BaseRefit::First,
-            },
+            subject: Subject::new(of, model, Angles::Commanded, BaseRefit::First),
             residuals: stations.iter().enumerate().map(residual).collect(),
         }
     };

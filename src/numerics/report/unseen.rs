@@ -59,15 +59,9 @@ pub fn unseen_session(
             poses,
         };
         for &base_refit in &refits[usize::from(with_target)..] {
-            let subject = Subject {
-                split: Split::Session,
-                of_session: stations.session.to_owned(),
-                model,
-                angles,
-                base_refit,
-            };
-            let found = unseen.found(observations, base_refit, &finders);
-            if let Some(found) = found {
+            let of = (Split::Session, stations.session);
+            let subject = Subject::new(of, model, angles, base_refit);
+            if let Some(found) = unseen.found(observations, base_refit, &finders) {
                 let residuals = unseen.residuals(observations, &found);
                 sets.push(ResidualSet { subject, residuals });
             }
@@ -176,13 +170,12 @@ impl Unseen<'_> {
                 station: observation.station,
                 target: self.targets[place],
                 pose: observation.pose,
-                fold: None,
                 used_for_refit: found.taken[place],
                 attained,
                 residual: attained - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),
-                weight: None,
                 turn: turns[place],
+                ..Residual::default()
             })
         };
         observations.iter().zip(self.placed).enumerate().filter_map(residual).collect()
