@@ -10,6 +10,8 @@ mod files;
 mod fuzz;
 mod inspect;
 mod lengths;
+#[path = "../common/mapping.rs"]
+mod made;
 mod markers;
 mod mutator;
 mod raw;
