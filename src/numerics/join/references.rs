@@ -28,7 +28,9 @@ use shape::{Shape, State, Turned};
 use walk::{Course, Moves, Ratios};
 
 /// A reference's index among those of its session, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct ReferenceId(pub usize);
 
 /// One look at the references: a moment, and the places where those that were measured stood.

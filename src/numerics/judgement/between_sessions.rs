@@ -35,16 +35,13 @@ pub(super) fn add_between_session_variation(
     error_frame: &ErrorFrame<'_>,
 ) {
     let Some(model) = &models.full else { return };
+    let backlash = model.trained.sides.as_ref();
     let other = OtherDays {
         model,
         place,
         error_frame,
         settling_errors: sent(session),
-        beside: model
-            .trained
-            .sides
-            .as_ref()
-            .map_or_else(Vec::new, |own| beside(session, error_frame, own)),
+        beside: backlash.map_or_else(Vec::new, |own| beside(session, error_frame, own)),
         day_mm: model.any_time_variance().sqrt(),
     };
     if other.day_mm <= 0.0 && other.settling_errors.is_empty() && other.beside.is_empty() {
@@ -57,15 +54,8 @@ pub(super) fn add_between_session_variation(
 
 /// The settling errors of the session's stations (command minus feedback), by station number.
 fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
-    session
-        .joined
-        .stations
-        .iter()
-        .zip(&session.commanded.settling_errors)
-        .filter_map(|(station, settling_error)| {
-            Some((station.number, settling_error.as_ref()?.sent()?))
-        })
-        .collect()
+    let stations = session.joined.stations.iter().zip(&session.commanded.settling_errors);
+    stations.filter_map(|(own, error)| Some((own.number, error.as_ref()?.sent()?))).collect()
 }
 
 /// True minus reported axis variables by the sides of approach, by station number.

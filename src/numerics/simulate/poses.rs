@@ -28,7 +28,17 @@ pub(super) fn commanded(
     arm: &Arm,
     settings: &SimulateSettings,
 ) -> Result<Vec<Commanded>, SimulateError> {
-    let controller = Controller::new(arm, settings);
+    let cell = &settings.cell;
+    let controller = Controller {
+        arm,
+        nominal: arm.no_offsets(),
+        flange_from_target: isometry_from_rpy(
+            cell.flange_from_target_mm,
+            cell.flange_from_target_rpy,
+        ),
+        home: &settings.home,
+        seed: settings.seed,
+    };
     let turned = |rpy: &[f64; 3]| isometry_from_rpy([0.0; 3], *rpy).rotation;
     match &settings.poses {
         Poses::Grid { lower_mm, upper_mm, step_mm, orientation_rpy } => {
@@ -93,21 +103,7 @@ struct Controller<'a> {
     seed: u64,
 }
 
-impl<'a> Controller<'a> {
-    fn new(arm: &'a Arm, settings: &'a SimulateSettings) -> Self {
-        let cell = &settings.cell;
-        Self {
-            arm,
-            nominal: arm.no_offsets(),
-            flange_from_target: isometry_from_rpy(
-                cell.flange_from_target_mm,
-                cell.flange_from_target_rpy,
-            ),
-            home: &settings.home,
-            seed: settings.seed,
-        }
-    }
-
+impl Controller<'_> {
     /// Joint angles for a pose, searched from the last pose and, where that fails, from home.
     fn angles(&self, pose: &Isometry3<f64>, last: &[f64]) -> Result<Vec<f64>, InverseError> {
         let settings = InverseSettings {

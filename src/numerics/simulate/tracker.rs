@@ -282,13 +282,13 @@ impl<'a> View<'a> {
         let off = off(&pose.translation.vector, &position, tracker);
         let distance = pose.translation.vector.norm();
         let scatter_mm = FRAC_1_SQRT_2 * tracker.across_mm(distance);
-        Mean::of(
-            pose,
-            Translation3::from(off),
-            UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad),
-            (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
-            whole(readings),
-        )
+        let turn = UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad);
+        Mean {
+            position: Translation3::from(off) * Point3::from(pose.translation.vector),
+            orientation: turn * pose.rotation,
+            scatter: (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
+            readings: whole(readings),
+        }
     }
 
     /// One reading of the target at a pose in the instrument's frame; `None` where it is not seen.
@@ -378,21 +378,4 @@ pub(super) struct Mean {
     /// Standard deviation of one reading about the mean, per axis: mm and rad.
     pub(super) scatter: (f64, f64),
     pub(super) readings: usize,
-}
-
-impl Mean {
-    pub(super) fn of(
-        pose: &Isometry3<f64>,
-        off: Translation3<f64>,
-        turn: UnitQuaternion<f64>,
-        scatter: (f64, f64),
-        readings: usize,
-    ) -> Self {
-        Self {
-            position: off * Point3::from(pose.translation.vector),
-            orientation: turn * pose.rotation,
-            scatter,
-            readings,
-        }
-    }
 }
