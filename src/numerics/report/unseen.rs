@@ -5,7 +5,7 @@
 //! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]). Other
 //! models count all stations alike and state no covariance.
 
-use nalgebra::{Isometry3, Matrix3, Point3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::evaluate::{Predicted, Stations, known_ones, placed, predictions, target_read, turned};
 use super::locate::{Located, Locator};
@@ -143,7 +143,12 @@ impl Unseen<'_> {
         by: Option<&Estimator>,
     ) -> Option<Refit> {
         if base_refit == BaseRefit::None {
-            return Some(Refit::none(*self.to_base, self.placed));
+            return Some(Refit {
+                base_from_tracker: *self.to_base,
+                target_shift: Vector3::zeros(),
+                scale: 0.0,
+                middle: refit::middle(self.placed),
+            });
         }
         let measured = used.iter().map(|&place| Some(observations[place].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;

@@ -85,7 +85,7 @@ pub fn bins(
         for &i in rows {
             for b in &samples[i + 1..] {
                 let h = separation(&samples[i], b);
-                if let Some(bin) = sums.get_mut(bin_of(h, width)) {
+                if let Some(bin) = sums.get_mut(whole(h / width)) {
                     bin.add(h, &samples[i], b);
                 }
             }
@@ -97,10 +97,6 @@ pub fn bins(
         total.iter_mut().zip(part).for_each(|(total, part)| total.merge(part));
         total
     })
-}
-
-fn bin_of(separation: f64, width: f64) -> usize {
-    whole(separation / width)
 }
 
 fn largest(

@@ -231,7 +231,7 @@ impl<'a> View<'a> {
         noise: &mut Stream,
         outliers: &mut Stream,
     ) -> Option<Reading> {
-        let t_s = self.controller_s(stamp);
+        let t_s = self.clock.to_controller(stamp).since_s(self.clock.origin);
         let stop = self.timeline.stop_at(t_s)?;
         let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
         let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
@@ -264,10 +264,6 @@ impl<'a> View<'a> {
         (0..)
             .map(move |index: u32| first.plus_ns(ns(f64::from(index) / rate_hz)))
             .take_while(move |stamp| *stamp <= last)
-    }
-
-    fn controller_s(&self, stamp: Stamp<Tracker>) -> f64 {
-        self.clock.to_controller(stamp).since_s(self.clock.origin)
     }
 
     /// The mean of all readings of a stop at which the target is stationary at `pose`.

@@ -107,7 +107,8 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
         warm_up: WarmUp,
     ) -> Option<Self> {
-        let starts = [self.next_frames(mounting)];
+        let trained = &self.starts()[mounting.session];
+        let starts = [mounting.frames(trained, |_, stated| stated, |_, stated| stated)];
         let turned = self.trained.turned;
         let problem = Problem::of_geometry(&[], arm, &starts, &mounting.prior(), turned);
         let span = stations.max(1) as f64;
@@ -150,10 +151,6 @@ impl FullModel {
             ..self.trained.clone()
         };
         Some(Self::of(trained, problem, posterior, Vec::new()))
-    }
-
-    fn next_frames(&self, mounting: &Mounting) -> Frames {
-        mounting.frames(&self.starts()[mounting.session], |_, stated| stated, |_, stated| stated)
     }
 
     fn next_columns(
@@ -377,7 +374,7 @@ impl FullModel {
         State {
             up: self.trained.up,
             layout: self.trained.layout.clone(),
-            components: Components::none(),
+            components: Components::default(),
             repeatability: self.trained.repeatability.clone(),
             tails: self.trained.tails,
             weights: vec![1.0; stations],
