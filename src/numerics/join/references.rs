@@ -133,11 +133,6 @@ impl Motion {
         self.moved.inverse_transform_point(position)
     }
 
-    /// An orientation measured now, in the instrument's frame of the first look.
-    pub fn undone_turn(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        self.moved.rotation.inverse() * orientation
-    }
-
     /// Covariance that the motion's own uncertainty gives a position measured now, in the frame of the first look, mm².
     pub fn covariance_at(&self, position: &Point3<f64>) -> Matrix3<f64> {
         let arm = position - self.moved.transform_point(&self.middle);

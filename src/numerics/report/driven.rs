@@ -103,13 +103,6 @@ pub struct DrivenStation {
     pub turn: Option<Turn>,
 }
 
-impl DrivenStation {
-    /// Distance of the command from target plus stated correction, mm.
-    pub fn departure_mm(&self) -> f64 {
-        (self.command - self.target - self.stated).norm()
-    }
-}
-
 /// The errors of a session that a table drove, both of the tool point and at the same stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
