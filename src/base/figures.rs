@@ -2,6 +2,7 @@
 //! tolerance bound is the k-th smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (`posegrid::method::grids`).
 //! It assumes independent errors, which visits of one pose are not: [`PoseErrors`] counts poses.
 
+use crate::units::whole;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -238,14 +239,9 @@ fn ascending(values: &[f64]) -> Vec<f64> {
     sorted
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a rank between 0 and the length"
-)]
 fn percentile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
-    let below = place.floor() as usize;
+    let below = whole(place);
     let above = (below + 1).min(sorted.len() - 1);
     (place - below as f64).mul_add(sorted[above] - sorted[below], sorted[below])
 }

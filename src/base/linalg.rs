@@ -321,6 +321,16 @@ pub fn gram_of_upper(upper: &DMatrix<f64>) -> DMatrix<f64> {
     gram
 }
 
+/// Matrices of `rows` rows beside each other.
+pub fn beside(rows: usize, parts: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let columns = parts.iter().map(DMatrix::ncols).sum();
+    DMatrix::from_vec(
+        rows,
+        columns,
+        parts.iter().map(DMatrix::as_slice).collect::<Vec<_>>().concat(),
+    )
+}
+
 /// The squared norm of each row.
 pub fn row_squares(matrix: &DMatrix<f64>) -> DVector<f64> {
     let mut squares = DVector::zeros(matrix.nrows());

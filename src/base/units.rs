@@ -178,6 +178,16 @@ pub fn round_ns(ns: f64) -> i64 {
     ns.round() as i64
 }
 
+/// The whole part of a number: 0 where it is negative or not a number, the largest count where it is larger.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "float to integer casts saturate, which is what is wanted"
+)]
+pub const fn whole(number: f64) -> usize {
+    number as usize
+}
+
 /// A duration as text in whole seconds, minutes, hours or days: `"12 min"`.
 pub fn span(time: Duration) -> String {
     const MINUTE: u64 = 60;

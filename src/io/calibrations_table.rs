@@ -15,7 +15,7 @@ use crate::at::At;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::conversion::Errors;
 use crate::fit::flange::turn_behind;
-use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
+use crate::fit::saved::{self, SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
 use crate::geometry::Transform;
 use crate::manifest::RunKey;
@@ -131,7 +131,7 @@ impl<'t> CalibrationsFile<'t> {
     /// The arm and the sessions of a saved model, where there is a row of it.
     fn head(&self, model: Model) -> Result<Option<SavedHead>> {
         let text = self.row(model).map(|row| row.model.as_str());
-        let head = text.map(SavedHead::read).transpose();
+        let head = text.map(saved::read).transpose();
         head.map_err(|source| self.wrong(model, source))
     }
 

@@ -254,7 +254,6 @@ pub struct Calibration {
     /// The identified chain from base to flange: the arm's own with these offsets.
     pub chain: Chain,
     pub frames: Vec<Frames>,
-    /// The structure at the nominal arm.
     pub nominal_structure: Structure,
     pub structure: Structure,
     pub poses: usize,

@@ -82,33 +82,25 @@ pub enum Verdict {
     NotShown(String),
 }
 
-/// One row of the step table.
+/// One row of the step table: what the nodes of a step answer, as [`StepAnswers`] has it, and what a tolerance makes of that.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// The step asked for, mm.
     pub step_mm: f64,
     pub source: Source,
     pub interpolation: Interpolation,
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
     pub of_test: Option<String>,
-    /// Where the nodes of its table are, in the base frame; `None` for local cells and where there is no table.
     pub lattice: Option<Lattice>,
-    /// Pitch along each axis of the base frame, mm; `None` where the step does not fit.
     pub pitch_mm: Option<[f64; 3]>,
-    /// Number of nodes of the grid; for local cells, eight for each cell.
     pub nodes: usize,
     pub refused_nodes: std::collections::BTreeMap<Refusal, usize>,
     pub cells: usize,
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
-    /// The stations and the part of the box that its table covers; `None` where it has no table, or one whose nodes are not placed.
     pub covered: Option<Covered>,
-    /// How much of the interpolation error its stations can show: 0 at nodes, 1 at uniform places; `None` of local cells and
-    /// without a station.
     pub interpolation_shown: Option<f64>,
     /// The judgement that has the larger bound: `LocalCell` for a table whose local cells have it.
     pub decided_by: Judgement,
-    /// Remaining errors on held-out stations.
     pub held_out: HeldOut,
     /// Figures of the remaining errors; `None` without any station.
     pub figures: Option<Figures>,
@@ -123,7 +115,6 @@ pub struct Judged {
     pub model_bound: Option<f64>,
     /// The verdict; for local cells it only informs.
     pub verdict: Verdict,
-    /// Whether this row's table was chosen.
     pub chosen: bool,
 }
 
@@ -161,26 +152,21 @@ pub struct Table {
     pub nodes: Vec<TableNode>,
 }
 
-/// All judged steps and the table chosen among them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grids {
     /// What every step answers, before a tolerance judges it.
     pub answers: Vec<StepAnswers>,
-    /// Every step, source, interpolation and judgement.
     pub judged: Vec<Judged>,
     /// The chosen table; `None` where no step gives one.
     pub table: Option<Table>,
-    /// The reason for the choice, and the verdict on it.
     pub choice: Choice,
     /// The arm configuration of all tables, for six-axis arms.
     pub configuration: Option<Configuration>,
-    /// The power of interpolation by inverse distance.
     pub idw_power: f64,
     /// Expanded uncertainty (k = 2) of the measurement that judged, mm.
     pub guard_mm: f64,
 }
 
-/// The reason why there are no grids.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum GridError {
     #[error(
@@ -191,7 +177,6 @@ pub enum GridError {
 
 #[derive(Clone, Copy)]
 pub struct GridInput<'a> {
-    /// The stations, with their errors and folds.
     pub stations: &'a [GridStation],
     /// For each fold, the errors by a model that did not see its stations.
     pub folds: &'a [ToolErrors<'a>],

@@ -70,7 +70,6 @@ pub struct StageSettings {
     pub target_is_tool: Option<bool>,
     pub similarity: SimilaritySettings,
     pub grid: GridSettings,
-    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
     /// How base and target of an unseen session are found.
     pub locate: Locate,
@@ -151,17 +150,6 @@ pub enum StageError {
     Stored(#[from] SavedError),
     #[error("grid: {0}")]
     Grid(#[from] GridError),
-}
-
-/// All results that follow from joined sessions.
-pub fn run<'a>(
-    arm: &'a Arm,
-    training: Vec<JoinedSession>,
-    test: Vec<JoinedSession>,
-    settings: &StageSettings,
-    progress: &dyn Progress,
-) -> Result<Outcome<'a>, StageError> {
-    results(arm, estimate(arm, (training, test), None, settings, progress)?, None, progress)
 }
 
 /// The results of an estimate, by stations with one reading each; what steps answer is not found again where it is known.

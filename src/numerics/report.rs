@@ -70,7 +70,7 @@ pub struct Subject {
 }
 
 /// Measured minus predicted target at one station, base frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
     pub station: usize,
     /// The target that was read; `None` where the session has one, and for errors of the tool point.
@@ -88,6 +88,17 @@ pub struct Residual {
     pub weight: Option<f64>,
     /// Attained and wanted orientation of the flange; `None` where its orientation was not measured.
     pub turn: Option<Turn>,
+}
+
+impl Subject {
+    pub fn new(
+        (split, of_session): (Split, &str),
+        model: Model,
+        angles: Angles,
+        base_refit: BaseRefit,
+    ) -> Self {
+        Self { split, of_session: of_session.to_owned(), model, angles, base_refit }
+    }
 }
 
 impl Residual {

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose, Query};
 use posegrid::fit::{
     self, At, Calibration, FitSettings, Freedom, Observation, PoseModel as _, TargetId,
 };
@@ -155,10 +155,10 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
     FullModel::train(
         arm,
         stations,
-        &start.frames,
-        &start.geometry,
+        (&start.frames[..], &start.geometry[..]),
         &FitSettings::default().prior(),
         &FullSettings::default(),
+        Purpose::Published,
         Some(Vector3::z_axis()),
     )
     .expect("a positive definite model")

@@ -8,6 +8,8 @@
 //! them alone. Without `--bench` (as `cargo test` calls it) a small log shows that it works.
 
 mod forms;
+#[path = "../common/mapping.rs"]
+mod mapping;
 #[expect(dead_code, reason = "the tests write more kinds of messages than these")]
 #[path = "../logs/encodings/proto.rs"]
 mod proto;
@@ -23,7 +25,7 @@ use mcap::records::{MessageHeader, op};
 use mcap::{Compression, WriteOptions, Writer};
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
-    TimeSource, TrackerSettings,
+    TimeSource,
 };
 
 const JOINTS: [&str; 6] = ["joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6"];
@@ -149,7 +151,7 @@ fn mapping() -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         }),
-        tracker: TrackerSettings::new(tracker, time, LengthUnit::M),
+        tracker: mapping::tracker(tracker, time, LengthUnit::M),
         slides: Vec::new(),
         joints: JOINTS.map(str::to_owned).to_vec(),
     }

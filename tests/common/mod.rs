@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod mapping;
 pub mod pool;
 pub mod trained;
 
@@ -277,7 +278,7 @@ pub fn mapping(arm: &Arm) -> Mapping {
         }),
         tracker: TrackerSettings {
             temperature: Some("/tracker/temperature".to_owned()),
-            ..TrackerSettings::new("/tracker/pose", TimeSource::Header, LengthUnit::M)
+            ..mapping::tracker("/tracker/pose", TimeSource::Header, LengthUnit::M)
         },
         slides: Vec::new(),
         joints: arm.joints().iter().map(|joint| joint.name.clone()).collect(),

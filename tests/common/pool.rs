@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use posegrid::fit::commanded::SettlingError;
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose, Query};
 use posegrid::fit::{
     self, FitSettings, Frames, Freedom, Measured, MeasuredPoint, Observation, SourceId, TargetId,
 };
@@ -171,7 +171,16 @@ pub fn trained(
     let geometry = arm.no_offsets();
     let prior = FitSettings::default().prior();
     let up = Some(Vector3::z_axis());
-    FullModel::train(arm, seen, &frames, &geometry, &prior, settings, up).expect("a model")
+    FullModel::train(
+        arm,
+        seen,
+        (&frames[..], &geometry[..]),
+        &prior,
+        settings,
+        Purpose::Published,
+        up,
+    )
+    .expect("a model")
 }
 
 /// Random numbers of a seed (Marsaglia's xorshift), the same on every machine.

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation};
 use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
@@ -25,10 +25,10 @@ pub fn trained(
     FullModel::train(
         arm,
         observations,
-        &start.frames,
-        &start.geometry,
+        (&start.frames[..], &start.geometry[..]),
         &settings.prior(),
         &FullSettings::default(),
+        Purpose::Published,
         Some(Vector3::z_axis()),
     )
     .expect("a positive definite model")

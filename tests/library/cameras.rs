@@ -19,10 +19,8 @@ use posegrid::fit::{
 use posegrid::join::{
     JoinReject, MeanOrientation, MeanPoint, Pairing, ReadingKind, Station, Unmeasured, Value,
 };
-use posegrid::judgement::{self, StageSettings};
-use posegrid::judgement::{JoinedSession, Outcome};
+use posegrid::judgement::{JoinedSession, Outcome, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::progress::Quiet;
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
 use rand::{RngExt, SeedableRng};
@@ -256,7 +254,7 @@ fn settings(noise: Noise) -> StageSettings {
 }
 
 fn outcome<'a>(arm: &'a Arm, session: &JoinedSession, settings: &StageSettings) -> Outcome<'a> {
-    judgement::run(arm, vec![session.clone()], vec![], settings, &Quiet).expect("a sound session")
+    crate::judged(arm, vec![session.clone()], vec![], settings).expect("a sound session")
 }
 
 fn identified(arm: &Arm, session: &JoinedSession, noise: &Noise) -> Calibration {

@@ -22,10 +22,8 @@ use posegrid::geometry::PoseCovariance;
 use posegrid::ingest::{Recording, TargetReadings};
 use posegrid::io::tables::readings;
 use posegrid::join::{ReadingKind, Station};
-use posegrid::judgement::{self, StageSettings};
-use posegrid::judgement::{JoinedSession, Outcome};
+use posegrid::judgement::{JoinedSession, Outcome, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::progress::Quiet;
 use posegrid::report::{Angles, Model, Split};
 use posegrid::simulate::settings::TrackerErrors;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
@@ -199,7 +197,7 @@ fn outcome<'a>(
     settings: &StageSettings,
 ) -> Outcome<'a> {
     let test = test.into_iter().cloned().collect();
-    judgement::run(arm, vec![training.clone()], test, settings, &Quiet).expect("a sound session")
+    crate::judged(arm, vec![training.clone()], test, settings).expect("a sound session")
 }
 
 fn joined(arm: &Arm, recording: &Recording) -> JoinedSession {

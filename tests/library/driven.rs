@@ -20,10 +20,8 @@ use posegrid::fit::{ErrorFrame, FrameUncertainty};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Tolerance};
 use posegrid::join::Station;
-use posegrid::judgement::JoinedSession;
-use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::progress::Quiet;
 use posegrid::report::driven::{self, Application, DrivenStation};
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::promise::Promise;
@@ -91,8 +89,7 @@ impl Identified {
         let arm = common::arm("kr210-r2700-extra");
         let monday = joined(&arm, &session(&arm, number, number, STATIONS));
         let settings = stage_settings(harmonics);
-        let found =
-            judgement::run(&arm, vec![monday], vec![], &settings, &Quiet).expect("a sound session");
+        let found = crate::judged(&arm, vec![monday], vec![], &settings).expect("a sound session");
         let judged = found.accuracy.iter().find(|figures| {
             let subject = &figures.subject;
             (subject.model, subject.angles, subject.split)

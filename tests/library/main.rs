@@ -31,3 +31,17 @@ mod slides;
 mod stages;
 mod tables;
 mod tool_tip;
+
+use posegrid::judgement::{JoinedSession, Outcome, StageError, StageSettings, estimate, results};
+use posegrid::kinematics::Arm;
+use posegrid::progress::Quiet;
+
+/// All results that follow from joined sessions.
+fn judged<'a>(
+    arm: &'a Arm,
+    training: Vec<JoinedSession>,
+    test: Vec<JoinedSession>,
+    settings: &StageSettings,
+) -> Result<Outcome<'a>, StageError> {
+    results(arm, estimate(arm, (training, test), None, settings, &Quiet)?, None, &Quiet)
+}

@@ -21,8 +21,7 @@ use posegrid::grid::judge::by_nodes;
 use posegrid::grid::node::NodeError;
 use posegrid::grid::{GridStation, TableNode, Verdict};
 use posegrid::ingest::Recording;
-use posegrid::judgement::JoinedSession;
-use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{JoinedSession, StageSettings};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::planning::Planning;
 use posegrid::plan::design::{Candidate, Design};
@@ -291,7 +290,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
     };
     let simulated = simulate(arm, &cell).expect("poses in reach");
     let session = joined(arm, settings, &simulated.recording);
-    let found = judgement::run(arm, vec![session], vec![], &stage_settings(settings), &Quiet)
+    let found = crate::judged(arm, vec![session], vec![], &stage_settings(settings))
         .expect("a sound session");
     let chosen = found.grids.chosen().expect("a table");
     let bound = chosen.bound.expect("216 stations are enough");

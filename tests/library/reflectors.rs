@@ -25,10 +25,8 @@ use posegrid::join::{
     JoinSettings, Joined, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
     Station, TargetId, Unmeasured, Value, join,
 };
-use posegrid::judgement::{self, StageSettings};
-use posegrid::judgement::{JoinedSession, Outcome};
+use posegrid::judgement::{JoinedSession, Outcome, StageSettings};
 use posegrid::kinematics::{Arm, Parameter};
-use posegrid::progress::Quiet;
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
 use posegrid::simulate::settings::{GeometryErrors, JointErrors, TrackerErrors};
 use posegrid::simulate::{
@@ -246,7 +244,7 @@ fn outcome<'a>(
     test: Vec<JoinedSession>,
     settings: &StageSettings,
 ) -> Outcome<'a> {
-    judgement::run(arm, vec![training], test, settings, &Quiet).expect("a sound session")
+    crate::judged(arm, vec![training], test, settings).expect("a sound session")
 }
 
 fn of(figures: &[Accuracy], model: Model, angles: Angles, split: Split) -> &Accuracy {
@@ -480,7 +478,7 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     let mut settings = settings(&simulated, false);
     settings.full.enabled = false;
     let refused = |training: Vec<JoinedSession>, settings: &StageSettings| {
-        let run = judgement::run(&arm, training, vec![], settings, &Quiet);
+        let run = crate::judged(&arm, training, vec![], settings);
         run.map(|_| ()).expect_err("swapped").to_string()
     };
     // Beside another session, and alone beside stated places.
@@ -494,7 +492,7 @@ fn a_swap_throughout_a_session_is_an_error_of_the_set_up() {
     }
     let said = refused(vec![swapped], &settings);
     assert!(said.contains("[fit.targets]") && said.contains("mm as named"), "{said}");
-    let run = judgement::run(&arm, vec![sound], vec![], &settings, &Quiet);
+    let run = crate::judged(&arm, vec![sound], vec![], &settings);
     assert!(run.is_ok(), "{:?}", run.map(|_| ()));
 }
 

@@ -6,17 +6,15 @@ use crate::common;
 use nalgebra::{Isometry3, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
 use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{Tolerance, Verdict};
 use posegrid::io::tables::{PublishContext, RunRows};
-use posegrid::judgement::{self, StageSettings};
-use posegrid::judgement::{JoinedSession, Outcome};
+use posegrid::judgement::{JoinedSession, Outcome, StageSettings};
 use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
-use posegrid::progress::Quiet;
 use posegrid::report::compared::Pairs;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
@@ -62,7 +60,7 @@ fn settings() -> StageSettings {
 }
 
 fn outcome<'a>(arm: &'a Arm, session: JoinedSession, settings: &StageSettings) -> Outcome<'a> {
-    judgement::run(arm, vec![session], vec![], settings, &Quiet).expect("a sound session")
+    crate::judged(arm, vec![session], vec![], settings).expect("a sound session")
 }
 
 /// The run's tables as they would be published.
@@ -164,10 +162,10 @@ fn trained(
     FullModel::train(
         arm,
         observations,
-        &start.frames,
-        &start.geometry,
+        (&start.frames[..], &start.geometry[..]),
         &fit.prior(),
         full,
+        Purpose::Published,
         Some(Vector3::z_axis()),
     )
     .expect("a positive definite model")

@@ -7,7 +7,7 @@ use common::{NOISE, position};
 use nalgebra::{Isometry3, Vector3};
 use posegrid::fit::commanded::{CommandFrames, SettlingError, commanded};
 use posegrid::fit::full::layout::Block;
-use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Known, Purpose, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::kinematics::{Arm, RobotFile};
@@ -53,7 +53,16 @@ fn trained(arm: &Arm, seen: &[Observation], settings: &FullSettings) -> FullMode
     let start = fit::identify(arm, seen, 1, Freedom::Geometry, &of_fit).expect("a fit");
     let up = Some(Vector3::z_axis());
     let (frames, geometry) = (&start.frames, &start.geometry);
-    FullModel::train(arm, seen, frames, geometry, &of_fit.prior(), settings, up).expect("a model")
+    FullModel::train(
+        arm,
+        seen,
+        (&frames[..], &geometry[..]),
+        &of_fit.prior(),
+        settings,
+        Purpose::Published,
+        up,
+    )
+    .expect("a model")
 }
 
 fn quick() -> FullSettings {

@@ -9,10 +9,8 @@ use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Source, Tolerance, Verdict};
 use posegrid::join::{JoinSettings, ReadingKind, join};
-use posegrid::judgement::{self, StageSettings};
-use posegrid::judgement::{JoinedSession, Outcome};
+use posegrid::judgement::{JoinedSession, Outcome, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::verdict::{Applied, Judging};
 use posegrid::report::{Angles, BaseRefit, Model, Split};
@@ -95,7 +93,7 @@ fn outcome<'a>(
 ) -> Option<Outcome<'a>> {
     let all =
         |names: &[&str]| names.iter().map(|name| joined(name, arm)).collect::<Option<Vec<_>>>();
-    Some(judgement::run(arm, all(train)?, all(test)?, settings, &Quiet).expect("stages"))
+    Some(crate::judged(arm, all(train)?, all(test)?, settings).expect("stages"))
 }
 
 #[test]

@@ -10,10 +10,8 @@ use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::Verdict;
 use posegrid::join::ReadingKind;
-use posegrid::judgement::Outcome;
-use posegrid::judgement::{self, StageSettings};
+use posegrid::judgement::{Outcome, StageSettings};
 use posegrid::kinematics::Arm;
-use posegrid::progress::Quiet;
 use posegrid::report::locate::{Locate, LocateBy, LocateTarget};
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
 use posegrid::simulate::settings::TrackerErrors;
@@ -72,8 +70,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
 
 fn outcome<'a>(arm: &'a Arm, simulated: &Simulated) -> Outcome<'a> {
     let monday = common::joined("monday", arm, &simulated.recording, tool());
-    judgement::run(arm, vec![monday], vec![], &settings(simulated), &Quiet)
-        .expect("a sound session")
+    crate::judged(arm, vec![monday], vec![], &settings(simulated)).expect("a sound session")
 }
 
 fn of(figures: &[Accuracy], model: Model, angles: Angles, split: Split) -> &Accuracy {

@@ -10,7 +10,7 @@ use posegrid::files::table::ROW_GROUP_ROWS;
 use posegrid::ingest::{
     AngleUnit, CommandSamples, CommandedSettings, ControllerSettings, JointAngles, JointFields,
     JointSamples, LengthUnit, LogReject, Mapping, PoseFields, TargetReadings, TemperatureSamples,
-    TimeSource, TrackerSettings,
+    TimeSource,
 };
 use posegrid::io::log::{JointSink, Limits, LogError, SessionLogs, SessionRead, read_session};
 use posegrid::join::stationary::Stationary;
@@ -209,7 +209,7 @@ pub fn mapping() -> Mapping {
             fields: PoseFields::default(),
             frame: None,
         }),
-        tracker: TrackerSettings::new("/reading", time, LengthUnit::Mm),
+        tracker: crate::made::tracker("/reading", time, LengthUnit::Mm),
         slides: Vec::new(),
         joints: vec!["a".to_owned(), "b".to_owned()],
     }

@@ -75,7 +75,7 @@ fn messages_come_out_in_the_order_of_the_time_source_wherever_they_stand() {
         mapping.controller.time = time;
         let found = read_as(&log, &mapping).expect("sound");
         assert_eq!(found.rejects, []);
-        assert_eq!(found.joints.angles.of_joint(0), expected, "{time}");
+        assert_eq!(crate::of_joint(&found.joints.angles, 0), expected, "{time}");
         assert!(found.joints.stamps.is_sorted());
         assert_eq!(found.counts["joints.backward_stamps"], backward, "{time}");
     }
@@ -92,7 +92,7 @@ fn duplicated_and_backward_clocks_are_counted_and_no_message_is_lost() {
     let found = read(&raw::log(&records)).expect("sound");
     assert_eq!(found.rejects, []);
     // Equal stamps stay in the order of the file.
-    assert_eq!(found.joints.angles.of_joint(0), [0.0, 1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 7.0]);
+    assert_eq!(crate::of_joint(&found.joints.angles, 0), [0.0, 1.0, 4.0, 2.0, 5.0, 3.0, 6.0, 7.0]);
     assert_eq!(found.counts["joints.backward_stamps"], 1);
     assert_eq!(found.counts["joints.duplicate_stamps"], 3);
 }
@@ -109,7 +109,7 @@ fn two_channels_of_one_schema_on_one_topic_are_one_stream() {
         joints(1, 2.0, [2, 2, 2]),
     ]);
     let found = read(&log).expect("sound");
-    assert_eq!(found.joints.angles.of_joint(0), [0.0, 1.0, 2.0]);
+    assert_eq!(crate::of_joint(&found.joints.angles, 0), [0.0, 1.0, 2.0]);
     assert_eq!(found.counts["joints.messages"], 3);
 }
 

@@ -10,9 +10,18 @@ mod files;
 mod fuzz;
 mod inspect;
 mod lengths;
+#[path = "../common/mapping.rs"]
+mod made;
 mod markers;
 mod mutator;
 mod raw;
 mod recordings;
 mod sound;
 mod tables;
+
+use posegrid::ingest::JointAngles;
+
+/// The angles of one joint (from 0), sample after sample.
+fn of_joint(angles: &JointAngles, joint: usize) -> Vec<f64> {
+    angles.rows().map(|row| row[joint]).collect()
+}

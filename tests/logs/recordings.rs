@@ -41,7 +41,7 @@ pub fn mapping(time: TimeSource) -> Mapping {
         }),
         tracker: TrackerSettings {
             temperature: Some("/tracker/temperature".to_owned()),
-            ..TrackerSettings::new("/tracker/pose", time, LengthUnit::M)
+            ..crate::made::tracker("/tracker/pose", time, LengthUnit::M)
         },
         slides: Vec::new(),
         joints: joints.map(|joint| format!("{joint}_joint")).to_vec(),

@@ -87,8 +87,10 @@ fn joints_are_found_by_name_in_each_message() {
     write(7, &["a", "b", "gripper"], &[5.0, 6.0, f64::NAN]);
     write(8, &[], &[]);
     let found = read(&log.done()).expect("sound");
-    assert_eq!(found.joints.angles.of_joint(0), [0.0, 10.0, 1.0, 5.0]);
-    assert_eq!(found.joints.angles.of_joint(1), [0.0, 20.0, 2.0, 6.0]);
+    let of_joint =
+        |joint: usize| -> Vec<f64> { found.joints.angles.rows().map(|row| row[joint]).collect() };
+    assert_eq!(of_joint(0), [0.0, 10.0, 1.0, 5.0]);
+    assert_eq!(of_joint(1), [0.0, 20.0, 2.0, 6.0]);
     let mut reasons: Vec<_> =
         found.rejects.iter().map(|r| (r.messages, r.reason.as_str())).collect();
     reasons.sort_unstable();
@@ -132,14 +134,14 @@ fn samples_are_in_the_order_of_the_time_source() {
     }
     let log = log.done();
     let by_header = read(&log).expect("sound");
-    assert_eq!(by_header.joints.angles.of_joint(0), [0.0, 1.0, 2.0, 3.0, 0.0]);
+    assert_eq!(crate::of_joint(&by_header.joints.angles, 0), [0.0, 1.0, 2.0, 3.0, 0.0]);
     assert_eq!(by_header.counts["joints.backward_stamps"], 1);
     assert_eq!(by_header.counts["joints.duplicate_stamps"], 1);
     let mut mapping = mapping();
     mapping.controller.time = TimeSource::Log;
     let by_log = read_as(&log, &mapping).expect("sound");
     assert_eq!(by_log.rejects, []);
-    assert_eq!(by_log.joints.angles.of_joint(0), [0.0, 0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(crate::of_joint(&by_log.joints.angles, 0), [0.0, 0.0, 1.0, 2.0, 3.0]);
     assert_eq!(by_log.joints.stamps[4].ns(), 200_000_000_003);
 }
 
@@ -153,7 +155,7 @@ fn times_beyond_the_clock_are_rejected() {
     let mut mapping = mapping();
     mapping.controller.time = TimeSource::Log;
     let found = read_as(&log.done(), &mapping).expect("sound");
-    assert_eq!(found.joints.angles.of_joint(0), [0.0]);
+    assert_eq!(crate::of_joint(&found.joints.angles, 0), [0.0]);
     assert!(found.rejects[0].reason.contains("2262"));
 }
 

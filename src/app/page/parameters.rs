@@ -69,10 +69,10 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
         description:
             "Identified minus nominal of each identifiable parameter, with its 95 % interval."
                 .to_owned(),
-        x: Axis::of_names(
-            "parameter",
-            parameters.iter().map(|own| symbol(&own.parameter)).collect(),
-        ),
+        x: Axis {
+            names: parameters.iter().map(|own| symbol(&own.parameter)).collect(),
+            ..Axis::new("parameter", "")
+        },
         y: Axis::new("identified minus nominal", unit).including(&[0.0]),
         series: vec![
             Series::line("", vec![[first, 0.0], [last, 0.0]]).looking(4),

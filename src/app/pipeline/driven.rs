@@ -98,8 +98,10 @@ pub(super) fn words(
 /// The number of stations at each kind of place, as text.
 fn went(driven: &Driven, session: &JoinedSession) -> String {
     let Some(by) = &session.driven_by else { return "no targets".to_owned() };
-    let departed =
-        driven.stations.iter().filter(|station| station.departure_mm() > NOT_THE_FILES_MM).count();
+    // From target plus stated correction.
+    let departures_mm =
+        driven.stations.iter().map(|own| (own.command - own.target - own.stated).norm());
+    let departed = departures_mm.filter(|mm| *mm > NOT_THE_FILES_MM).count();
     let mut words = format!(
         "{} of {} stations measured at one of its {} targets",
         driven.stations.len(),

@@ -70,6 +70,18 @@ impl PoseCovariance {
         Some(joint(&symmetric(self.position?), &self.turn?))
     }
 
+    /// The covariance of the pose with its length in units of `length` and its angle in units of `angle`.
+    #[must_use]
+    pub fn scaled(&self, length: f64, angle: f64) -> Self {
+        Self {
+            position: self.position.map(|own| own.map(|entry| length * length * entry)),
+            turn: self.turn.map(|turn| TurnCovariance {
+                own: turn.own.map(|entry| angle * angle * entry),
+                with_position: turn.with_position.map(|entry| length * angle * entry),
+            }),
+        }
+    }
+
     /// The covariance of the inverse of `pose`. Where a part is not known, the other is only turned.
     #[must_use]
     pub fn inverted(&self, pose: &Isometry3<f64>) -> Self {

@@ -1,4 +1,4 @@
-use nalgebra::{DMatrix, Isometry3};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::arm_error::ArmError;
@@ -52,6 +52,10 @@ pub(super) fn joint_map(
         return Err(wrong);
     }
     Ok((map != DMatrix::identity(joints, joints)).then_some(map))
+}
+
+fn rows(map: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    map.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 impl Arm {
@@ -109,8 +113,6 @@ impl Arm {
 
     /// The joint map, row by row, as a robot file states it; `None` for the identity.
     pub(super) fn map_rows(&self) -> Option<Vec<Vec<f64>>> {
-        let rows =
-            |map: &DMatrix<f64>| map.row_iter().map(|row| row.iter().copied().collect()).collect();
         self.map.as_ref().map(rows)
     }
 
@@ -144,13 +146,9 @@ impl Arm {
 
     /// The nominal flange pose at reported joint angles (rad), which are as many as the joints.
     pub fn flange(&self, joints: &[f64]) -> Transform<Base, Flange> {
-        Transform::claim(self.nominal_isometry(joints))
-    }
-
-    fn nominal_isometry(&self, joints: &[f64]) -> Isometry3<f64> {
-        match &self.map {
+        Transform::claim(match &self.map {
             None => self.chain.nominal(joints),
             Some(_) => self.chain.nominal(&self.axes(joints)),
-        }
+        })
     }
 }

@@ -15,7 +15,7 @@ use crate::geometry::Placement;
 
 pub use super::arm_error::{ArmError, WrongKeys};
 
-/// A nominal arm as `pipelines/robots/*.toml` states it.
+/// A nominal arm as `pipelines/robots/*.toml` states it. TOML leaves out what is absent.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotFile {
@@ -24,16 +24,12 @@ pub struct RobotFile {
     pub source: String,
     pub convention: Convention,
     /// A pose that can be checked at the cell, degrees or mm: `posegrid check` prints the nominal flange there.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub home_deg: Option<Vec<f64>>,
     /// Coupling of axes: row i is axis i as a linear combination of reported joint angles. Identity when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_map: Option<Vec<Vec<f64>>>,
     /// The frame of the first link in the base frame; the base frame itself when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<Placement>,
     /// The flange in the frame of the last link, or in the base frame at zero for products of exponentials.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flange: Option<Placement>,
     pub joint: Vec<JointFile>,
 }
@@ -57,52 +53,36 @@ pub struct JointFile {
     #[serde(default, skip_serializing_if = "is_revolute")]
     pub kind: JointKind,
     /// Link length a, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub a_mm: Option<f64>,
     /// Link twist α, degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alpha_deg: Option<f64>,
     /// Link offset d, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub d_mm: Option<f64>,
     /// Joint offset, degrees: θ at a reported angle of zero.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_deg: Option<f64>,
     /// Shift added to the reported position of a joint that slides, mm, where d is not part of the convention.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_mm: Option<f64>,
     /// Turn about z behind the twist: γ of the S-model, β of CPC, degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gamma_deg: Option<f64>,
     /// The S-model's shift along z behind the twist, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub b_mm: Option<f64>,
     /// CPC: direction of the next joint's axis in this joint's frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
     /// CPC: shift to the next joint's frame, in that frame's axes, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift_mm: Option<[f64; 3]>,
     /// Direction of the axis in the base frame at zero (product of exponentials), or in the joint's frame (URDF).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// A point of the joint's axis in the base frame at zero, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point_mm: Option<[f64; 3]>,
     /// URDF: the joint's frame in that of the joint before.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Placement>,
     /// +1 or −1: which way the controller counts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sign: Option<i8>,
     /// Lower and upper limit of the reported angle, degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits_deg: Option<[f64; 2]>,
     /// Lower and upper limit of the reported position of a joint that slides, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits_mm: Option<[f64; 2]>,
     /// The joint that this one follows; it is not reported itself.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mimic: Option<Mimic>,
 }
 
@@ -113,10 +93,8 @@ pub struct Mimic {
     pub joint: String,
     pub multiplier: f64,
     /// Its angle where the other is at zero, degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_deg: Option<f64>,
     /// Its position where the other is at zero, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset_mm: Option<f64>,
 }
 

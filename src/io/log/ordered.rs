@@ -51,7 +51,7 @@ where
 
     /// Takes the rows of a block, if there are any, and leaves a buffer for those of another.
     fn take(&mut self, rows: &mut B::Block, extent: &Extent) {
-        if !B::stamps_of(rows).is_empty() {
+        if !B::times_of(rows).0.is_empty() {
             let spare = self.spare.pop().unwrap_or_default();
             let rows = std::mem::replace(rows, spare);
             self.waiting.push((rows, (extent.start, extent.end)));

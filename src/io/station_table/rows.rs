@@ -454,7 +454,7 @@ impl Reader<'_> {
         }
         let turn = settings.orientation.as_ref();
         let to_rad = turn.map_or(1.0, |turn| to_rad(&turn.form));
-        Ok(covariances::in_units(&stated, settings.unit.to_mm(), to_rad))
+        Ok(stated.scaled(settings.unit.to_mm(), to_rad))
     }
 
     /// The entries of a covariance; zeros, which say that it is not known, where all cells are blank.

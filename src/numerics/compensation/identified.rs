@@ -51,7 +51,6 @@ pub struct IdentifiedArm {
     pub measured: Vec<[f64; 2]>,
     /// The arm configurations of the stations used; empty for an arm that has none.
     pub configurations: Vec<String>,
-    /// The conditions that it is valid for.
     pub validity: Validity,
     /// The uncertainty of the error reference frame, which is not in the model's covariance.
     pub frame_uncertainty: FrameUncertainty,
@@ -59,7 +58,6 @@ pub struct IdentifiedArm {
 
 #[derive(Debug)]
 pub struct ArmModel {
-    /// The model's entry in the registry.
     pub model: Model,
     pub predicts: Box<dyn PoseModel>,
     /// The session (its index in the model) in whose error reference frame errors are stated.

@@ -45,7 +45,6 @@ pub(super) struct Poses<'a> {
     identified: &'a IdentifiedArm,
     error_frame: &'a ErrorFrame<'a>,
     reach: &'a Reach<'a>,
-    /// Joint angles that a search may begin at, by arm configuration.
     seeds: BTreeMap<Option<Configuration>, Vec<Seed>>,
     /// After what each joint's errors repeat, rad; `None` where they do not.
     periods: Vec<Option<f64>>,
@@ -118,7 +117,6 @@ impl<'a> Poses<'a> {
         Ok(Isometry3::from_parts(translation, rotation))
     }
 
-    /// The angles in the arm's order.
     fn in_order(&self, given: &TargetJoints) -> Result<Vec<f64>, Reason> {
         let own = || self.identified.arm.joints().iter().map(|joint| &joint.name);
         let other = || Reason::Joints {
@@ -206,18 +204,13 @@ impl<'a> Poses<'a> {
         let Some((_, seeds)) = seeds.find(|(own, _)| named(own).as_deref() == wanted) else {
             return Err(Reason::Unmeasured {
                 wanted: wanted.unwrap_or_default().to_owned(),
-                measured: self.configurations(),
+                measured: self.seeds.keys().flatten().map(Configuration::to_string).collect(),
             });
         };
         // When the search fails from the nearest, it may succeed from others of the configuration.
         let pose = *pose;
         let others = iter::once_with(move || others(seeds, &pose)).flatten();
         Ok(nearest(seeds, &pose).into_iter().chain(others))
-    }
-
-    /// The arm configurations within the ranges measured.
-    fn configurations(&self) -> Vec<String> {
-        self.seeds.keys().flatten().map(Configuration::to_string).collect()
     }
 
     /// The angles, each moved by whole turns as near to the middle of the measured range as its limits allow.

@@ -28,29 +28,24 @@ pub enum Reason {
         "would need a command that {0}; move the target inwards by that much, or use a larger table"
     )]
     Command(Gap),
-    /// An arm configuration other than the table's.
     #[error("asks for arm configuration {wanted:?}, the table is for {}", match table {
         Some(table) => format!("{table:?}"),
         None => "an arm that has no configurations; leave the targets' configuration out".to_owned(),
     })]
     Configuration {
-        /// The target's configuration.
         wanted: String,
         /// The table's configuration; `None` when its arm has none.
         table: Option<String>,
     },
-    /// A tool other than the table's.
     #[error("is for tool {wanted:?}, the table is for {}", match table {
         Some(tool) => format!("{tool:?}"),
         None => "a tool it does not name; name it in the pipeline file, or leave the targets' tool out".to_owned(),
     })]
     Tool {
-        /// The target's tool.
         wanted: String,
         /// The table's tool; `None` when it names none.
         table: Option<String>,
     },
-    /// A compensation table has positions only, and the target has no position.
     #[error(
         "has joint angles but no position, and a compensation table has positions only; correct it with table \
          `calibrations` of the same run"
@@ -66,14 +61,12 @@ pub enum Reason {
          configuration such as \"shoulder+ elbow- wrist+\""
     )]
     NoConfiguration,
-    /// An arm configuration that no joint angles within the measured ranges have.
     #[error(
         "asks for arm configuration {wanted:?}; the joint ranges measured contain {}; measure there, or reach it in \
          another",
         measured.join(", ")
     )]
     Unmeasured {
-        /// The target's configuration.
         wanted: String,
         /// The configurations within the joint ranges measured.
         measured: Vec<String>,
@@ -88,26 +81,21 @@ pub enum Reason {
         /// The configurations of the stations.
         measured: Vec<String>,
     },
-    /// Joint angles of another arm.
     #[error("has {found}, the arm has joints {}; give one for each, in this order or by these names", expected.join(", "))]
     Joints {
-        /// The joint angles found, as text.
         found: String,
         /// The names of the arm's joints.
         expected: Vec<String>,
     },
-    /// A joint's value in the unit of the other kind of joint.
     #[error(
         "states joint {joint:?} {}", if *slides { "as an angle, and it slides: give it in mm, as q1_mm for the first joint" } else { "in mm, and it turns: give it in rad or deg" }
     )]
     JointUnit { joint: String, slides: bool },
-    /// A pose and joint angles that contradict each other.
     #[error(
         "has a pose {apart_mm:.3} mm and {apart_deg:.2}° from that of the tool of the nominal arm at its joint angles; check tool, frame, units \
          and the order of qx, qy, qz and qw, or leave one out"
     )]
     Apart { apart_mm: f64, apart_deg: f64 },
-    /// A pose alone, for an arm with more joints than a pose needs.
     #[error(
         "states no joint angles, and an arm with {joints} joints reaches it in infinitely many ways, each with an error of its \
          own; give q1_rad … or q1_deg …"
@@ -132,7 +120,6 @@ pub enum Reason {
     /// The nominal arm cannot reach the target.
     #[error("is not for this arm: {0}")]
     Arm(#[from] InverseError),
-    /// An error that is too large to be one of the arm that was measured.
     #[error(
         "would be corrected by {error_mm:.3} mm, and the largest error of the run's stations before correction was \
          {largest_mm:.3} mm, {MOST_OF_LARGEST} times of which is the most that is given; check the signs and units of [commanded] \
@@ -140,12 +127,10 @@ pub enum Reason {
          target is"
     )]
     TooLarge {
-        /// The error found, mm.
         error_mm: f64,
         /// The largest of the stations, mm.
         largest_mm: f64,
     },
-    /// No command attains the target.
     #[error(
         "has no command: after {iterations} iterations the command still moves by {move_mm:.6} mm, as the error jumps there \
          (errors interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"

@@ -26,13 +26,11 @@ pub struct Terms {
     pub orientation_tolerance_rad: f64,
     /// The arm configuration at every node; `None` for arms without six axes.
     pub configuration: Option<String>,
-    /// The interpolation of values inside a cell.
     pub interpolation: Interpolation,
     /// The power of inverse distance weighting (IDW); trilinear interpolation does not use it.
     pub idw_power: f64,
     /// Second moment of what interpolation adds to the nodes' errors inside a cell, frame of commands, mm²; zero where not known.
     pub interpolation_mm2: Matrix3<f64>,
-    /// The conditions that it is valid for.
     pub validity: Validity,
     /// The uncertainty of the frame that errors are stated in, which is in no node's covariance.
     pub frame: FrameUncertainty,
@@ -66,23 +64,14 @@ const BEYOND_RIM: f64 = 0.1;
 /// Nodes that do not make a table with a lattice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Misfit {
-    /// Another number of nodes than the lattice has.
     #[error("{found} nodes do not fill a lattice of {x} × {y} × {z} nodes", x = counts[0], y = counts[1], z = counts[2])]
     NodeCount {
-        /// Number of nodes given.
         found: usize,
         /// Nodes of the lattice along each axis.
         counts: [usize; 3],
     },
-    /// Nodes of arms with different numbers of joints.
     #[error("node {node} has {found} joint angles, the nodes before it have {expected}")]
-    JointCount {
-        node: usize,
-        /// Number of its joint angles.
-        found: usize,
-        /// Number of joint angles of the nodes before it.
-        expected: usize,
-    },
+    JointCount { node: usize, found: usize, expected: usize },
 }
 
 /// The error of the arm at a command.

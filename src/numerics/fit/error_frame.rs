@@ -73,7 +73,7 @@ pub struct ErrorFrame<'a> {
     /// The controller's own tool in the flange frame, mm.
     pub flange_from_tool: Isometry3<f64>,
     pub tool_is_stated: bool,
-    oriented: bool,
+    pub(crate) oriented: bool,
 }
 
 impl<'a> ErrorFrame<'a> {

@@ -51,7 +51,7 @@ use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
 use super::observation::Observation;
 use super::observation::measured::Shown;
-use super::problem::{Freedom, Prior, Problem, Unknown, is_turned};
+use super::problem::{Prior, Problem, Unknown, is_turned};
 use crate::join::SourceId;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
@@ -81,7 +81,6 @@ pub enum Purpose {
     Judges,
 }
 
-/// The full error model of an arm, trained.
 #[derive(Debug)]
 pub struct FullModel {
     /// Layout, sizes, weights and coefficients that the training found.
@@ -140,19 +139,6 @@ impl FullModel {
     pub fn train(
         arm: &Arm,
         observations: &[Observation],
-        frames: &[Frames],
-        geometry: &[f64],
-        prior: &Prior,
-        settings: &FullSettings,
-        up: Option<UnitVector3<f64>>,
-    ) -> Option<Self> {
-        let start = (frames, geometry);
-        Self::train_for(arm, observations, start, prior, settings, Purpose::Published, up)
-    }
-
-    pub fn train_for(
-        arm: &Arm,
-        observations: &[Observation],
         (frames, geometry): (&[Frames], &[f64]),
         prior: &Prior,
         settings: &FullSettings,
@@ -161,27 +147,19 @@ impl FullModel {
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
         let turned = is_turned(observations);
-        let problem = Problem::with_target_turn(
-            observations,
-            arm.chain(),
-            frames,
-            Freedom::Geometry,
-            prior,
-            turned,
-        );
+        let problem = Problem::of_geometry(observations, arm, frames, prior, turned);
         let mut start = DVector::zeros(problem.unknowns.len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let settled = train::train(&problem, start.clone(), settings, up)?;
-        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings, up);
+        let (mut settled, curves) = settled.without_curves_that_fail(&problem, start, settings);
         let scale_evidence = settled.scale_evidence(&problem);
         let mut parts: Vec<_> = curves.into_iter().chain(settled.weigh_parts()).collect();
-        let empty =
-            Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned);
+        let empty = Problem::of_geometry(&[], arm, frames, prior, turned);
         let left_out = match purpose {
-            Purpose::Published => settled.leave_one_out(&problem, up),
+            Purpose::Published => settled.leave_one_out(&problem),
             Purpose::Judges => Vec::new(),
         };
-        let mut own = Self::of_settled(&problem, empty, settled, &left_out, settings, up);
+        let mut own = Self::of_settled(&problem, empty, settled, &left_out, settings);
         parts.extend(own.trained.sides.as_ref().map(Sides::evidence));
         own.trained.scale_evidence = scale_evidence;
         own.trained.parts = parts;
@@ -194,11 +172,10 @@ impl FullModel {
         settled: train::Settled,
         left_out: &[LeftOut],
         settings: &FullSettings,
-        up: Option<Vector3<f64>>,
     ) -> Self {
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let mut approach = ApproachOffsets::of(problem.observations, &settled.state.layout, &mean);
-        let around = Around::new(problem, &settled.state, up);
+        let around = Around::new(problem, &settled.state);
         let sides = Sides::of(&around, &settled.prior_mean, &settled.posterior);
         if let Some(sides) = &sides {
             approach = Some(ApproachOffsets::with(approach, &sides.variances));
@@ -208,7 +185,7 @@ impl FullModel {
         let mean = at_fitted_bases(&problem.unknowns, &mut state.offsets, mean);
         let weights = of_readings(problem.observations, &state.weights);
         let trained = StoredFull {
-            up,
+            up: state.up,
             starts: problem.starts.clone(),
             turned: is_turned(problem.observations),
             // The basis has variance one half at a random time.

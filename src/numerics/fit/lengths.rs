@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Point3, Unit, UnitVector3, Vector3};
 
 use super::full::saved::SavedFull;
-use super::full::{FullModel, FullSettings};
+use super::full::{FullModel, FullSettings, Purpose};
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
 use crate::kinematics::{GaugePart, LinkQuantity, RobotFile};
@@ -504,7 +504,15 @@ fn the_full_error_model_learns_from_lengths() {
         ..FullSettings::default()
     };
     let (frames, geometry) = (&start.frames, &start.geometry);
-    let model = FullModel::train(&arm, &observed, frames, geometry, &settings.prior(), &full, None);
+    let model = FullModel::train(
+        &arm,
+        &observed,
+        (&frames[..], &geometry[..]),
+        &settings.prior(),
+        &full,
+        Purpose::Published,
+        None,
+    );
     let model = model.expect("a positive covariance");
     assert_same_gauges(&model.fitted_frames()[0], &wanted, 0.5);
     // Distances three times worse than stated, heights twice better; the arm's repeatability takes a part of it.

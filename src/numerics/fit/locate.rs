@@ -299,19 +299,15 @@ impl<'p> Search<'p> {
 }
 
 fn rows_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
-    let mut rows = DMatrix::zeros(3 * poses.len(), matrix.ncols());
-    for (place, &pose) in poses.iter().enumerate() {
-        rows.rows_mut(3 * place, 3).copy_from(&matrix.rows(3 * pose, 3));
-    }
-    rows
+    matrix.select_rows(&coordinates(poses))
 }
 
 fn columns_of(matrix: &DMatrix<f64>, poses: &[usize]) -> DMatrix<f64> {
-    let mut columns = DMatrix::zeros(matrix.nrows(), 3 * poses.len());
-    for (place, &pose) in poses.iter().enumerate() {
-        columns.columns_mut(3 * place, 3).copy_from(&matrix.columns(3 * pose, 3));
-    }
-    columns
+    matrix.select_columns(&coordinates(poses))
+}
+
+fn coordinates(poses: &[usize]) -> Vec<usize> {
+    poses.iter().flat_map(|pose| 3 * pose..3 * pose + 3).collect()
 }
 
 /// The blocks of some poses (down) with others (across) in a matrix of all.

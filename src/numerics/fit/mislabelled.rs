@@ -21,6 +21,7 @@ use super::observation::{Noise, Observation};
 use super::suspects::{Against, Suspect, Swap, SwappedThroughout};
 use super::{FitSettings, Freedom, Loss, identify};
 use crate::figures::median;
+use crate::join::average::centred_rms;
 use crate::join::{TargetId, Unmeasured};
 use crate::kinematics::Arm;
 
@@ -236,14 +237,6 @@ fn best(
         swapped_mm,
         runner_up_mm: others.first().map(|own| own.0),
     })
-}
-
-/// Root mean square norm of vectors without their mean, mm.
-fn centred_rms(vectors: &[Vector3<f64>]) -> f64 {
-    let n = vectors.len().max(1) as f64;
-    let mean = vectors.iter().sum::<Vector3<f64>>() / n;
-    let squares: f64 = vectors.iter().map(|own| (own - mean).norm_squared()).sum();
-    (squares / n).sqrt()
 }
 
 /// Ways in which readings that name the targets `named` can be of `targets` targets, each of another one.

@@ -37,7 +37,7 @@ pub fn train(
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        FullModel::train_for(
+        FullModel::train(
             arm,
             observations,
             (&frames[..], &geometry[..]),

@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 
 use super::commanded::{Commanded, SettlingError};
 use super::frames::{Channel, MeasuredFlange};
-use crate::geometry::{PoseCovariance, TurnCovariance};
 use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
@@ -185,18 +184,6 @@ pub struct StatedSize {
 
 impl StatedSize {
     pub const ONE: Self = Self { position: 1.0, orientation: 1.0 };
-
-    #[must_use]
-    pub fn applied(&self, stated: &PoseCovariance) -> PoseCovariance {
-        let Self { position, orientation } = *self;
-        PoseCovariance {
-            position: stated.position.map(|own| own.map(|entry| position * position * entry)),
-            turn: stated.turn.map(|own| TurnCovariance {
-                own: own.own.map(|entry| orientation * orientation * entry),
-                with_position: own.with_position.map(|entry| position * orientation * entry),
-            }),
-        }
-    }
 }
 
 impl Noise {

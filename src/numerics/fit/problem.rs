@@ -19,7 +19,7 @@ use crate::geometry::Transform;
 use crate::join::{ReadingKind, SourceId, TargetId};
 use crate::kinematics::batch::BLOCK;
 use crate::kinematics::{
-    Axis, BatchChain, BatchColumns, Chain, Element, GaugePart, HeldChain, Motion, Parameter,
+    Arm, Axis, BatchChain, BatchColumns, Chain, Element, GaugePart, HeldChain, Motion, Parameter,
 };
 
 pub(in crate::fit) use distances::DistanceRow;
@@ -129,6 +129,17 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// [`Self::with_target_turn`] with free geometry, as the full error model has it.
+    pub(super) fn of_geometry(
+        observations: &'a [Observation],
+        arm: &Arm,
+        starts: &[Frames],
+        prior: &Prior,
+        turned: bool,
+    ) -> Self {
+        Self::with_target_turn(observations, arm.chain(), starts, Freedom::Geometry, prior, turned)
+    }
+
     /// The rows of the known distances at `offsets`, whitened.
     pub(super) fn distances(&self, offsets: &DVector<f64>) -> impl Iterator<Item = DistanceRow> {
         self.distances.iter().map(|row| row.at(offsets))
@@ -146,7 +157,6 @@ impl<'a> Problem<'a> {
         pull
     }
 
-    /// The prior's part of the cost at `offsets`.
     pub(super) fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
         let away = offsets - &self.expected;
         let distances: f64 = self.distances(offsets).map(|row| row.residual.powi(2)).sum();
@@ -204,22 +214,18 @@ impl<'a> Problem<'a> {
     /// Root mean square of measured minus predicted position over all observations of positions, per axis, mm; of measured minus
     /// predicted length where there are none.
     pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
-        let mut sum = 0.0;
-        let places = self.channels.each().iter().filter(|own| own.gauge.is_none());
-        let mut count = 0;
-        for own in places {
-            own.stations.add_squares(&own.batch(offsets), &mut sum);
-            count += 3 * own.stations.places.len();
-        }
-        if count == 0 {
-            for own in self.channels.each() {
-                let Some(gauge) = own.gauge(offsets) else {
-                    continue;
-                };
-                own.stations.add_squares_of_lengths(&own.batch(offsets), &gauge, &mut sum);
-                count += own.stations.places.len();
+        let squares = |of_lengths: bool| {
+            let (mut sum, mut count) = (0.0, 0);
+            let channels = self.channels.each().iter();
+            for own in channels.filter(|own| own.gauge.is_some() == of_lengths) {
+                let gauge = own.gauge(offsets);
+                own.stations.add_squares(&own.batch(offsets), gauge.as_ref(), &mut sum);
+                count += if of_lengths { 1 } else { 3 } * own.stations.places.len();
             }
-        }
+            (sum, count)
+        };
+        let of_places = squares(false);
+        let (sum, count) = if of_places.1 == 0 { squares(true) } else { of_places };
         (sum / count.max(1) as f64).sqrt()
     }
 

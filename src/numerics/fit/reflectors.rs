@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::full::{FullModel, FullSettings};
+use super::full::{FullModel, FullSettings, Purpose};
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
 use crate::join::ReadingKind;
@@ -214,7 +214,15 @@ fn a_known_distance_holds_against_readings_of_a_wrong_one() {
         let sizes = FullSettings { harmonics: 2, gear_lines: false, ..FullSettings::default() };
         let (frames, geometry) = (&start.frames, &start.geometry);
         let prior = settings.prior();
-        let model = FullModel::train(&arm, &observed, frames, geometry, &prior, &sizes, None);
+        let model = FullModel::train(
+            &arm,
+            &observed,
+            (&frames[..], &geometry[..]),
+            &prior,
+            &sizes,
+            Purpose::Published,
+            None,
+        );
         apart(&model.expect("a model").fitted_frames()[0]) - known_mm
     };
     let free = found(&FitSettings::default());

@@ -118,7 +118,6 @@ fn angles_away(
     Some(DVector::from_vec(commanded.joints) - reported)
 }
 
-/// A step of a row of values.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     /// The place of the first value behind it.

@@ -57,7 +57,6 @@ pub struct NotOneArm {
 }
 
 impl SharedFit {
-    /// Whether the session is of the arm that the pool shares.
     pub fn is_same_arm(&self) -> bool {
         self.shared_mm <= self.allowed_mm || self.ratio() <= LIMIT
     }

@@ -48,13 +48,6 @@ pub struct SavedHead {
     pub sessions: Vec<SavedSession>,
 }
 
-impl SavedHead {
-    /// Reads arm and sessions from the JSON text of any model.
-    pub fn read(text: &str) -> Result<Self, SavedError> {
-        read(text)
-    }
-}
-
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedSession {
@@ -287,7 +280,8 @@ impl SavedCalibration {
     }
 }
 
-pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedError> {
+/// Reads a saved model from its JSON text, or the [`SavedHead`] of any.
+pub fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedError> {
     /// The version alone: another version's text has another shape.
     #[derive(Deserialize)]
     struct Versioned {

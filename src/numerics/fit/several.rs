@@ -6,7 +6,7 @@ use nalgebra::{DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 use super::commanded::{self, CommandFrames};
 use super::full::next::{Mounted, Mounting, Placed};
 use super::full::saved::SavedFull;
-use super::full::{FullModel, FullSettings, Query};
+use super::full::{FullModel, FullSettings, Purpose, Query};
 use super::saved::SavedCalibration;
 use super::*;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform, isometry_from_rpy};
@@ -263,7 +263,15 @@ fn the_full_error_model_knows_each_source_and_target_and_so_does_its_next_sessio
     let (frames, geometry) = (&start.frames, &start.geometry);
     let prior = FitSettings::default().prior();
     let up = Some(Vector3::z_axis());
-    let model = FullModel::train(&arm, &observed, frames, geometry, &prior, &settings, up);
+    let model = FullModel::train(
+        &arm,
+        &observed,
+        (&frames[..], &geometry[..]),
+        &prior,
+        &settings,
+        Purpose::Published,
+        up,
+    );
     let model = model.expect("a positive covariance");
     let largest = |model: &FullModel| {
         let off = |o: &Observation| {

@@ -38,7 +38,6 @@ pub struct Answers {
     pub unlike: usize,
 }
 
-/// Stations by their numbers.
 pub(super) type ByNumber<'s> = BTreeMap<usize, &'s GridStation>;
 
 pub(super) fn by_number(stations: &[GridStation]) -> ByNumber<'_> {

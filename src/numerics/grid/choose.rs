@@ -26,7 +26,6 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// The share and confidence of bounds.
     pub const fn coverage(&self) -> Coverage {
         Coverage { share: self.share, confidence: self.confidence }
     }
@@ -76,7 +75,6 @@ pub struct Picked {
     pub words: String,
 }
 
-/// The chosen row, and the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// Index of the published table among the judged rows; `None` where no step gives a table.

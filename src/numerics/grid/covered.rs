@@ -12,7 +12,6 @@ pub(super) const ENOUGH: f64 = 0.95;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Covered {
-    /// Number of stations that it covers.
     pub stations: usize,
     /// Number of stations like it: of its arm configuration, and turned from its orientation by at most the tolerance.
     pub like: usize,

@@ -301,7 +301,6 @@ pub fn by_nodes(
     Some(grid.cell(point)?.and_then(interpolated))
 }
 
-/// The model's error at every node.
 pub fn node_errors(grid: &PlacedGrid, model: &ToolErrors<'_>) -> Vec<NodeError> {
     errors_at(grid, (0..grid.nodes.len()).collect(), model).into_values().collect()
 }

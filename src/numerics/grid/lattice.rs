@@ -1,5 +1,6 @@
 //! A box divided into equal cells: nodes, cells, and where a point lies in its cell.
 
+use crate::units::whole;
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -45,29 +46,19 @@ pub struct Lattice {
     pub counts: [usize; 3],
 }
 
-/// Why a box has no lattice of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum NoLattice {
     #[error(
         "the box is flat along {axis} ({size_mm:.3} mm), and a grid needs a size along each axis: measure poses that differ \
          along {axis} too, or state [grid] box"
     )]
-    Flat {
-        axis: char,
-        /// Size of the box along it, mm.
-        size_mm: f64,
-    },
-    /// The step is so small that the lattice has too many nodes.
+    Flat { axis: char, size_mm: f64 },
     #[error(
         "a step of {step_mm} mm makes {nodes:.0} nodes of the box, more than the {most:.0} that a table may have: choose a \
          larger step",
         most = MOST_NODES
     )]
-    TooFine {
-        step_mm: f64,
-        /// Nodes that it would make.
-        nodes: f64,
-    },
+    TooFine { step_mm: f64, nodes: f64 },
 }
 
 /// The cell of a point, and the point's place in it.
@@ -97,11 +88,6 @@ impl InCell {
 impl Lattice {
     /// The lattice that covers all of `bounds` with cells no larger than `step_mm`: along each axis of size Δ the pitch is
     /// Δ / max(1, ⌈Δ/L − 10⁻⁶⌉), so a step larger than the box makes one cell.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at least one cell, and no more than there may be nodes"
-    )]
     pub fn new(bounds: &WorkBox, step_mm: f64) -> Result<Self, NoLattice> {
         let cells: [f64; 3] =
             std::array::from_fn(|axis| (bounds.size(axis) / step_mm - RIM).ceil().max(1.0));
@@ -109,7 +95,7 @@ impl Lattice {
         if nodes > MOST_NODES {
             return Err(NoLattice::TooFine { step_mm, nodes });
         }
-        Self::of_cells(bounds, cells.map(|cells| cells as usize))
+        Self::of_cells(bounds, cells.map(whole))
     }
 
     /// The lattice that divides `bounds` into so many equal cells along each axis, one at least.
@@ -185,11 +171,6 @@ impl Lattice {
     }
 
     /// The cell a point lies in; `None` outside the lattice.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked to be within the counts"
-    )]
     pub fn locate(&self, point: &Point3<f64>) -> Option<InCell> {
         let mut index = [0; 3];
         let mut fraction = Vector3::zeros();
@@ -200,7 +181,7 @@ impl Lattice {
                 return None;
             }
             let cell = place.clamp(0.0, cells).floor().min(cells - 1.0);
-            index[axis] = cell as usize;
+            index[axis] = whole(cell);
             fraction[axis] = (place - cell).clamp(0.0, 1.0);
         }
         Some(InCell { vertices: self.vertices(index), fraction })

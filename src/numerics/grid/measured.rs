@@ -12,6 +12,7 @@ use super::interpolation::Interpolation;
 use super::lattice::{Lattice, PLANE_MM};
 use super::node::{GridStation, Refusal, on_one_branch};
 use crate::kinematics::Configuration;
+use crate::units::whole;
 
 /// A session's own grid: the station at each node.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,16 +25,13 @@ pub struct MeasuredGrid {
     counted: Vec<f64>,
 }
 
-/// The reason why a session is not on a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotOnGrid {
-    /// Commanded positions do not repeat along an axis.
     #[error("the commanded positions do not lie on planes of equal pitch along {axis}")]
     NoPitch { axis: char },
     /// More than half of the nodes were not visited.
     #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
     Sparse { measured: usize, nodes: usize },
-    /// Tool orientations differ.
     #[error("its stations have more than one tool orientation")]
     Mixed,
 }
@@ -133,7 +131,6 @@ impl MeasuredGrid {
 /// One decimated grid: the station at each of its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated {
-    /// The positions of the nodes.
     pub lattice: Lattice,
     /// Index in the list of stations; `None` where the node was not measured.
     pub nodes: Vec<Option<usize>>,
@@ -213,21 +210,11 @@ struct Planes {
 }
 
 impl Planes {
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the planes there are"
-    )]
     fn index(&self, value: f64) -> usize {
-        ((value - self.first) / self.pitch).round().clamp(0.0, (self.count - 1) as f64) as usize
+        whole(((value - self.first) / self.pitch).round().clamp(0.0, (self.count - 1) as f64))
     }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a count of planes that was just checked"
-)]
 fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
     let none = NotOnGrid::NoPitch { axis: ['x', 'y', 'z'][axis] };
     let mut values: Vec<f64> = stations.iter().map(|station| station.position[axis]).collect();
@@ -236,12 +223,12 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
     let starts: Vec<f64> = planes.map(|plane| plane[0]).collect();
     let gaps: Vec<f64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let pitch = gaps.iter().copied().reduce(f64::min).ok_or(none)?;
-    let whole = |gap: f64| (gap / pitch - (gap / pitch).round()).abs() * pitch <= PLANE_MM;
-    if pitch <= 4.0 * PLANE_MM || !gaps.iter().all(|&gap| whole(gap)) {
+    let is_whole = |gap: f64| (gap / pitch - (gap / pitch).round()).abs() * pitch <= PLANE_MM;
+    if pitch <= 4.0 * PLANE_MM || !gaps.iter().all(|&gap| is_whole(gap)) {
         return Err(none);
     }
     let (first, last) = (starts[0], starts[starts.len() - 1]);
-    let count = ((last - first) / pitch).round() as usize + 1;
+    let count = whole(((last - first) / pitch).round()) + 1;
     // The smallest gap includes the rounding of two commands; the whole extent distributes it over all gaps.
     Ok(Planes { first, pitch: (last - first) / (count - 1) as f64, count })
 }

@@ -156,9 +156,7 @@ pub struct Placed {
 /// The nodes of a grid with the joint angles at which each is evaluated, and its usable cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedGrid {
-    /// The positions of the nodes.
     pub lattice: Lattice,
-    /// The tool's orientation at every node.
     pub orientation: UnitQuaternion<f64>,
     /// The nodes in the lattice's order.
     pub nodes: Vec<Placed>,

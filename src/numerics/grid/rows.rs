@@ -50,12 +50,9 @@ pub struct StepAnswers {
 
 /// Everything that all rows of a session are made from.
 pub(super) struct Judging<'j> {
-    /// Stations and models.
     pub(super) input: &'j GridInput<'j>,
     pub(super) settings: &'j GridSettings,
-    /// Box, orientation and configuration.
     pub(super) plan: &'j GridPlan,
-    /// The arm's inverse kinematics.
     pub(super) reach: &'j Reach<'j>,
     /// Stations of the table's configuration: where the inverse kinematics starts.
     pub(super) like: &'j [&'j GridStation],

@@ -12,7 +12,6 @@ use super::{GridError, Source};
 use crate::fit::start::mean_rotation;
 use crate::kinematics::Configuration;
 
-/// The `[grid]` section of a pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GridSettings {
@@ -64,7 +63,6 @@ pub enum Rule {
 /// Share of the model's own error by which a table may exceed it and still be near.
 pub const WITHIN: f64 = 0.05;
 
-/// The table's box, orientation and configuration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GridPlan {
     /// The box in the base frame.
@@ -125,7 +123,6 @@ impl GridPlan {
 pub(super) enum NotJudged {
     #[error(transparent)]
     NoLattice(#[from] NoLattice),
-    /// A smaller step has the same lattice.
     #[error("it comes to the same pitches as the step of {judged_mm} mm, which is judged")]
     SamePitches {
         /// The smallest such step, mm.

@@ -97,6 +97,12 @@ impl Comparison {
         (0..self.columns.len()).filter(|&place| is_asked(&self.columns[place])).collect()
     }
 
+    /// The shifts of the columns for which `is_moved` is true, all estimated together.
+    pub fn shifts(&self, is_moved: impl Fn(&Column) -> bool) -> Vec<Shift> {
+        let places = self.places(is_moved);
+        self.explained(&places).shifts(self, &places)
+    }
+
     /// The test and the size of a change of the columns at `places` alone.
     pub fn explained(&self, places: &[usize]) -> Explained {
         let size = places.len();

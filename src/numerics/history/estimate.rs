@@ -32,10 +32,10 @@ pub struct Estimate {
     pub columns: Vec<Column>,
     /// Λ, in the columns' units.
     #[serde(with = "bits::matrix")]
-    information: DMatrix<f64>,
+    pub information: DMatrix<f64>,
     /// η: Λ times the offsets; those of base and target are offsets from the frames of this estimate.
     #[serde(with = "bits::vector")]
-    moment: DVector<f64>,
+    pub moment: DVector<f64>,
     /// The fitted base in its source's frame, mm; `None` where the estimate has no information on one.
     #[serde(with = "bits::frame")]
     pub(super) base: Option<Isometry3<f64>>,
@@ -135,22 +135,6 @@ impl Estimate {
             Column::Chain(Parameter::Target(along)) => by(target.zip(self.target.as_ref()), along),
             _ => 0.0,
         }
-    }
-
-    /// A random estimate from a session at the same poses, of an arm whose columns have the offsets `truth` (mm, rad), base
-    /// and target from the same frames: Λ is kept, and η is drawn with `normals`, one standard normal number per column.
-    #[must_use]
-    pub fn drawn(&self, truth: &[(Column, f64)], normals: &[f64]) -> Self {
-        let offset = |column: &Column| {
-            let own = truth.iter().filter(|(own, _)| own == column);
-            own.map(|(_, value)| value).sum::<f64>() / column.unit()
-        };
-        let size = self.columns.len();
-        let offsets = DVector::from_fn(size, |i, _| offset(&self.columns[i]));
-        let eigen = self.information.clone().symmetric_eigen();
-        let noise =
-            DVector::from_fn(size, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]);
-        Self { moment: &self.information * offsets + &eigen.eigenvectors * noise, ..self.clone() }
     }
 }
 

@@ -194,7 +194,7 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
 
 /// The test of each hypothesis, and the parts that moved.
 pub fn find(comparison: &Comparison, hypotheses: &[Hypothesis]) -> (Vec<Asked>, Finding) {
-    let test_of_all = TestOfAll::new(comparison, hypotheses);
+    let test_of_all = TestOfAll { comparison, hypotheses };
     let all = test_of_all.explains(&[Hypothesis::Anything]);
     let asked = |&hypothesis: &Hypothesis| {
         let alone = test_of_all.explains(&[hypothesis]);

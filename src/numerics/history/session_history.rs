@@ -157,7 +157,8 @@ fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
 /// The tests of every hypothesis, and what moved: by as much as counts, with its shifts, and by less.
 fn tested(comparison: &Comparison, noticed: Option<&Noticed>) -> Judged {
     let (asked, found) = find(comparison, &hypotheses(&comparison.columns));
-    let mut shifts = moved_by(comparison, &found);
+    let named = found.named();
+    let mut shifts = comparison.shifts(|column| named.iter().any(|part| part.has(column)));
     let of = |part: Hypothesis| shifts.iter().filter(move |own| part.has(&own.column));
     let is_small = |part| noticed.is_some_and(|own| own.size_mm(of(part)) < own.least_mm);
     let (finding, small) = found.without(is_small);
@@ -166,13 +167,6 @@ fn tested(comparison: &Comparison, noticed: Option<&Noticed>) -> Judged {
         named.iter().any(|part| part.has(&own.column)) && !named.contains(&Hypothesis::Anything)
     });
     Judged { asked, finding, small, moved: shifts, ..Judged::default() }
-}
-
-/// The shifts of the parts named, all estimated together.
-fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
-    let named = finding.named();
-    let places = comparison.places(|column| named.iter().any(|part| part.has(column)));
-    comparison.explained(&places).shifts(comparison, &places)
 }
 
 /// Shifts of base, target and joint offsets since another session, all estimated together. The first joint's offset acts as
@@ -186,6 +180,5 @@ fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
         Column::Chain(Parameter::Target(_)) => known.target.is_some(),
         _ => column.zero_of().is_some_and(|joint| joint > 1 && Some(joint) != last),
     };
-    let places = comparison.places(charted);
-    comparison.explained(&places).shifts(&comparison, &places)
+    comparison.shifts(charted)
 }

@@ -20,6 +20,7 @@ use crate::figures::{Coverage, least_count};
 use crate::report::ResidualSet;
 use crate::report::driven::{Application, BaseMotion, base_motion, kept};
 use crate::report::promise::{Promise, PromiseKept};
+use crate::units::whole;
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum TableState {
@@ -149,9 +150,8 @@ fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> 
 }
 
 /// The least number of poses that can show the promise's share with its confidence.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of stations")]
 fn needed(promise: &Promise) -> usize {
-    least_count(Coverage { share: promise.share, confidence: promise.confidence }) as usize
+    whole(least_count(Coverage { share: promise.share, confidence: promise.confidence }))
 }
 
 impl fmt::Display for TableState {

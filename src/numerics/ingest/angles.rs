@@ -50,10 +50,6 @@ impl JointAngles {
         &self.values[self.places(rows)]
     }
 
-    pub fn of_joint(&self, joint: usize) -> Vec<f64> {
-        self.rows().map(|row| row[joint]).collect()
-    }
-
     #[inline]
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         self.values.extend(row);
@@ -135,7 +131,7 @@ mod tests {
         let mut angles = three_rows();
         assert_eq!((angles.len(), angles.joints()), (3, 2));
         assert_eq!(angles.row(1), [2.0, -2.0]);
-        assert_eq!(angles.of_joint(1), [-1.0, -2.0, -3.0]);
+        assert!(angles.rows().map(|row| row[1]).eq([-1.0, -2.0, -3.0]));
         assert_eq!(angles.of_rows(1..3), [2.0, -2.0, 3.0, -3.0]);
         assert_eq!(angles.picked(&[2, 0]).all(), [3.0, -3.0, 1.0, -1.0]);
         angles.scale_from(2, &[10.0, 100.0]);

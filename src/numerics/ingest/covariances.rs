@@ -169,18 +169,6 @@ impl CovarianceCounts {
     }
 }
 
-/// The covariance in mm and rad of one in a unit of length that has `to_mm`, and of angle that has `to_rad`.
-#[must_use]
-pub fn in_units(own: &PoseCovariance, to_mm: f64, to_rad: f64) -> PoseCovariance {
-    PoseCovariance {
-        position: own.position.map(|own| own.map(|entry| to_mm * to_mm * entry)),
-        turn: own.turn.map(|turn| TurnCovariance {
-            own: turn.own.map(|entry| to_rad * to_rad * entry),
-            with_position: turn.with_position.map(|entry| to_mm * to_rad * entry),
-        }),
-    }
-}
-
 /// The mean of the covariances that readings state, each part over those that state it.
 pub fn mean(all: &[PoseCovariance]) -> PoseCovariance {
     fn of<const N: usize>(parts: &[[f64; N]]) -> [f64; N] {
@@ -233,7 +221,7 @@ mod tests {
         assert_eq!(found.turn, Some(turn));
         assert_eq!(counts, [("position_covariances", 1), ("orientation_covariances", 1)]);
         // m² → mm², m·rad → mm·rad, rad² stays.
-        let mm = in_units(&found, 1000.0, 1.0);
+        let mm = found.scaled(1000.0, 1.0);
         let turn = mm.turn.expect("stated");
         let found = (mm.position.expect("stated")[0], turn.own[0], turn.with_position[1]);
         assert_eq!(found, (1.0, 4e-6, 1e-3));

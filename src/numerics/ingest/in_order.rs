@@ -31,7 +31,6 @@ pub trait Buffer {
     type Block;
     /// A content that leaves that of the samples around it by more than this, and comes back, is another publisher's.
     const JUMP: f64 = f64::INFINITY;
-    fn stamps_of(block: &Self::Block) -> &[i64];
     /// The stamps of a block's rows, to be changed, and the recorder's time of each row, ns.
     fn times_of(block: &mut Self::Block) -> (&mut [i64], &[i64]);
     fn clock(&self) -> SpanClock;

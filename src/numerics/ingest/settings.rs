@@ -184,25 +184,6 @@ impl LengthUnit {
     }
 }
 
-impl TrackerSettings {
-    /// Readings of one target on a topic, without temperatures.
-    pub fn new(topic: &str, time: TimeSource, unit: LengthUnit) -> Self {
-        Self {
-            topic: topic.to_owned(),
-            time,
-            unit,
-            temperature: None,
-            ignore_orientation: false,
-            fields: PoseFields::default(),
-            frame: None,
-            targets: Vec::new(),
-            references: Vec::new(),
-            lengths: Vec::new(),
-            eye_in_hand: false,
-        }
-    }
-}
-
 impl fmt::Display for LengthUnit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

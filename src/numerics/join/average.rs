@@ -45,6 +45,14 @@ pub(super) fn robust_sigma(values: &mut [f64]) -> f64 {
     SIGMA_PER_MAD * median(values)
 }
 
+/// Root mean square norm of vectors without their mean.
+pub(crate) fn centred_rms(vectors: &[Vector3<f64>]) -> f64 {
+    let n = vectors.len().max(1) as f64;
+    let mean = vectors.iter().sum::<Vector3<f64>>() / n;
+    let squares: f64 = vectors.iter().map(|own| (own - mean).norm_squared()).sum();
+    (squares / n).sqrt()
+}
+
 /// Mean and standard deviation (n − 1) per axis, mm. Needs two positions or more.
 pub(super) fn mean_and_scatter(positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     let count = positions.len() as f64;

@@ -300,6 +300,6 @@ pub(crate) fn undo(value: &mut Value, motion: &Motion) {
         point.motion_covariance = covariance.map(|own| upper(&own));
     }
     if let Value::Pose(_, turn) = value {
-        turn.orientation = motion.undone_turn(&turn.orientation);
+        turn.orientation = motion.moved.rotation.inverse() * turn.orientation;
     }
 }

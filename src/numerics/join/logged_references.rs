@@ -137,7 +137,8 @@ impl<'a> Looking<'a> {
         reference: ReferenceId,
         own: &ReferenceReadings,
     ) -> Result<(Vec<Run>, Vec<JoinReject>), JoinError> {
-        let mut gathering = Gathering::new(reference, self.settings.mad_factor);
+        let mad_factor = self.settings.mad_factor;
+        let mut gathering = Gathering { reference, mad_factor, ..Gathering::default() };
         for seen in pieces(&*own.readings) {
             let seen = seen?;
             for row in seen.rows.clone() {
@@ -176,6 +177,7 @@ impl LeftOut {
 }
 
 /// The readings of a reference while they are sorted into looks.
+#[derive(Default)]
 struct Gathering {
     reference: ReferenceId,
     mad_factor: f64,
@@ -189,20 +191,6 @@ struct Gathering {
 }
 
 impl Gathering {
-    fn new(reference: ReferenceId, mad_factor: f64) -> Self {
-        Self {
-            reference,
-            mad_factor,
-            now: None,
-            stamps: Vec::new(),
-            positions: Vec::new(),
-            runs: Vec::new(),
-            outliers: LeftOut::default(),
-            missing: LeftOut::default(),
-            nowhere: LeftOut::default(),
-        }
-    }
-
     fn take(&mut self, when: When, at: Stamp<Tracker>, position: [f64; 3]) {
         if self.now != Some(when) {
             self.close();

@@ -9,10 +9,11 @@
 //!
 //! Nothing ties such a stretch to the rest, as its motion is known no better than the nominal arm: its readings stay out.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
 use super::MIN_PAIRS;
+use super::average::centred_rms;
 use super::placement::{Placement, ReadingAtFlange};
 use super::references::Motion;
 use crate::figures::median;
@@ -210,9 +211,5 @@ fn away_mm(own: &ReadingAtFlange, placement: &Placement, base: &Isometry3<f64>) 
 
 /// Root mean square distance of points from their middle, mm.
 fn spread_mm(points: impl Iterator<Item = Point3<f64>>) -> f64 {
-    let points: Vec<Vector3<f64>> = points.map(|own| own.coords).collect();
-    let count = points.len().max(1) as f64;
-    let middle = points.iter().sum::<Vector3<f64>>() / count;
-    let squares: f64 = points.iter().map(|own| (own - middle).norm_squared()).sum();
-    (squares / count).sqrt()
+    centred_rms(&points.map(|own| own.coords).collect::<Vec<_>>())
 }

@@ -28,7 +28,9 @@ use shape::{Shape, State, Turned};
 use walk::{Course, Moves, Ratios};
 
 /// A reference's index among those of its session, from 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct ReferenceId(pub usize);
 
 /// One look at the references: a moment, and the places where those that were measured stood.
@@ -129,11 +131,6 @@ impl Motion {
     /// A position measured now, in the instrument's frame of the first look, mm.
     pub fn undone(&self, position: &Point3<f64>) -> Point3<f64> {
         self.moved.inverse_transform_point(position)
-    }
-
-    /// An orientation measured now, in the instrument's frame of the first look.
-    pub fn undone_turn(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
-        self.moved.rotation.inverse() * orientation
     }
 
     /// Covariance that the motion's own uncertainty gives a position measured now, in the frame of the first look, mm².

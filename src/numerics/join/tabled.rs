@@ -93,8 +93,11 @@ impl Rows {
 
 /// The stations of a table. `counts` has each reading of a target once; those that the reader left out are missing.
 pub fn tabled(rows: Rows, arm: &Arm, settings: &JoinSettings) -> Joined {
-    let Rows { file, rows, apart, references, mut rejects } = rows;
-    let (rows, timed) = in_order(rows);
+    let Rows { file, mut rows, apart, references, mut rejects } = rows;
+    let timed = !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some());
+    if timed {
+        rows.sort_by_key(|row| row.time_ns);
+    }
     let (mut rows, copies) = without_copies(rows);
     let left_out = |is_unusable: bool| {
         let of_readings = rejects.iter().filter(|own| own.kind == RowItem::Reading);
@@ -154,19 +157,6 @@ fn take_out(rows: &mut [Row], left_out: &BTreeMap<usize, String>) -> Vec<RowReje
         }));
     }
     rejects
-}
-
-/// The rows in order of time, and whether they have times.
-fn in_order(mut rows: Vec<Row>) -> (Vec<Row>, bool) {
-    let timed = is_timed(&rows);
-    if timed {
-        rows.sort_by_key(|row| row.time_ns);
-    }
-    (rows, timed)
-}
-
-fn is_timed(rows: &[Row]) -> bool {
-    !rows.is_empty() && rows.iter().all(|row| row.time_ns.is_some())
 }
 
 /// The rows without those that repeat an earlier one to the last digit; for each of them its reject and number of readings.

@@ -20,6 +20,7 @@ use crate::fit::full::sides::{Sides, sides};
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
+use crate::units::whole;
 
 /// Number of simulated other sessions for each station.
 const DAYS: usize = 8;
@@ -34,16 +35,13 @@ pub(super) fn add_between_session_variation(
     error_frame: &ErrorFrame<'_>,
 ) {
     let Some(model) = &models.full else { return };
+    let backlash = model.trained.sides.as_ref();
     let other = OtherDays {
         model,
         place,
         error_frame,
         settling_errors: sent(session),
-        beside: model
-            .trained
-            .sides
-            .as_ref()
-            .map_or_else(Vec::new, |own| beside(session, error_frame, own)),
+        beside: backlash.map_or_else(Vec::new, |own| beside(session, error_frame, own)),
         day_mm: model.any_time_variance().sqrt(),
     };
     if other.day_mm <= 0.0 && other.settling_errors.is_empty() && other.beside.is_empty() {
@@ -56,15 +54,8 @@ pub(super) fn add_between_session_variation(
 
 /// The settling errors of the session's stations (command minus feedback), by station number.
 fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
-    session
-        .joined
-        .stations
-        .iter()
-        .zip(&session.commanded.settling_errors)
-        .filter_map(|(station, settling_error)| {
-            Some((station.number, settling_error.as_ref()?.sent()?))
-        })
-        .collect()
+    let stations = session.joined.stations.iter().zip(&session.commanded.settling_errors);
+    stations.filter_map(|(own, error)| Some((own.number, error.as_ref()?.sent()?))).collect()
 }
 
 /// True minus reported axis variables by the sides of approach, by station number.
@@ -122,13 +113,8 @@ impl OtherDays<'_> {
     }
 
     /// The settling error of a joint at the station whose place among all is `share`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a place among the stations"
-    )]
     fn some(&self, joint: usize, share: f64) -> f64 {
-        let place = (share * self.settling_errors.len() as f64) as usize;
+        let place = whole(share * self.settling_errors.len() as f64);
         self.settling_errors[place.min(self.settling_errors.len() - 1)].1[joint]
     }
 

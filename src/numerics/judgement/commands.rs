@@ -29,26 +29,17 @@ pub(super) fn raw_command(
         let attained = error_frame.attained_tool(&station.joints, station.one_reading()?)?;
         Some(Residual {
             station: station.number,
-            target: None,
             pose: stations[visits[place]].number,
-            fold: None,
-            used_for_refit: false,
             attained,
             residual: attained - commanded,
-            covariance: None,
-            weight: None,
             turn: turns[place],
+            ..Residual::default()
         })
     };
     let commanded = stations.iter().zip(&session.commanded.poses);
     let residuals = commanded.enumerate().filter_map(residual).collect();
-    let subject = Subject {
-        split: Split::None,
-        of_session: session.name.clone(),
-        model: Model::RawCommand,
-        angles: Angles::Commanded,
-        base_refit: BaseRefit::None,
-    };
+    let (of, base_refit) = ((Split::None, &*session.name), BaseRefit::None);
+    let subject = Subject::new(of, Model::RawCommand, Angles::Commanded, base_refit);
     Some(ResidualSet { subject, residuals })
 }
 

@@ -53,9 +53,7 @@ pub struct StoredTrainings {
 #[derive(Debug)]
 pub(super) struct Trained {
     pub(super) models: Models,
-    /// The models of each fold that holds stations out.
     pub(super) folds: Vec<Option<Models>>,
-    /// Each session of a pool, judged by the models of all others.
     pub(super) sessions_left_out: Vec<ResidualSet>,
 }
 
@@ -132,7 +130,6 @@ impl Estimate {
         self.trained.models.geometric.misfit_mm
     }
 
-    /// What was trained, for a later run to start from.
     pub fn stored(&self) -> StoredTrainings {
         let trained = &self.trained;
         let of_fold = |models: &Option<Models>| models.as_ref().map(StoredModels::of);

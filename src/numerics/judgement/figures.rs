@@ -6,13 +6,13 @@ use nalgebra::Vector3;
 
 use super::commands::{commanded_turns, why_no_turns};
 use super::judged::Judges;
+use super::unseen::table_figure;
 use super::{Driven, JoinedSession};
 use crate::figures::{self, PoseErrors};
 use crate::grid::Grids;
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Finders, Model, Moment, Point, ResidualSet, Split, Subject,
-    accuracy,
+    Accuracy, Angles, BaseRefit, Finders, Model, Point, ResidualSet, Split, Subject, accuracy,
 };
 
 pub(super) struct FigureMaker<'f> {
@@ -123,25 +123,13 @@ impl FigureMaker<'_> {
     /// The figures of the chosen table, of its nodes or local cells, whichever has the larger bound; none where no step gives a table.
     fn of_table(&self) -> Accuracy {
         let chosen = self.grids.deciding();
+        let of = (Split::Blocks, &*self.judges.own().name);
+        let subject = Subject::new(of, Model::Table, Angles::Commanded, BaseRefit::None);
+        let verdict = self.grids.choice.verdict.clone();
         Accuracy {
-            subject: Subject {
-                split: Split::Blocks,
-                of_session: self.judges.own().name.clone(),
-                model: Model::Table,
-                angles: Angles::Commanded,
-                base_refit: BaseRefit::None,
-            },
-            point: Point::Tool,
-            moment: Moment::After,
-            driven_by: None,
-            figures: chosen.and_then(|chosen| chosen.figures),
             bound: self.grids.chosen().and_then(|chosen| chosen.bound),
-            counted: chosen.map(|chosen| chosen.held_out.counted()).unwrap_or_default(),
-            finders: None,
             blocks: chosen.map(|chosen| chosen.held_out.blocks.len()),
-            coverage: None,
-            expanded_uncertainty_mm: self.grids.guard_mm,
-            verdict: self.grids.choice.verdict.clone(),
+            ..table_figure(chosen, subject, verdict, self.grids.guard_mm)
         }
     }
 

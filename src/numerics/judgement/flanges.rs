@@ -44,7 +44,8 @@ impl Flanges {
         if let (Some(targets @ 2..), LocateTarget::Own) = (targets, settings.locate.target) {
             return Err(StageError::OwnTargets { targets });
         }
-        let known = known_targets(observed);
+        // An unseen session has the targets that the first session of the training read, in their places there.
+        let known = observed.of_session(0).map(|(own, _)| own.target).collect();
         let test: Vec<JoinedSession> =
             test.into_iter().map(|session| of_targets(session, &known)).collect();
         let mut seen: Vec<_> =
@@ -76,11 +77,6 @@ impl Flanges {
             seen,
         })
     }
-}
-
-/// The targets that the first session of the training read: an unseen session has them in their places there.
-fn known_targets(observed: &Observed) -> BTreeSet<TargetId> {
-    observed.of_session(0).map(|(own, _)| own.target).collect()
 }
 
 /// A session that judges, with its readings of these targets alone: nothing predicts the places of others.

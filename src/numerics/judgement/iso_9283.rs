@@ -102,20 +102,16 @@ impl Sources<'_> {
         } else {
             iso_9283::figures(&visited, visits.says)
         };
+        let (split, base_refit) = match finders {
+            Some(_) => (Split::Session, self.judges.settings.locate.base_refit()),
+            None => (Split::None, BaseRefit::None),
+        };
+        let angles = match visits.says {
+            Says::Repeatability => Angles::Reported,
+            _ => Angles::Commanded,
+        };
         Iso9283 {
-            subject: Subject {
-                split: if finders.is_some() { Split::Session } else { Split::None },
-                of_session: session.name.clone(),
-                model: Model::BaseTarget,
-                angles: match visits.says {
-                    Says::Repeatability => Angles::Reported,
-                    _ => Angles::Commanded,
-                },
-                base_refit: match finders {
-                    Some(_) => self.judges.settings.locate.base_refit(),
-                    None => BaseRefit::None,
-                },
-            },
+            subject: Subject::new((split, &session.name), Model::BaseTarget, angles, base_refit),
             point: Point::Tool,
             moment: Moment::Before,
             driven_by: None,
@@ -149,12 +145,8 @@ impl Sources<'_> {
             ..trained
         };
         // The orientation of a target of its own is not known: measured orientations do not show the tool's.
-        let error_frame = ErrorFrame::new(
-            self.judges.arm,
-            frames,
-            self.judges.settings.flange_from_tool,
-            self.judges.settings.noise.takes_orientations() && !with_target,
-        );
+        let mut error_frame = self.error_frame(frames);
+        error_frame.oriented &= !with_target;
         Some(self.base_target(visits, &error_frame, Some(&finders)))
     }
 

@@ -64,7 +64,6 @@ pub struct Driven {
     pub table: String,
     /// Stations that went to a target, in the base frame.
     pub stations: Vec<DrivenStation>,
-    /// The way in which the corrections were applied.
     pub application: Application,
     /// Errors before and after; `None` where the stations do not span space.
     pub measured: Option<Measured>,
@@ -120,9 +119,7 @@ pub struct LengthResidual {
     pub kind: ReadingKind,
     /// The target that was read; `None` where the session has one.
     pub target: Option<TargetId>,
-    /// The reading, mm.
     pub measured_mm: f64,
-    /// The predicted reading, mm.
     pub predicted_mm: f64,
     /// Standard deviation of measured minus predicted, mm, of prediction and noise together; `None` of a model without a covariance.
     pub sd_mm: Option<f64>,
@@ -149,7 +146,6 @@ pub struct ShownFlange {
     pub neither: usize,
 }
 
-/// All results of one piece of work.
 #[derive(Debug)]
 pub struct Outcome<'a> {
     /// Sessions that trained, in the fit's order.
@@ -177,7 +173,6 @@ pub struct Outcome<'a> {
     pub error_frame: ErrorFrame<'a>,
     /// Residuals by model, split, angles and base.
     pub residuals: Vec<ResidualSet>,
-    /// Semivariograms of raw errors and residuals.
     pub semivariograms: Vec<(Model, Vec<Semivariogram>)>,
     pub grids: Grids,
     /// The judgement of the last session on the table that drove it; `None` where none did.

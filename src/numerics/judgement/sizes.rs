@@ -26,7 +26,7 @@ pub(super) fn camera(
     settings: &StageSettings,
 ) -> Result<(StageSettings, Option<CameraSize>), StageError> {
     let mut settings = settings.clone();
-    if !is_of_camera(&settings) {
+    if settings.noise.sources.iter().all(|own| own.uncertainty.camera().is_none()) {
         return Ok((settings, None));
     }
     let seen = observations_of(arm, training, &settings);
@@ -38,11 +38,6 @@ pub(super) fn camera(
         camera.size = found.size;
     }
     Ok((settings, found))
-}
-
-fn is_of_camera(settings: &StageSettings) -> bool {
-    let mut sources = settings.noise.sources.iter();
-    sources.any(|source| source.uncertainty.camera().is_some())
 }
 
 /// Fits of the geometry from which the sizes follow: they change its weights.

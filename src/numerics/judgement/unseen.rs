@@ -12,7 +12,7 @@ use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
 use crate::fit::{ErrorFrame, FramePair, ToolErrors};
 use crate::geometry::Transform;
-use crate::grid::{GridStation, Grids, Judged};
+use crate::grid::{GridStation, Grids, Judged, Verdict};
 use crate::join::SeveralSources;
 use crate::report::locate::{Locate, Located};
 use crate::report::refit::Placed;
@@ -277,34 +277,36 @@ pub(super) fn table_figures(
     let figure = |row: &Judged| {
         let session = row.of_test.as_ref()?;
         let test = tested.iter().find(|test| test.session.name == *session)?;
+        let of = (Split::Session, &**session);
+        let subject = Subject::new(of, Model::Table, Angles::Commanded, locate.base_refit());
         Some(Accuracy {
             finders: Some(locate.finders(test.numbers().len(), test.located.with_target())),
-            ..table_figure(row, session, locate.base_refit(), grids.guard_mm)
+            ..table_figure(Some(row), subject, row.verdict.clone(), grids.guard_mm)
         })
     };
     grids.judged.iter().filter_map(figure).collect()
 }
 
-fn table_figure(row: &Judged, session: &str, base_refit: BaseRefit, guard_mm: f64) -> Accuracy {
+/// The figures of a table by one of its rows.
+pub(super) fn table_figure(
+    row: Option<&Judged>,
+    subject: Subject,
+    verdict: Verdict,
+    guard_mm: f64,
+) -> Accuracy {
     Accuracy {
-        subject: Subject {
-            split: Split::Session,
-            of_session: session.to_owned(),
-            model: Model::Table,
-            angles: Angles::Commanded,
-            base_refit,
-        },
+        subject,
         point: Point::Tool,
         moment: Moment::After,
         driven_by: None,
-        figures: row.figures,
-        bound: row.bound,
-        counted: row.held_out.counted(),
+        figures: row.and_then(|row| row.figures),
+        bound: row.and_then(|row| row.bound),
+        counted: row.map(|row| row.held_out.counted()).unwrap_or_default(),
         finders: None,
         blocks: None,
         coverage: None,
         expanded_uncertainty_mm: guard_mm,
-        verdict: row.verdict.clone(),
+        verdict,
     }
 }
 

@@ -22,6 +22,7 @@ use crate::geometry::Transform;
 use crate::grid::Lattice;
 use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Ingredient, Stream};
+use crate::units::whole;
 
 /// Number of poses that represent the region while a design is chosen.
 const REGION_POSES: usize = 300;
@@ -145,12 +146,7 @@ impl Expected {
         }
         norms.sort_by(f64::total_cmp);
         let place = ((norms.len() as f64 * settings.tolerance.share).ceil().max(1.0)) - 1.0;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a place among the norms"
-        )]
-        let share_mm = norms.get(place as usize).copied().unwrap_or(f64::INFINITY);
+        let share_mm = norms.get(whole(place)).copied().unwrap_or(f64::INFINITY);
         Self {
             mean_mm: Figures::of(&norms).map_or(f64::INFINITY, |figures| figures.mean),
             share_mm,

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
-use crate::linalg::transposed;
+use crate::linalg::{beside, transposed};
 
 /// Number of candidates that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
@@ -172,13 +172,7 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
         model.posterior.half(&rows)
     };
     let parts: Vec<DMatrix<f64>> = axes.par_chunks(AT_ONCE).map(part).collect();
-    let mut half = DMatrix::zeros(model.trained.layout.size(), 3 * axes.len());
-    let mut first = 0;
-    for part in parts {
-        half.columns_mut(first, part.ncols()).copy_from(&part);
-        first += part.ncols();
-    }
-    half
+    beside(model.trained.layout.size(), &parts)
 }
 
 fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
@@ -199,11 +193,7 @@ fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
         .into_par_iter()
         .map(|first| &left_rows * right.columns(first, (3 * AT_ONCE).min(right.ncols() - first)))
         .collect();
-    let mut product = DMatrix::zeros(left.ncols(), right.ncols());
-    for (place, part) in parts.iter().enumerate() {
-        product.columns_mut(3 * AT_ONCE * place, part.ncols()).copy_from(part);
-    }
-    product
+    beside(left.ncols(), &parts)
 }
 
 /// `cross −= region · rows`, columns in parallel.

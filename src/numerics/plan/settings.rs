@@ -22,7 +22,6 @@ pub struct PlanSettings {
     /// Largest turn of measured poses away from the table's orientation, rad: a larger turn gives more information.
     pub candidate_cone_rad: f64,
     pub constraints: Constraints,
-    /// Steps, node sources and interpolations.
     pub grid: GridSettings,
     pub tolerance: Tolerance,
     /// The expected robots, the cell and the instrument; its seed, home and poses are not used.

@@ -7,7 +7,7 @@
 //! 4. A step holds for a robot when the bound of [`crate::figures`] on its fresh poses is within the tolerance; it holds
 //!    for the population when the share of such robots is, with the confidence asked for, at least the share asked for.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Point3, Vector3};
 
@@ -222,10 +222,8 @@ fn by_family(
 /// The index of the row with the largest step, of any source and interpolation, that holds together with all smaller ones
 /// of its own; `None` without one.
 pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
-    let mut families: Vec<(Source, Interpolation)> =
+    let families: BTreeSet<(Source, Interpolation)> =
         rows.iter().map(|row| (row.source, row.interpolation)).collect();
-    families.sort_unstable();
-    families.dedup();
     let step = |row: &usize| rows[*row].step_mm;
     let largest = |family: &(Source, Interpolation)| {
         let is_own = |row: &usize| (rows[*row].source, rows[*row].interpolation) == *family;

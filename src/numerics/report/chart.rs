@@ -75,11 +75,6 @@ impl Axis {
         Self { quantity: quantity.to_owned(), unit: unit.to_owned(), ..Self::default() }
     }
 
-    /// A horizontal axis that counts named things, the first at 1.
-    pub fn of_names(quantity: &str, names: Vec<String>) -> Self {
-        Self { names, ..Self::new(quantity, "") }
-    }
-
     pub fn of_whole_numbers(quantity: &str, unit: &str) -> Self {
         Self { whole: true, ..Self::new(quantity, unit) }
     }
@@ -240,7 +235,7 @@ mod tests {
     fn one_point_alone_is_drawn() {
         let mut chart = chart();
         let (line, band) = (vec![[30.0, 0.1]], vec![[30.0, -0.2, 0.4]]);
-        chart.series = vec![Series::band("first", line, band)];
+        chart.series = vec![Series::new("first", vec![Marks::Band(band), Marks::Line(line)])];
         let svg = chart.svg().into_string();
         let (drawn, _) = svg.split_once("class=\"legend\"").expect("a legend");
         for class in ["class=\"points\"", "class=\"line whisker\""] {

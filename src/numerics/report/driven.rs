@@ -103,13 +103,6 @@ pub struct DrivenStation {
     pub turn: Option<Turn>,
 }
 
-impl DrivenStation {
-    /// Distance of the command from target plus stated correction, mm.
-    pub fn departure_mm(&self) -> f64 {
-        (self.command - self.target - self.stated).norm()
-    }
-}
-
 /// The errors of a session that a table drove, both of the tool point and at the same stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
@@ -131,24 +124,16 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
             station: station.station,
-            target: None,
             pose: station.pose,
-            fold: None,
             used_for_refit: place < first,
             attained: base * station.attained,
             residual: base * station.attained - wanted(station),
-            covariance: None,
-            weight: None,
             turn: turns[place],
+            ..Residual::default()
         };
+        let of = (Split::Session, session);
         ResidualSet {
-            subject: Subject {
-                split: Split::Session,
-                of_session: session.to_owned(),
-                model,
-                angles: Angles::Commanded,
-                base_refit: BaseRefit::First,
-            },
+            subject: Subject::new(of, model, Angles::Commanded, BaseRefit::First),
             residuals: stations.iter().enumerate().map(residual).collect(),
         }
     };

@@ -47,23 +47,16 @@ pub fn own_session(
                 target: target_read(models, observation),
                 pose: observation.pose,
                 fold,
-                used_for_refit: false,
                 attained: base.inverse_transform_point(&target) + residual,
                 residual,
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
-                weight: None,
                 turn: predicted.turn.map(|turn| turn.seen_from(&base.rotation.inverse())),
+                ..Residual::default()
             })
         };
         let residuals = observations.iter().zip(&predictions).enumerate();
         let residuals = residuals.filter_map(residual).collect();
-        let subject = Subject {
-            split,
-            of_session: stations.session.to_owned(),
-            model,
-            angles,
-            base_refit: BaseRefit::None,
-        };
+        let subject = Subject::new((split, stations.session), model, angles, BaseRefit::None);
         sets.push(ResidualSet { subject, residuals });
     }
     sets

@@ -29,16 +29,6 @@ pub struct Refit {
 }
 
 impl Refit {
-    /// The frames of training, for a session whose own are not found.
-    pub fn none(base_from_tracker: Isometry3<f64>, placed: &[Placed]) -> Self {
-        Self {
-            base_from_tracker,
-            target_shift: Vector3::zeros(),
-            scale: 0.0,
-            middle: middle(placed),
-        }
-    }
-
     /// The frames after a small motion by the columns of [`columns`], and of [`levers`] behind them.
     fn moved(&self, by: &DVector<f64>, with_target: bool) -> Self {
         let turn = Vector3::new(by[3], by[4], by[5]) / MM_PER_M;

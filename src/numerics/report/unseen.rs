@@ -5,7 +5,7 @@
 //! the covariance of what remains includes everything that may differ in another session ([`crate::fit::full::elsewhere`]). Other
 //! models count all stations alike and state no covariance.
 
-use nalgebra::{Isometry3, Matrix3, Point3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::evaluate::{Predicted, Stations, known_ones, placed, predictions, target_read, turned};
 use super::locate::{Located, Locator};
@@ -59,15 +59,9 @@ pub fn unseen_session(
             poses,
         };
         for &base_refit in &refits[usize::from(with_target)..] {
-            let subject = Subject {
-                split: Split::Session,
-                of_session: stations.session.to_owned(),
-                model,
-                angles,
-                base_refit,
-            };
-            let found = unseen.found(observations, base_refit, &finders);
-            if let Some(found) = found {
+            let of = (Split::Session, stations.session);
+            let subject = Subject::new(of, model, angles, base_refit);
+            if let Some(found) = unseen.found(observations, base_refit, &finders) {
                 let residuals = unseen.residuals(observations, &found);
                 sets.push(ResidualSet { subject, residuals });
             }
@@ -149,7 +143,12 @@ impl Unseen<'_> {
         by: Option<&Estimator>,
     ) -> Option<Refit> {
         if base_refit == BaseRefit::None {
-            return Some(Refit::none(*self.to_base, self.placed));
+            return Some(Refit {
+                base_from_tracker: *self.to_base,
+                target_shift: Vector3::zeros(),
+                scale: 0.0,
+                middle: refit::middle(self.placed),
+            });
         }
         let measured = used.iter().map(|&place| Some(observations[place].point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
@@ -176,13 +175,12 @@ impl Unseen<'_> {
                 station: observation.station,
                 target: self.targets[place],
                 pose: observation.pose,
-                fold: None,
                 used_for_refit: found.taken[place],
                 attained,
                 residual: attained - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),
-                weight: None,
                 turn: turns[place],
+                ..Residual::default()
             })
         };
         observations.iter().zip(self.placed).enumerate().filter_map(residual).collect()

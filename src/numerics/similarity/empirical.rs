@@ -1,5 +1,6 @@
 //! The empirical semivariogram: all pairs, binned by separation.
 
+use crate::units::whole;
 use rayon::prelude::*;
 
 use super::ErrorSample;
@@ -84,7 +85,7 @@ pub fn bins(
         for &i in rows {
             for b in &samples[i + 1..] {
                 let h = separation(&samples[i], b);
-                if let Some(bin) = sums.get_mut(bin_of(h, width)) {
+                if let Some(bin) = sums.get_mut(whole(h / width)) {
                     bin.add(h, &samples[i], b);
                 }
             }
@@ -96,15 +97,6 @@ pub fn bins(
         total.iter_mut().zip(part).for_each(|(total, part)| total.merge(part));
         total
     })
-}
-
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "separations are not negative; the cast saturates"
-)]
-fn bin_of(separation: f64, width: f64) -> usize {
-    (separation / width) as usize
 }
 
 fn largest(

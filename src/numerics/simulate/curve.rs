@@ -66,10 +66,6 @@ impl JointCurve {
 }
 
 impl GearLine {
-    pub(super) const fn none() -> Self {
-        Self { cycles: 1.0, amplitude_rad: 0.0, phase_rad: 0.0 }
-    }
-
     /// The line `cos_rad · cos(cycles q) + sin_rad · sin(cycles q)`.
     pub fn of(cycles: f64, cos_rad: f64, sin_rad: f64) -> Self {
         Self { cycles, amplitude_rad: cos_rad.hypot(sin_rad), phase_rad: cos_rad.atan2(sin_rad) }

@@ -7,6 +7,7 @@ use super::random::{Ingredient, Stream};
 use super::settings::{Poses, SimulateSettings};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
+use crate::units::whole;
 
 /// A commanded pose of the measured target in the base frame, and the nominal arm's joint angles for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +28,17 @@ pub(super) fn commanded(
     arm: &Arm,
     settings: &SimulateSettings,
 ) -> Result<Vec<Commanded>, SimulateError> {
-    let controller = Controller::new(arm, settings);
+    let cell = &settings.cell;
+    let controller = Controller {
+        arm,
+        nominal: arm.no_offsets(),
+        flange_from_target: isometry_from_rpy(
+            cell.flange_from_target_mm,
+            cell.flange_from_target_rpy,
+        ),
+        home: &settings.home,
+        seed: settings.seed,
+    };
     let turned = |rpy: &[f64; 3]| isometry_from_rpy([0.0; 3], *rpy).rotation;
     match &settings.poses {
         Poses::Grid { lower_mm, upper_mm, step_mm, orientation_rpy } => {
@@ -72,12 +83,7 @@ fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3]
         return Err(SimulateError::EmptyBox { lower, upper, step });
     }
     check_count(counts.iter().product())?;
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked: 1 to a million"
-    )]
-    Ok(counts.map(|count| count as usize))
+    Ok(counts.map(whole))
 }
 
 fn check_count(asked: f64) -> Result<(), SimulateError> {
@@ -97,21 +103,7 @@ struct Controller<'a> {
     seed: u64,
 }
 
-impl<'a> Controller<'a> {
-    fn new(arm: &'a Arm, settings: &'a SimulateSettings) -> Self {
-        let cell = &settings.cell;
-        Self {
-            arm,
-            nominal: arm.no_offsets(),
-            flange_from_target: isometry_from_rpy(
-                cell.flange_from_target_mm,
-                cell.flange_from_target_rpy,
-            ),
-            home: &settings.home,
-            seed: settings.seed,
-        }
-    }
-
+impl Controller<'_> {
     /// Joint angles for a pose, searched from the last pose and, where that fails, from home.
     fn angles(&self, pose: &Isometry3<f64>, last: &[f64]) -> Result<Vec<f64>, InverseError> {
         let settings = InverseSettings {

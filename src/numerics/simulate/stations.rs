@@ -8,10 +8,7 @@ use super::tracker::{logged_position, off};
 use super::truth::TrueStation;
 use crate::geometry::{PoseCovariance, isometry_from_rpy};
 use crate::ingest::{StandsOn, TargetReadings, covariances};
-use crate::join::{
-    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
-    Value,
-};
+use crate::join::{MeanOrientation, MeanPoint, Reading, SourceId, Station, TargetId, Value};
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// Readings before this are still settling, ns.
@@ -170,22 +167,7 @@ impl Simulated {
         let stamps = &self.recording.joints.stamps;
         let first = stamps.partition_point(|stamp| *stamp < truth.start);
         let last = stamps.partition_point(|stamp| *stamp <= truth.end);
-        let reading = self.reading(truth, clock);
-        let unmeasured = Pairing::Unmeasured(Unmeasured::NoReadings);
-        let pairing = if reading.is_some() { Pairing::Paired } else { unmeasured };
-        Station {
-            number: truth.number,
-            start: truth.start,
-            end: truth.end,
-            joints: truth.reported.clone(),
-            joint_samples: last - first,
-            command: Some(Command {
-                position: Point3::from(truth.command.translation.vector),
-                orientation: Some(truth.command.rotation),
-            }),
-            pairing,
-            readings: reading.into_iter().collect(),
-        }
+        truth.station(last - first, self.reading(truth, clock))
     }
 
     fn reading(&self, truth: &TrueStation, clock: &ClockModel) -> Option<Reading> {

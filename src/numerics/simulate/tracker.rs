@@ -20,7 +20,7 @@ use super::{
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{TargetReadings, TemperatureSamples};
 use crate::kinematics::Arm;
-use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker};
+use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, whole};
 
 /// Temperature at the start, °C, and its rise over the session.
 const TEMPERATURE: (f64, f64) = (21.5, 1.8);
@@ -231,7 +231,7 @@ impl<'a> View<'a> {
         noise: &mut Stream,
         outliers: &mut Stream,
     ) -> Option<Reading> {
-        let t_s = self.controller_s(stamp);
+        let t_s = self.clock.to_controller(stamp).since_s(self.clock.origin);
         let stop = self.timeline.stop_at(t_s)?;
         let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
         let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
@@ -266,16 +266,7 @@ impl<'a> View<'a> {
             .take_while(move |stamp| *stamp <= last)
     }
 
-    fn controller_s(&self, stamp: Stamp<Tracker>) -> f64 {
-        self.clock.to_controller(stamp).since_s(self.clock.origin)
-    }
-
     /// The mean of all readings of a stop at which the target is stationary at `pose`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a count of readings"
-    )]
     pub(super) fn mean(&self, stop: usize, pose: &Isometry3<f64>, noise: &mut Stream) -> Mean {
         let (motion, tracker) = (&self.settings.motion, &self.settings.tracker);
         let dwell_s = self.timeline.stops[stop].end_s - self.timeline.stops[stop].start_s;
@@ -287,13 +278,13 @@ impl<'a> View<'a> {
         let off = off(&pose.translation.vector, &position, tracker);
         let distance = pose.translation.vector.norm();
         let scatter_mm = FRAC_1_SQRT_2 * tracker.across_mm(distance);
-        Mean::of(
-            pose,
-            Translation3::from(off),
-            UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad),
-            (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
-            readings as usize,
-        )
+        let turn = UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad);
+        Mean {
+            position: Translation3::from(off) * Point3::from(pose.translation.vector),
+            orientation: turn * pose.rotation,
+            scatter: (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
+            readings: whole(readings),
+        }
     }
 
     /// One reading of the target at a pose in the instrument's frame; `None` where it is not seen.
@@ -383,21 +374,4 @@ pub(super) struct Mean {
     /// Standard deviation of one reading about the mean, per axis: mm and rad.
     pub(super) scatter: (f64, f64),
     pub(super) readings: usize,
-}
-
-impl Mean {
-    pub(super) fn of(
-        pose: &Isometry3<f64>,
-        off: Translation3<f64>,
-        turn: UnitQuaternion<f64>,
-        scatter: (f64, f64),
-        readings: usize,
-    ) -> Self {
-        Self {
-            position: off * Point3::from(pose.translation.vector),
-            orientation: turn * pose.rotation,
-            scatter,
-            readings,
-        }
-    }
 }

@@ -95,7 +95,7 @@ impl ArmErrors {
         Self {
             offsets,
             curves: vec![JointCurve::default(); joints],
-            gear_lines: vec![GearLine::none(); joints],
+            gear_lines: vec![GearLine::of(1.0, 0.0, 0.0); joints],
             backlash_rad: vec![0.0; joints],
             compliance: vec![0.0; joints],
             masses: masses(joints),

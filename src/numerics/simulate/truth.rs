@@ -2,13 +2,14 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;
 
 use super::settings::SimulateSettings;
 use super::timeline::{Stop, ns};
 use super::tracker::{TrueReadingCounts, View};
 use super::true_arm::{ArmErrors, curve_unit};
+use crate::join::{Command, Pairing, Reading, Station, Unmeasured};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, Stamp};
 
@@ -109,6 +110,26 @@ impl TrueStation {
             tracker_moved: view.tracker_moved(middle_s),
             tracker_from_target: view.seen(middle_s, &base_from_target),
             base_from_target,
+        }
+    }
+
+    /// The station with this reading, which goes to its own command; unmeasured without one.
+    pub(super) fn station(&self, joint_samples: usize, reading: Option<Reading>) -> Station {
+        Station {
+            number: self.number,
+            start: self.start,
+            end: self.end,
+            joints: self.reported.clone(),
+            joint_samples,
+            command: Some(Command {
+                position: Point3::from(self.command.translation.vector),
+                orientation: Some(self.command.rotation),
+            }),
+            pairing: match reading {
+                Some(_) => Pairing::Paired,
+                None => Pairing::Unmeasured(Unmeasured::NoReadings),
+            },
+            readings: reading.into_iter().collect(),
         }
     }
 

@@ -12,10 +12,7 @@ use super::timeline::Timeline;
 use super::tracker::{Mean, View};
 use super::true_arm::ArmErrors;
 use super::truth::TrueStation;
-use crate::join::{
-    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
-    Value,
-};
+use crate::join::{MeanOrientation, MeanPoint, Reading, SourceId, Station, TargetId, Value};
 use crate::kinematics::Arm;
 use crate::units::Stamp;
 
@@ -81,20 +78,5 @@ fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Sta
         last: Stamp::from_ns(truth.end.ns()),
         temperature_c: None,
     });
-    Station {
-        number: truth.number,
-        start: truth.start,
-        end: truth.end,
-        joints: truth.reported.clone(),
-        joint_samples: mean.readings,
-        command: Some(Command {
-            position: Point3::from(truth.command.translation.vector),
-            orientation: Some(truth.command.rotation),
-        }),
-        pairing: match reading {
-            Some(_) => Pairing::Paired,
-            None => Pairing::Unmeasured(Unmeasured::NoReadings),
-        },
-        readings: reading.into_iter().collect(),
-    }
+    truth.station(mean.readings, reading)
 }

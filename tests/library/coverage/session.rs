@@ -9,7 +9,7 @@ use std::f64::consts::SQRT_2;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings};
+use posegrid::fit::full::{FullModel, FullSettings, Purpose};
 use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, Source, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::ReadingKind;
@@ -149,10 +149,10 @@ fn trained(arm: &Arm, training: &[Observation]) -> FullModel {
     FullModel::train(
         arm,
         training,
-        &start.frames,
-        &start.geometry,
+        (&start.frames[..], &start.geometry[..]),
         &settings.prior(),
         &FullSettings::default(),
+        Purpose::Published,
         Some(Vector3::z_axis()),
     )
     .expect("a positive definite model")

@@ -3,7 +3,8 @@
 //!
 //! Rates of long runs: `cargo test --release --test run history:: -- --ignored --nocapture`.
 use crate::common::NOISE;
-use posegrid::fit::full::{FullModel, FullSettings};
+use nalgebra::DVector;
+use posegrid::fit::full::{FullModel, FullSettings, Purpose};
 use posegrid::fit::saved::SavedCalibration;
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::isometry_from_rpy;
@@ -80,8 +81,15 @@ pub fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
     let start = fit::identify(arm, seen, 1, Freedom::Geometry, &settings).expect("a fit");
     let quick = FullSettings { harmonics: 12, gear_lines: false, ..FullSettings::default() };
     let up = Some(nalgebra::Vector3::z_axis());
-    let model =
-        FullModel::train(arm, seen, &start.frames, &start.geometry, &settings.prior(), &quick, up);
+    let model = FullModel::train(
+        arm,
+        seen,
+        (&start.frames[..], &start.geometry[..]),
+        &settings.prior(),
+        &quick,
+        Purpose::Published,
+        up,
+    );
     let estimate = Estimate::of_full(&model.expect("a model"), &ranges(seen));
     estimate.expect("an estimate")
 }
@@ -99,7 +107,7 @@ impl Drawing {
 
     fn next(&mut self, truth: &[(Column, f64)]) -> Estimate {
         let normals = self.stream.normals(self.of.columns.len(), 1.0);
-        self.of.drawn(truth, &normals)
+        drawn(&self.of, truth, &normals)
     }
 
     /// A session with that truth against one without.
@@ -108,6 +116,22 @@ impl Drawing {
         let comparison = Comparison::new(&earlier, &later);
         find(&comparison, &hypotheses(&comparison.columns))
     }
+}
+
+/// A random estimate from a session at the same poses, of an arm whose columns have the offsets `truth` (mm, rad), base and target from
+/// the same frames: Λ is kept, and η is drawn with `normals`, one standard normal number per column.
+fn drawn(of: &Estimate, truth: &[(Column, f64)], normals: &[f64]) -> Estimate {
+    let offset = |column: &Column| {
+        let own = truth.iter().filter(|(own, _)| own == column);
+        own.map(|(_, value)| value).sum::<f64>() / column.unit()
+    };
+    let size = of.columns.len();
+    let offsets = DVector::from_fn(size, |i, _| offset(&of.columns[i]));
+    let eigen = of.information.clone().symmetric_eigen();
+    let noise = DVector::from_fn(size, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]);
+    let mut drawn = of.clone();
+    drawn.moment = &of.information * offsets + &eigen.eigenvectors * noise;
+    drawn
 }
 
 fn base(axis: Axis) -> Column {

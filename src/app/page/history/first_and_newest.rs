@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::content::{Content, Curve, Parameter};
 use crate::page::shell::table;
 use crate::page::words::fixed;
-use crate::report::chart::{Axis, Chart, Series};
+use crate::report::chart::{Axis, Chart, Marks, Series};
 
 pub(super) fn curves(content: &Content) -> Option<Markup> {
     let own: Vec<&Curve> = content.curves.iter().filter(|curve| !curve.newest.is_empty()).collect();
@@ -25,7 +25,7 @@ fn figure(curve: &Curve) -> Markup {
         let band = points.iter().map(|[angle, error, sd]| {
             [angle * per_place, per_error * (error - 2.0 * sd), per_error * (error + 2.0 * sd)]
         });
-        Series::band(name, line.collect(), band.collect())
+        Series::new(name, vec![Marks::Band(band.collect()), Marks::Line(line.collect())])
     };
     let chart = Chart {
         title: format!("Error curve of joint {}", curve.joint),

@@ -11,7 +11,7 @@ use crate::files::table::Table;
 use crate::fit::TargetId;
 use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
-use crate::fit::saved::{SavedCalibration, SavedHead};
+use crate::fit::saved::{self, SavedCalibration, SavedHead};
 use crate::grid::notices_mm;
 use crate::history::estimate::Estimate;
 use crate::history::notice::Noticed;
@@ -90,7 +90,7 @@ pub(super) fn noticed(
         bounds.find_map(|row| Some(notices_mm(row.tolerance?, row.expanded_uncertainty?)));
     let rows = CalibrationRow::read(calibrations);
     let row = rows.first()?;
-    let head = SavedHead::read(&row.model).ok()?;
+    let head: SavedHead = saved::read(&row.model).ok()?;
     let frames = head.sessions.first()?.frames().ok()?;
     let target = frames.flange_from_target(TargetId::MAIN).isometry();
     let ranges = row.of_arm.valid_for.joint_ranges();

@@ -1,9 +1,9 @@
 //! An arm as JSON: everything that its kinematics need, and no home.
 
-use nalgebra::{DMatrix, Isometry3};
+use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
-use super::{Arm, Joint};
+use super::{Arm, Joint, rows};
 use crate::geometry::saved;
 use crate::kinematics::{ArmError, Chain, Convention, Element, Motion, Parameter, named};
 
@@ -54,8 +54,6 @@ fn is_standard_dh(convention: &Convention) -> bool {
 
 impl From<Arm> for ArmText {
     fn from(arm: Arm) -> Self {
-        let rows =
-            |map: &DMatrix<f64>| map.row_iter().map(|row| row.iter().copied().collect()).collect();
         Self {
             model: arm.model().to_owned(),
             convention: arm.convention(),

@@ -43,7 +43,11 @@ pub(super) fn standard(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
             Hint { point, across: screws.flange.rotation * Vector3::x() }
         };
         let hint = if is_last { at_flange() } else { hint_of(&frame) };
-        let behind = frame_behind(file, place, &Line::z_of(&frame), &next, &hint)?;
+        // On the next line where the common normal meets it, x along the normal.
+        let line = Line::z_of(&frame);
+        let normal = Normal::of(&line, &next, &hint);
+        refuse_far(file, place, &line, &next, &normal, &hint.point)?;
+        let behind = frame_at(&normal.on_second, &normal.across, &next);
         put(file, place, &(frame.inverse() * behind), Order::TurnFirst);
         frame = behind;
     }
@@ -81,19 +85,6 @@ pub(super) fn modified(file: &mut RobotFile, screws: &Screws) -> Result<(), Rest
 
 fn hint_of(frame: &Isometry3<f64>) -> Hint {
     Hint { point: frame.translation.vector.into(), across: frame.rotation * Vector3::x() }
-}
-
-/// The frame of standard DH behind a joint: on the next line where the common normal meets it, x along the normal.
-fn frame_behind(
-    file: &RobotFile,
-    place: usize,
-    line: &Line,
-    next: &Line,
-    hint: &Hint,
-) -> Result<Isometry3<f64>, RestateError> {
-    let normal = Normal::of(line, next, hint);
-    refuse_far(file, place, line, next, &normal, &hint.point)?;
-    Ok(frame_at(&normal.on_second, &normal.across, next))
 }
 
 fn refuse_far(

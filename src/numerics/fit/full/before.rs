@@ -38,7 +38,8 @@ impl FullModel {
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
         let offsets = DVector::zeros(problem.unknowns.len());
-        let state = State::expected(&problem, offsets, settings, up.is_some());
+        let up = up.map(UnitVector3::into_inner);
+        let state = State::expected(&problem, offsets, settings, up);
         let span = stations.max(1) as f64;
         let variances = state.components.variances();
         let mean = DVector::zeros(state.layout.size());
@@ -47,7 +48,7 @@ impl FullModel {
         let trained = StoredFull {
             starts: problem.starts.clone(),
             turned: false,
-            up: up.map(UnitVector3::into_inner),
+            up,
             drift_variance: 0.0,
             warm_up_variance: 0.0,
             middles: state.middles,

@@ -13,17 +13,13 @@ use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Problem, is_turned};
 use crate::join::SourceId;
+use crate::units::whole;
 
 /// Harmonics of a joint that hardly moves the target.
 pub(super) const FEW_HARMONICS: usize = 12;
 /// A joint moves the target little when its lever is below this share of the largest.
 const LITTLE: f64 = 0.05;
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a small positive count"
-)]
 pub(super) fn layout(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,
@@ -48,7 +44,7 @@ pub(super) fn layout(
     }
     if settings.drift {
         // Beyond this order the prior has less than a thousandth of its variance.
-        let orders = (3.0 * span / settings.drift_length_stations).ceil().clamp(6.0, 40.0) as usize;
+        let orders = whole((3.0 * span / settings.drift_length_stations).ceil().clamp(6.0, 40.0));
         let drifting: Vec<usize> = (0..sessions).filter(|own| drifts(observations, *own)).collect();
         if !drifting.is_empty() {
             layout.push(Block::WarmUp, 3 * orders);
@@ -177,16 +173,11 @@ fn slide_periods_mm(problem: &Problem<'_>, settings: &FullSettings) -> Vec<Optio
 }
 
 /// Number of harmonics of the curve of a joint that slides: as fine beside its short length as a turning joint's beside its own.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a positive count below twice the harmonics of a joint that turns"
-)]
 fn slide_harmonics(settings: &FullSettings, period_mm: f64) -> usize {
     let short_rad = TAU * settings.slide_length_mm[0] / period_mm;
     let all = settings.harmonics as f64;
     let wanted = all * settings.short_length_deg.to_radians() / short_rad;
-    wanted.ceil().clamp(1.0, 2.0 * all) as usize
+    whole(wanted.ceil().clamp(1.0, 2.0 * all))
 }
 
 fn harmonics(

@@ -39,7 +39,7 @@ pub struct Component {
     weight: f64,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Components {
     pub all: Vec<Component>,
     fixed: Vec<f64>,
@@ -70,10 +70,6 @@ impl Components {
                 self.add_line(joint, cycles, columns, settings);
             }
         }
-    }
-
-    pub const fn none() -> Self {
-        Self { all: Vec::new(), fixed: Vec::new() }
     }
 
     pub fn variances(&self) -> DVector<f64> {

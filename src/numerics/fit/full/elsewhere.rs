@@ -14,6 +14,8 @@ use super::next::{Mounted, Mounting, Placed, WarmUp};
 use super::{FullModel, FullSettings, Query};
 use crate::fit::problem::Owner;
 use crate::kinematics::Arm;
+use crate::linalg::beside;
+use crate::units::whole;
 
 /// Poses that a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
@@ -29,13 +31,8 @@ pub struct Elsewhere {
 
 impl FullModel {
     /// Number of stations of the longest session that it learned from: its drift is told over as many.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a number of stations"
-    )]
     pub const fn span_stations(&self) -> usize {
-        self.trained.span as usize
+        whole(self.trained.span)
     }
 
     /// The arm in another session, with base and targets of the one given; `None` where rounding makes a factorisation fail.
@@ -75,13 +72,7 @@ impl Elsewhere {
         let part =
             |queries: &[Query<'_>]| self.model.posterior.half(&self.rows(queries, own_target));
         let parts: Vec<DMatrix<f64>> = queries.par_chunks(AT_ONCE).map(part).collect();
-        let mut half = DMatrix::zeros(self.model.trained.layout.size(), 3 * queries.len());
-        let mut first = 0;
-        for part in parts {
-            half.columns_mut(first, part.ncols()).copy_from(&part);
-            first += part.ncols();
-        }
-        half
+        beside(self.model.trained.layout.size(), &parts)
     }
 
     /// The motion of each point by every column that the session's stations do not find, in the axes of the base.

@@ -9,7 +9,7 @@
 
 use std::borrow::Cow;
 
-use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Point3};
 
 use super::leave_one_out::{Explaining, firsts, left_open};
 use super::regression::Evidence;
@@ -37,20 +37,19 @@ impl Settled {
         problem: &Problem<'_>,
         start: DVector<f64>,
         settings: &FullSettings,
-        up: Option<Vector3<f64>>,
     ) -> (Self, Option<PartEvidence>) {
         let plain = FullSettings { harmonics: 0, gear_lines: false, ..settings.clone() };
         // Of few stations a shorter training says something else, and a whole one takes no time.
         let is_few = matches!(self.evidence, Evidence::Rows(_));
         let without = if is_few {
-            train(problem, start.clone(), &plain, up)
+            train(problem, start.clone(), &plain, self.state.up)
         } else {
-            self.with_fewer_parts(problem, &plain, up)
+            self.with_fewer_parts(problem, &plain)
         };
         let Some(without) = without else {
             return (self, None);
         };
-        let Some(apart) = self.ln_smaller_than(&without, problem, up) else {
+        let Some(apart) = self.ln_smaller_than(&without, problem) else {
             return (self, None);
         };
         let kept = apart >= 0.0;
@@ -64,20 +63,15 @@ impl Settled {
         if kept {
             return (self, Some(evidence));
         }
-        let whole = if is_few { None } else { train(problem, start, &plain, up) };
+        let whole = if is_few { None } else { train(problem, start, &plain, self.state.up) };
         (whole.unwrap_or(without), Some(evidence))
     }
 
     /// The logarithm of how much smaller the mean distance of measured and predicted positions is than by `other`, each predicted
     /// without its block; `None` where a block cannot be left out. Blocks are asked until [`CLEAR`] large ones have all said the same.
-    fn ln_smaller_than(
-        &self,
-        other: &Self,
-        problem: &Problem<'_>,
-        up: Option<Vector3<f64>>,
-    ) -> Option<f64> {
+    fn ln_smaller_than(&self, other: &Self, problem: &Problem<'_>) -> Option<f64> {
         let folds = folds(problem, &self.state.offsets);
-        let around = [self, other].map(|own| Around::new(problem, &own.state, up));
+        let around = [self, other].map(|own| Around::new(problem, &own.state));
         let known = [self.known(&around[0])?, other.known(&around[1])?];
         let (mut sums, mut said) = ([0.0, 0.0], Vec::new());
         for fold in 0..FOLDS {

@@ -263,8 +263,10 @@ impl<'a> Small<'a> {
             return None;
         }
         let target = places(|own| matches!(own.parameter, Parameter::Target(Axis::Translation(_))));
-        let turns = base.iter().map(|&own| is_turn(unknowns[own].parameter)).collect();
-        let kept = kept(&Around::new(&problem, &settled.state, up), &settled.prior_mean);
+        let is_turn =
+            |&own: &usize| matches!(unknowns[own].parameter, Parameter::Base(Axis::Rotation(_)));
+        let turns = base.iter().map(is_turn).collect();
+        let kept = kept(&Around::new(&problem, &settled.state), &settled.prior_mean);
         let steps = rows_of_steps(&kept, &base, &target);
         let values = kept.values;
         let units = arm.joints().iter().map(Joint::per_radian).collect();
@@ -491,10 +493,6 @@ fn statistics(known: &DMatrix<f64>, score: &DVector<f64>, joints: usize) -> DVec
     let each = (6..behind).map(|own| together(own, 1));
     let all = std::iter::once(together(0, 6)).chain(each);
     DVector::from_vec(all.chain([together(behind, score.len() - behind)]).collect())
-}
-
-const fn is_turn(parameter: Parameter) -> bool {
-    matches!(parameter, Parameter::Base(Axis::Rotation(_)))
 }
 
 /// Sums of rows whose noise has `noise` times the variance.

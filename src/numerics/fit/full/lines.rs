@@ -3,6 +3,7 @@
 //! The power at a frequency is the gain in log likelihood of a sine and a cosine on the raw joint angle, seen through
 //! the joint's column, with the leave-one-out covariances as weights (a generalised Lomb–Scargle periodogram).
 
+use crate::units::whole;
 use std::array::from_fn;
 
 use nalgebra::{DMatrix, DVector, DVectorView};
@@ -76,13 +77,8 @@ fn frequency(index: usize) -> f64 {
 const BAND: usize = 128;
 const LANES: usize = 4;
 
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a small positive constant"
-)]
 fn periodogram(stations: &[JointEvidence]) -> Vec<f64> {
-    let count = ((HIGHEST - LOWEST) / STEP) as usize;
+    let count = whole((HIGHEST - LOWEST) / STEP);
     let firsts: Vec<usize> = (0..count).step_by(LANES * BAND).collect();
     let bands = firsts.par_iter().flat_map_iter(|&first| {
         powers(stations, from_fn(|lane| first + lane * BAND)).into_iter().flatten()

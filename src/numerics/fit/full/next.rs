@@ -22,7 +22,7 @@ use super::{FullModel, FullSettings, at_fitted_bases};
 use crate::fit::frames::Frames;
 use crate::fit::gauge::{Gauge, Sees};
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Freedom, KnownGauge, KnownTarget, Owner, Prior, Problem, Unknown};
+use crate::fit::problem::{KnownGauge, KnownTarget, Owner, Prior, Problem, Unknown};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::Arm;
@@ -107,8 +107,10 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
         warm_up: WarmUp,
     ) -> Option<Self> {
-        let starts = [self.next_frames(mounting)];
-        let problem = empty(arm, &starts, &mounting.prior(), self.trained.turned);
+        let trained = &self.starts()[mounting.session];
+        let starts = [mounting.frames(trained, |_, stated| stated, |_, stated| stated)];
+        let turned = self.trained.turned;
+        let problem = Problem::of_geometry(&[], arm, &starts, &mounting.prior(), turned);
         let span = stations.max(1) as f64;
         let (layout, columns) = self.next_columns(&problem, mounting, settings, warm_up);
         let variances = super::columns::unknown_variances(&problem);
@@ -149,20 +151,6 @@ impl FullModel {
             ..self.trained.clone()
         };
         Some(Self::of(trained, problem, posterior, Vec::new()))
-    }
-
-    fn next_frames(&self, mounting: &Mounting) -> Frames {
-        let past = &self.starts()[mounting.session];
-        let source = |source, now: &Placed| match now {
-            Placed::Same => *past.tracker_from_base(source),
-            Placed::Moved(tracker_from_base) => *tracker_from_base,
-            Placed::Length { .. } => Transform::identity(),
-        };
-        let target = |target, now: &Mounted| match now {
-            Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
-            Mounted::Other { flange_from_target, .. } => *flange_from_target,
-        };
-        mounting.frames(source, target)
     }
 
     fn next_columns(
@@ -351,14 +339,8 @@ impl FullModel {
                 observation.measured = observation.measured.without_turn();
             }
         }
-        let problem = Problem::with_target_turn(
-            &observations,
-            arm.chain(),
-            std::slice::from_ref(&frames),
-            Freedom::Geometry,
-            &Prior::default(),
-            turned,
-        );
+        let (frames, prior) = ([frames], Prior::default());
+        let problem = Problem::of_geometry(&observations, arm, &frames, &prior, turned);
         let mut state = self.state(stations(&observations).len());
         for _ in 1..ROUNDS {
             let (posterior, expected, left_out) = self.round(&problem, &state)?;
@@ -384,14 +366,15 @@ impl FullModel {
             sides: None,
             ..self.trained.clone()
         };
-        let empty = empty(arm, &[frames], &Prior::default(), turned);
+        let empty = Problem::of_geometry(&[], arm, &frames, &prior, turned);
         Some(Self::of(trained, empty, posterior, of_observations(&left_out)))
     }
 
     fn state(&self, stations: usize) -> State {
         State {
+            up: self.trained.up,
             layout: self.trained.layout.clone(),
-            components: Components::none(),
+            components: Components::default(),
             repeatability: self.trained.repeatability.clone(),
             tails: self.trained.tails,
             weights: vec![1.0; stations],
@@ -407,7 +390,7 @@ impl FullModel {
         problem: &Problem<'_>,
         state: &State,
     ) -> Option<(Posterior, DVector<f64>, Vec<super::LeftOut>)> {
-        let around = Around::new(problem, state, self.trained.up);
+        let around = Around::new(problem, state);
         let mut expected = self.trained.mean.clone();
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
         unknowns -= &state.offsets - &self.trained.offsets;
@@ -450,32 +433,31 @@ impl Mounting {
     /// `stations` determine.
     /// Panics when they are not of as many sources and targets.
     pub fn starts(&self, past: &Frames, stations: &Frames) -> Frames {
-        let source = |source, now: &Placed| match now {
-            Placed::Same => *past.tracker_from_base(source),
-            Placed::Moved(_) => *stations.tracker_from_base(source),
-            Placed::Length { .. } => Transform::identity(),
+        let other = |target, stated: Transform<Flange, Target>| {
+            let turn = stations.flange_from_target(target).isometry().rotation;
+            Transform::claim(Isometry3::from_parts(stated.isometry().translation, turn))
         };
-        let target = |target, now: &Mounted| match now {
-            Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
-            Mounted::Other { flange_from_target, .. } => {
-                let place = flange_from_target.isometry().translation;
-                let turn = stations.flange_from_target(target).isometry().rotation;
-                Transform::claim(Isometry3::from_parts(place, turn))
-            }
-        };
-        self.frames(source, target)
+        self.frames(past, |source, _| *stations.tracker_from_base(source), other)
     }
 
-    /// The frames of the new session, each from what became of its source or target.
+    /// The frames of the new session: those of `past`, and of what was moved those that `moved` and `other` make of the stated ones.
     fn frames(
         &self,
-        source: impl Fn(SourceId, &Placed) -> Transform<Tracker, Base>,
-        target: impl Fn(TargetId, &Mounted) -> Transform<Flange, Target>,
+        past: &Frames,
+        moved: impl Fn(SourceId, Transform<Tracker, Base>) -> Transform<Tracker, Base>,
+        other: impl Fn(TargetId, Transform<Flange, Target>) -> Transform<Flange, Target>,
     ) -> Frames {
-        let sources = self.sources.iter().enumerate();
-        let sources = sources.map(|(place, now)| source(SourceId(place), now));
-        let targets = self.targets.iter().enumerate();
-        let targets = targets.map(|(place, now)| target(TargetId(place), now));
+        let sources = self.sources.iter().enumerate().map(|(place, now)| match now {
+            Placed::Same => *past.tracker_from_base(SourceId(place)),
+            Placed::Moved(tracker_from_base) => moved(SourceId(place), *tracker_from_base),
+            Placed::Length { .. } => Transform::identity(),
+        });
+        let targets = self.targets.iter().enumerate().map(|(place, now)| match now {
+            Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(TargetId(place)),
+            Mounted::Other { flange_from_target, .. } => {
+                other(TargetId(place), *flange_from_target)
+            }
+        });
         let sees: Vec<Sees> = self.sources.iter().map(Placed::sees).collect();
         Frames::new(sources.collect(), targets.collect())
             .expect("a session has a source and a target")
@@ -497,8 +479,4 @@ impl Placed {
             Self::Length { known, .. } => *known,
         }
     }
-}
-
-fn empty(arm: &Arm, frames: &[Frames], prior: &Prior, turned: bool) -> Problem<'static> {
-    Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned)
 }

@@ -234,7 +234,6 @@ impl StationNoise {
     }
 }
 
-/// Number of rows of these readings.
 fn size(readings: &[NoisyReading<'_>]) -> usize {
     readings.iter().map(|reading| reading.shown.rows()).sum()
 }

@@ -31,6 +31,8 @@ const AT_ONCE: usize = 2048;
 /// The model between two rounds of its training.
 #[derive(Debug, Clone)]
 pub struct State {
+    /// Direction against gravity in the base frame; `None` where it is not known.
+    pub up: Option<Vector3<f64>>,
     pub layout: Layout,
     pub components: Components,
     pub repeatability: Repeatability,
@@ -148,7 +150,6 @@ pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
 pub(super) struct Around<'p> {
     pub problem: &'p Problem<'p>,
     pub state: &'p State,
-    up: Option<Vector3<f64>>,
     frames: Vec<Frames>,
     chains: PerChannel<HeldChain>,
     stations: Vec<Range<usize>>,
@@ -159,7 +160,7 @@ pub(super) struct Around<'p> {
 
 impl<'p> Around<'p> {
     /// The stations of `problem` at `state`.
-    pub fn new(problem: &'p Problem<'p>, state: &'p State, up: Option<Vector3<f64>>) -> Self {
+    pub fn new(problem: &'p Problem<'p>, state: &'p State) -> Self {
         let sessions = problem.starts.len();
         let partition = Partition::of(&state.layout, &problem.unknowns, sessions);
         let joints = state.repeatability.joints.len();
@@ -173,7 +174,6 @@ impl<'p> Around<'p> {
             partition,
             problem,
             state,
-            up,
         }
     }
 
@@ -246,7 +246,7 @@ impl Around<'_> {
             joints: &view.joints,
             axes: &view.axes,
             end: view.end.translation.vector.into(),
-            up: self.up.map(|up| root * up),
+            up: state.up.map(|up| root * up),
             base: base_axes,
             angles: &observation.axes,
             settling_error: observation.settling_error.as_ref(),

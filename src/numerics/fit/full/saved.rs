@@ -25,7 +25,7 @@ use super::regression::{Posterior, Root};
 use super::stored::StoredFull;
 use super::student::Tails;
 use crate::fit::model::PartEvidence;
-use crate::fit::problem::{Freedom, Prior, Problem};
+use crate::fit::problem::{Prior, Problem};
 use crate::fit::saved::{SavedError, SavedSession, SavedUnknown, VERSION, read, same_length};
 use crate::kinematics::{Arm, Motion, Parameter};
 use crate::linalg::Cholesky;
@@ -350,16 +350,9 @@ impl SavedFull {
     fn problem(&self) -> Result<Problem<'static>, SavedError> {
         let frames =
             self.sessions.iter().map(SavedSession::frames).collect::<Result<Vec<_>, _>>()?;
-        let turned = self.turned();
         // The prior is in `scale`; predictions of a problem without observations do not depend on a prior.
-        let problem = Problem::with_target_turn(
-            &[],
-            self.arm.chain(),
-            &frames,
-            Freedom::Geometry,
-            &Prior::default(),
-            turned,
-        );
+        let problem =
+            Problem::of_geometry(&[], &self.arm, &frames, &Prior::default(), self.turned());
         same_length("unknowns", problem.unknowns.len(), self.unknowns.len())?;
         same_length("offsets", problem.unknowns.len(), self.offsets.len())?;
         let other = problem.unknowns.iter().map(SavedUnknown::of).zip(&self.unknowns);

@@ -22,7 +22,7 @@ use super::whitening::evidence;
 use crate::fit::frames::Frames;
 use crate::fit::model::PartEvidence;
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Freedom, Prior, Problem};
+use crate::fit::problem::{Prior, Problem};
 use crate::fit::saved::{SavedError, same_length};
 use crate::fit::scale::ScaleEvidence;
 use crate::kinematics::Arm;
@@ -111,8 +111,7 @@ impl StoredFull {
         observations: &'o [Observation],
         prior: &Prior,
     ) -> Problem<'o> {
-        let (chain, geometry) = (arm.chain(), Freedom::Geometry);
-        Problem::with_target_turn(observations, chain, &self.starts, geometry, prior, self.turned)
+        Problem::of_geometry(observations, arm, &self.starts, prior, self.turned)
     }
 
     fn check_lengths(&self, problem: &Problem<'_>) -> Result<(), SavedError> {
@@ -149,9 +148,9 @@ impl StoredFull {
                 .collect(),
             span: self.span,
             middles: self.middles.clone(),
-            ..State::expected(problem, at, settings, self.up.is_some())
+            ..State::expected(problem, at, settings, self.up)
         };
-        let around = Around::new(problem, &state, self.up);
+        let around = Around::new(problem, &state);
         let evidence = evidence(&around, &prior_mean(problem, &state));
         let posterior = evidence.posterior_at(self.scale.clone());
         let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;

@@ -3,6 +3,7 @@
 //! Between entries a cubic takes value and slope of both: with 90 harmonics and 4096 entries a turn it is within
 //! `h⁴/384 · k⁴`, 10⁻⁶ of the last harmonic's amplitude.
 
+use crate::units::whole;
 use std::array::from_fn;
 use std::f64::consts::TAU;
 
@@ -163,16 +164,11 @@ impl Curve {
         }
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a place of the table"
-    )]
     /// The value at a share of the period, rad.
     fn at(&self, share: f64) -> f64 {
         let place = share.rem_euclid(1.0) * ENTRIES as f64;
         // A share just below zero rounds to a whole period.
-        let first = place as usize % ENTRIES;
+        let first = whole(place) % ENTRIES;
         let t = place - place.floor();
         let ([v0, s0], [v1, s1]) = (self.entries[first], self.entries[(first + 1) % ENTRIES]);
         let (square, cube) = (t * t, t * t * t);

@@ -47,16 +47,12 @@ pub fn train(
     settings: &FullSettings,
     up: Option<Vector3<f64>>,
 ) -> Option<Settled> {
-    settled(problem, State::expected(problem, start, settings, up.is_some()), settings, up, ROUNDS)
+    settled(problem, State::expected(problem, start, settings, up), settings, ROUNDS)
 }
 
 impl Settled {
-    pub(super) fn leave_one_out(
-        &self,
-        problem: &Problem<'_>,
-        up: Option<Vector3<f64>>,
-    ) -> Vec<LeftOut> {
-        let around = Around::new(problem, &self.state, up);
+    pub(super) fn leave_one_out(&self, problem: &Problem<'_>) -> Vec<LeftOut> {
+        let around = Around::new(problem, &self.state);
         leave_one_out(&around, &self.prior_mean, &self.posterior, self.posterior.inverse())
     }
 
@@ -65,12 +61,11 @@ impl Settled {
         &self,
         problem: &Problem<'_>,
         settings: &FullSettings,
-        up: Option<Vector3<f64>>,
     ) -> Option<Self> {
         let start = self.state.offsets.clone();
-        let mut state = State::expected(problem, start, settings, up.is_some());
+        let mut state = State::expected(problem, start, settings, self.state.up);
         state.weights.clone_from(&self.state.weights);
-        settled(problem, state, settings, up, FEWER_ROUNDS)
+        settled(problem, state, settings, FEWER_ROUNDS)
     }
 }
 
@@ -78,15 +73,14 @@ fn settled(
     problem: &Problem<'_>,
     mut state: State,
     settings: &FullSettings,
-    up: Option<Vector3<f64>>,
     rounds: usize,
 ) -> Option<Settled> {
     let expected = state.repeatability.clone();
     state.repeatability.start_from(problem.misfit_mm(&state.offsets));
     for round in 0..rounds {
-        let narrow = state.narrowed(&Around::new(problem, &state, up));
+        let narrow = state.narrowed(&Around::new(problem, &state));
         let prior_mean = prior_mean(problem, &narrow);
-        let around = Around::new(problem, &narrow, up);
+        let around = Around::new(problem, &narrow);
         let mut components = narrow.components.clone();
         let (posterior, inverse) = components.step(&evidence(&around, &prior_mean))?;
         let left_out = leave_one_out(&around, &prior_mean, &posterior, inverse);
@@ -104,7 +98,7 @@ fn settled(
         state.offsets += (posterior.mean() + prior_mean).rows(0, state.offsets.len());
     }
     let prior_mean = prior_mean(problem, &state);
-    let evidence = evidence(&Around::new(problem, &state, up), &prior_mean);
+    let evidence = evidence(&Around::new(problem, &state), &prior_mean);
     for _ in 0..LAST_STEPS {
         state.components.step(&evidence)?;
     }
@@ -118,17 +112,18 @@ impl State {
         problem: &Problem<'_>,
         offsets: DVector<f64>,
         settings: &FullSettings,
-        has_up: bool,
+        up: Option<Vector3<f64>>,
     ) -> Self {
         let observations = problem.observations;
         let last = observations.iter().map(|o| o.station).max().unwrap_or(0);
         let span = (last + 1) as f64;
-        let layout = layout(problem, &offsets, settings, has_up, span);
+        let layout = layout(problem, &offsets, settings, up.is_some(), span);
         let components = Components::new(&layout, &unknown_variances(problem), settings, span);
         let joints = observations.first().map_or(0, |o| o.axes.len());
         let sources = observations.iter().filter_map(of_length).max();
         let repeatability = Repeatability::expected(settings, &problem.slides()[..joints]);
         Self {
+            up,
             components,
             repeatability: Repeatability {
                 lengths: vec![1.0; sources.map_or(0, |last| last + 1)],

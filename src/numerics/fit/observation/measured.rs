@@ -278,7 +278,7 @@ impl Instrument {
                 camera.of_reading(&pose, &point.stated_with(turn))
             }
             (Some(turn), None) if turn.stated_covariance.is_some() => {
-                let stated = size.applied(&point.stated_with(turn));
+                let stated = point.stated_with(turn).scaled(size.position, size.orientation);
                 let position = stated.position.map_or_else(modelled, symmetric);
                 of_parts(&position, &stated.turn.unwrap_or_default())
             }

@@ -106,22 +106,16 @@ impl Stations {
         gauge.map_or(0.0, |gauge| self.measured[0][i] - gauge.reading_mm(end))
     }
 
-    /// Sum of squared differences between measured and predicted lengths, mm², added to `sum` in order.
-    pub fn add_squares_of_lengths(&self, chain: &BatchChain, gauge: &Gauge, sum: &mut f64) {
+    /// Sum of squared distances between measured and predicted positions, or of differences of the lengths that `gauge` reads, mm²,
+    /// added to `sum` in order.
+    pub fn add_squares(&self, chain: &BatchChain, gauge: Option<&Gauge>, sum: &mut f64) {
         let [x, y, z] = chain.positions(self.variables.values());
         for i in 0..self.places.len() {
             let end = Point3::new(x[i], y[i], z[i]);
-            *sum += self.left_of(i, &end, Some(gauge)).powi(2);
-        }
-    }
-
-    /// Sum of squared distances between measured and predicted positions, mm², added to `sum` in order.
-    pub fn add_squares(&self, chain: &BatchChain, sum: &mut f64) {
-        let [x, y, z] = chain.positions(self.variables.values());
-        for i in 0..self.places.len() {
-            let predicted = Vector3::new(x[i], y[i], z[i]);
-            let measured = Vector3::from_fn(|row, _| self.measured[row][i]);
-            *sum += (measured - predicted).norm_squared();
+            *sum += match gauge {
+                None => self.away(i, end.coords).norm_squared(),
+                Some(_) => self.left_of(i, &end, gauge).powi(2),
+            };
         }
     }
 
@@ -307,7 +301,6 @@ impl BlockRows {
         }
     }
 
-    /// The column `k`.
     pub fn column(&self, k: usize) -> &[f64] {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }

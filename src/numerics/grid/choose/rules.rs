@@ -3,6 +3,7 @@
 //! Both choose among tables that cover enough of the stations like them; among all tables only where none does.
 
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 
 use super::Picked;
 use crate::figures::expanded;
@@ -150,7 +151,8 @@ impl<'j> Pool<'j> {
 
     /// The largest holding step over all families (source × interpolation).
     fn largest_that_holds(&self) -> Option<usize> {
-        let families = families(self.judged);
+        let families = self.judged.iter().map(|row| (row.source, row.interpolation));
+        let families: BTreeSet<(Source, Interpolation)> = families.collect();
         let best_of = |family: &(Source, Interpolation)| {
             let rows = tables_of(self.judged, *family);
             let holding =
@@ -244,13 +246,6 @@ fn cost(row: &Judged) -> String {
 
 fn named(row: &Judged) -> String {
     format!("{} mm, nodes {}, {}", row.step_mm, row.source.name(), row.interpolation.name())
-}
-
-fn families(judged: &[Judged]) -> Vec<(Source, Interpolation)> {
-    let mut families: Vec<_> = judged.iter().map(|row| (row.source, row.interpolation)).collect();
-    families.sort_unstable();
-    families.dedup();
-    families
 }
 
 /// The judged tables of a family, in the order of their steps. A step that is no multiple of a measured pitch, does not fit

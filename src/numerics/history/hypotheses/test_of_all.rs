@@ -10,15 +10,11 @@ const DISTINGUISHED: f64 = 6.0;
 const MOST_PARTS: usize = 4;
 
 pub(super) struct TestOfAll<'c> {
-    comparison: &'c Comparison,
-    hypotheses: &'c [Hypothesis],
+    pub(super) comparison: &'c Comparison,
+    pub(super) hypotheses: &'c [Hypothesis],
 }
 
-impl<'c> TestOfAll<'c> {
-    pub(super) const fn new(comparison: &'c Comparison, hypotheses: &'c [Hypothesis]) -> Self {
-        Self { comparison, hypotheses }
-    }
-
+impl TestOfAll<'_> {
     fn places(&self, parts: &[Hypothesis]) -> Vec<usize> {
         self.comparison.places(|column| parts.iter().any(|part| part.has(column)))
     }

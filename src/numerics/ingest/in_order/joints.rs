@@ -57,10 +57,6 @@ impl Buffer for JointBuffer {
     /// Half a degree.
     const JUMP: f64 = 0.01;
 
-    fn stamps_of(block: &DecodedJoints) -> &[i64] {
-        &block.stamps
-    }
-
     fn times_of(block: &mut DecodedJoints) -> (&mut [i64], &[i64]) {
         (&mut block.stamps, &block.logged)
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::covariances::{self, CovarianceCounts};
+use super::super::covariances::CovarianceCounts;
 use super::super::poses;
 use super::super::rows::{Place, RowFault, Rows};
 use super::super::{
@@ -102,10 +102,6 @@ impl PoseBuffer {
 impl Buffer for PoseBuffer {
     type Block = DecodedPoses;
 
-    fn stamps_of(block: &DecodedPoses) -> &[i64] {
-        &block.stamps
-    }
-
     fn times_of(block: &mut DecodedPoses) -> (&mut [i64], &[i64]) {
         (&mut block.stamps, &block.logged)
     }
@@ -167,7 +163,7 @@ impl Buffer for PoseBuffer {
                     return PoseCovariance::default();
                 }
                 let own = logged.judged(with_orientation, &mut self.counted);
-                covariances::in_units(&own, to_mm, 1.0)
+                own.scaled(to_mm, 1.0)
             });
             self.covariances.get_or_insert_default().extend(own);
         }

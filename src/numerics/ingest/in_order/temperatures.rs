@@ -23,10 +23,6 @@ impl Buffer for TemperatureBuffer {
     type Block = DecodedTemperatures;
     const JUMP: f64 = 50.0;
 
-    fn stamps_of(block: &DecodedTemperatures) -> &[i64] {
-        &block.stamps
-    }
-
     fn times_of(block: &mut DecodedTemperatures) -> (&mut [i64], &[i64]) {
         (&mut block.stamps, &block.logged)
     }

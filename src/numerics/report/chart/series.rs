@@ -35,11 +35,6 @@ impl Series {
         Self::new(name, vec![Marks::Line(points.clone()), Marks::Points(points)])
     }
 
-    /// A line x, y within a band x, low, high.
-    pub fn band(name: &str, line: Vec<[f64; 2]>, band: Vec<[f64; 3]>) -> Self {
-        Self::new(name, vec![Marks::Band(band), Marks::Line(line)])
-    }
-
     /// The empirical distribution of `values`: the share, in percent, of values that are not above a value.
     ///
     /// For many values evenly spaced ranks are drawn, always with the largest.

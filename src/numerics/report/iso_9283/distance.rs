@@ -61,11 +61,7 @@ struct Pair<'v> {
     turns: Vec<Turn<'v>>,
 }
 
-impl<'v> Pair<'v> {
-    fn of(first: &'v Visited, second: &'v Visited) -> Self {
-        Self { first: first.pose, second: second.pose, turns: turns(&first.visits, &second.visits) }
-    }
-
+impl Pair<'_> {
     fn commanded_mm(&self) -> f64 {
         mean(self.turns.iter().map(Turn::commanded)).norm()
     }
@@ -113,7 +109,8 @@ fn furthest(visited: &[Visited]) -> Option<Pair<'_>> {
     let mut best: Option<(usize, f64, Pair<'_>)> = None;
     for (place, first) in candidates.iter().enumerate() {
         for second in &candidates[place + 1..] {
-            let pair = Pair::of(first, second);
+            let turns = turns(&first.visits, &second.visits);
+            let pair = Pair { first: first.pose, second: second.pose, turns };
             let (count, apart) = (pair.turns.len(), pair.commanded_mm());
             let is_better =
                 best.as_ref().is_none_or(|(most, furthest, _)| (count, apart) > (*most, *furthest));

@@ -1,11 +1,11 @@
-use nalgebra::UnitVector3;
+use nalgebra::{UnitVector3, Vector3};
 
 use super::*;
 use crate::fit::Prior;
 use crate::fit::conversion::tests::{FILES, Truth};
 use crate::fit::full::leave_one_out::leave_one_out;
 use crate::fit::full::regression::{Evidence, Posterior, Sums};
-use crate::fit::full::{FullModel, Query};
+use crate::fit::full::{FullModel, Purpose, Query};
 use crate::fit::{FitSettings, Freedom, Observation, identify_from};
 
 fn truth(beyond: fn(&mut [f64]) -> Vector3<f64>) -> Truth {
@@ -30,7 +30,15 @@ fn curves(truth: &Truth) -> PartEvidence {
     let seen = truth.observed(false);
     let (frames, offsets, prior) = geometry(truth, &seen);
     let up: Option<UnitVector3<f64>> = None;
-    let model = FullModel::train(&truth.arm, &seen, &frames, &offsets, &prior, &settings(), up);
+    let model = FullModel::train(
+        &truth.arm,
+        &seen,
+        (&frames[..], &offsets[..]),
+        &prior,
+        &settings(),
+        Purpose::Published,
+        up,
+    );
     model.expect("a model").trained.parts[0].clone()
 }
 
@@ -85,10 +93,10 @@ fn fresh_error_mm(truth: &Truth, settings: &FullSettings) -> f64 {
     let model = FullModel::train(
         &truth.arm,
         &truth.observed(false),
-        &frames,
-        &offsets,
+        (&frames[..], &offsets[..]),
         &prior,
         settings,
+        Purpose::Published,
         None,
     );
     let model = model.expect("a model");
@@ -142,7 +150,7 @@ fn left_out_residuals_are_those_of_a_model_that_never_saw_the_block() {
 }
 
 fn never_saw_the_block(problem: &Problem<'_>, settled: &Settled) {
-    let around = Around::new(problem, &settled.state, None);
+    let around = Around::new(problem, &settled.state);
     let all: Vec<usize> = (0..around.count()).collect();
     let rows = around.rows(&all);
     let covariances = covariances(&settled.state, &rows, &all);
@@ -182,7 +190,7 @@ fn few_rows_leave_stations_out_as_their_sums_do() {
         let sums = Sums::new(&few.transposed.transpose(), &few.values, few.ln_noise);
         let scale = settled.posterior.scale.map(|sd| sd * sd);
         let summed = sums.posterior(&scale).expect("positive definite");
-        let around = Around::new(problem, &settled.state, None);
+        let around = Around::new(problem, &settled.state);
         let by = |own: &Posterior| leave_one_out(&around, &settled.prior_mean, own, own.inverse());
         // Places may be off by 300 mm before and 0.02 mm after: of sixteen digits ten are lost in either form.
         for (few, many) in by(&settled.posterior).iter().zip(by(&summed)) {
@@ -228,7 +236,7 @@ fn with_pool(check: impl Fn(&Problem<'_>, &Settled)) {
 fn the_sums_of_a_pool_are_those_of_its_rows() {
     with_pool(|problem, settled| {
         assert!(matches!(settled.evidence, Evidence::Sessions(_)));
-        let around = Around::new(problem, &settled.state, None);
+        let around = Around::new(problem, &settled.state);
         let all: Vec<usize> = (0..around.count()).collect();
         let (rows, size) = (around.rows(&all), settled.state.layout.size());
         let noise = covariances(&settled.state, &rows, &all);
@@ -249,7 +257,7 @@ fn the_sums_of_a_pool_are_those_of_its_rows() {
         let apart = dense.log_evidence - settled.posterior.log_evidence;
         assert!(apart.abs() < 1e-6, "{apart}");
         let mean = dense.mean() + &settled.prior_mean;
-        for (place, own) in settled.leave_one_out(problem, None).iter().enumerate() {
+        for (place, own) in settled.leave_one_out(problem).iter().enumerate() {
             let row = &rows[place];
             let whole = row.whole(around.seen(around.session(place)), size);
             let half = dense.half(&whole);

@@ -319,10 +319,10 @@ fn outcome() -> Outcome<'static> {
     let full = FullModel::train(
         &ARM,
         &observations,
-        &geometric.frames,
-        &geometric.geometry,
+        (&geometric.frames[..], &geometric.geometry[..]),
         &FIT.prior(),
         &FULL,
+        Purpose::Published,
         Some(Vector3::z_axis()),
     );
     let error_frame = ErrorFrame::new(&ARM, base_target.frames[0].one().unwrap(), None, false);
