@@ -14,7 +14,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("geometry", "units"),
     ("kinematics", "geometry units"),
     ("linalg", ""),
-    ("figures", ""),
+    ("figures", "units"),
     ("progress", ""),
     ("at", ""),
     // The stages, in the order of the data.
@@ -23,7 +23,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("setup", "figures geometry ingest join kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),
     ("similarity", "units"),
-    ("grid", "figures fit join kinematics progress"),
+    ("grid", "figures fit join kinematics progress units"),
     ("compensation", "fit geometry grid kinematics units"),
     ("report", "figures fit geometry grid join kinematics units"),
     (
@@ -31,7 +31,7 @@ const MAY_USE: &[(&str, &str)] = &[
         "figures fit geometry grid ingest join kinematics manifest progress report setup similarity units",
     ),
     ("simulate", "geometry ingest join kinematics units"),
-    ("plan", "figures fit geometry grid join kinematics linalg progress report simulate"),
+    ("plan", "figures fit geometry grid join kinematics linalg progress report simulate units"),
     ("history", "compensation figures fit kinematics report units"),
     // What reads and writes.
     ("files", "at manifest units"),
