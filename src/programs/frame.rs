@@ -161,6 +161,10 @@ pub enum CellError {
     )]
     Twice { name: String },
     #[error(
+        "[motions] {name} = {like:?}: no motion instruction of ABB's that is followed; write the one whose arguments it has, as MoveL or ArcL"
+    )]
+    Motion { name: String, like: String },
+    #[error(
         "[frames.{name:?}]: a point is stated by joints_deg, or by pose with status (S of KUKA) or cf (cf1, cf4, cf6, cfx of ABB)"
     )]
     Point { name: String },
@@ -201,7 +205,11 @@ pub struct Cell {
 }
 
 impl Cell {
-    pub fn check(&self) -> Result<(), CellError> {
+    /// `is_motion` tells the controller's instructions that others may be like.
+    pub fn check(&self, is_motion: impl Fn(&str) -> bool) -> Result<(), CellError> {
+        if let Some((name, like)) = self.motions.iter().find(|(_, like)| !is_motion(like)) {
+            return Err(CellError::Motion { name: name.clone(), like: like.clone() });
+        }
         let mut names = BTreeSet::new();
         for (name, frame) in &self.frames {
             if !names.insert(capitals(name.as_bytes())) {

@@ -44,6 +44,7 @@ pub use further::ADDED;
 use lex::Dialect;
 pub use postures::Postures;
 pub use program::{Added, Computed, File, Further, Path, Position, Programs, Split, Way};
+pub use rapid::is_motion;
 use reading::Used;
 pub use refusal::{Place, Refusal};
 pub use value::Letters;

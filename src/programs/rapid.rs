@@ -29,6 +29,7 @@ use crate::refusal::{Place, Refusal};
 use statement::Statement;
 
 pub(crate) use base_frame::is_configuration;
+pub use motion::is_motion;
 pub(crate) use motion::quaternion;
 
 pub const RAPID: Dialect = Dialect {

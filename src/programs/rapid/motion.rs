@@ -93,8 +93,8 @@ fn known_instruction(word: &str) -> Option<&'static Instruction> {
     INSTRUCTIONS.iter().find(|own| own.words.contains(&word))
 }
 
-pub(super) fn is_of_controller(word: &str) -> bool {
-    known_instruction(word).is_some()
+pub fn is_motion(word: &str) -> bool {
+    known_instruction(&word.to_ascii_uppercase()).is_some()
 }
 
 /// An argument with its options.
@@ -363,12 +363,14 @@ impl Reading<'_> {
 
     /// Positions that are passed to a routine other than a motion.
     pub(super) fn passed(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'_>) {
-        for argument in arguments(rest) {
-            let mut inside = argument.value;
+        let all = arguments(rest);
+        let options = all.iter().flat_map(|own| own.options.iter().map(|(_, value)| *value));
+        for argument in all.iter().map(|own| own.value).chain(options) {
+            let mut inside = argument;
             if inside.take_sign(b'(') {
                 self.passed(here, word, inside.take_part(b')').unwrap_or(inside));
-            } else if self.is_position(here, argument.value) {
-                self.common.compute(here, word, shown(argument.value));
+            } else if self.is_position(here, argument) {
+                self.common.compute(here, word, shown(argument));
             }
         }
     }

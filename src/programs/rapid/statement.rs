@@ -93,7 +93,7 @@ fn ends(bytes: &[u8], tokens: &[Token], is_end: &dyn Fn(&str) -> bool) -> usize 
                     return place;
                 }
                 // A sign is missing before it; that of a compact IF is none.
-                let is_motion = !is_if && super::motion::is_of_controller(&word);
+                let is_motion = !is_if && super::motion::is_motion(&word);
                 if is_motion && ends_value(&tokens[place - 1]) {
                     return place;
                 }

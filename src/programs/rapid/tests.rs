@@ -339,9 +339,9 @@ fn instructions_of_the_controller_change_what_they_write_alone() {
         let told = only(&source(more), "");
         assert!(told.contains(" is worked out at run time"), "{more}\n{told}");
     }
-    let passed = programs("Go(p10); Go (p10),[1,2]; Go(Offs(p10,1,2,3));", "");
+    let passed = programs("Go(p10); Go (p10),[1,2]; Go(Offs(p10,1,2,3)); Go 5\\At:=p10;", "");
     let computed: Vec<&str> = passed.computed.iter().map(|own| own.text.as_str()).collect();
-    assert_eq!(computed, ["p10", "p10", "Offs(p10,1,2,3)"]);
+    assert_eq!(computed, ["p10", "p10", "Offs(p10,1,2,3)", "p10"]);
 }
 
 #[test]

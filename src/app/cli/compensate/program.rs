@@ -414,7 +414,7 @@ impl CompensateArgs {
         let text = String::from_utf8_lossy(&text);
         let cell: Cell = toml::from_str(&text)
             .map_err(|source| ProgramError::Cell { path: path.clone(), source })?;
-        let problem = cell.check().err();
+        let problem = cell.check(crate::programs::is_motion).err();
         problem.map_or(Ok(cell), |problem| {
             Err(ProgramError::Place { path: path.clone(), problem: problem.to_string() })
         })
