@@ -153,6 +153,7 @@ impl Reading<'_> {
             changed,
             has_tools_on_arm: true,
             interrupts_come_back: true,
+            ends_loops_at_head: false,
         };
         self.common.walk(others, &[], &BTreeSet::new(), |_| None, entry);
     }

@@ -1,7 +1,7 @@
 //! What holds at each motion of a routine: its base, its tool, and whatever else earlier statements have set.
 //!
 //! A routine is walked once in the order of its text. Where ways meet, a setting that differs becomes unknown; at the head of a
-//! loop it is unknown where the loop sets it to anything else; at a label it is what holds before the first jump or label, outside all
+//! loop it is what holds whenever the loop begins anew; at a label it is what holds before the first jump or label, outside all
 //! blocks, and nothing behind that changes; in an error handler what nothing in the routine changes; after a call it is what the called routine
 //! always sets or does not change, and nothing at all where the routine is in no given file. A routine that an interrupt's leaves early, or
 //! behind whose error its caller goes on, ends anywhere: behind it holds what nothing in it changes. So a setting that is known holds on every way through the program.
@@ -283,6 +283,14 @@ impl Routine {
         self.steps.len()
     }
 
+    /// Full names of the routines that it calls.
+    pub fn calls(&self) -> impl Iterator<Item = &str> {
+        self.steps.iter().filter_map(|step| match step {
+            Step::Call { routine, .. } => Some(routine.as_str()),
+            _ => None,
+        })
+    }
+
     /// Whether its last step is the only one that it ends behind.
     fn ends_at_its_end(&self) -> bool {
         let jumps =
@@ -352,9 +360,9 @@ fn resume(routines: &BTreeMap<String, Routine>, interrupts: &[(String, Place)]) 
 }
 
 /// Motions of a routine that is walked for its exit alone.
-struct Unseen<'m, M>(&'m M);
+struct Unseen<'m>(&'m dyn Motions);
 
-impl<M: Motions> Motions for Unseen<'_, M> {
+impl Motions for Unseen<'_> {
     fn branch(&self, motion: usize, state: Option<&State>) -> Option<Known> {
         self.0.branch(motion, state)
     }
@@ -379,6 +387,8 @@ pub struct Others {
     pub has_tools_on_arm: bool,
     /// Whether the arm is back where it was when an interrupt's routine ends; a thread leads it on.
     pub interrupts_come_back: bool,
+    /// Whether loops end where they begin alone.
+    pub ends_loops_at_head: bool,
 }
 
 impl Others {
@@ -429,7 +439,8 @@ impl Summaries {
             let Some(routine) = routines.get(name).filter(|own| own.ends_at_its_end()) else {
                 continue;
             };
-            let exit = walk(routine, self, &entry, &AtAnyTime::default(), &mut Unseen(motions));
+            let any_time = AtAnyTime::default();
+            let exit = walk_with(routine, self, &entry, &any_time, &mut Unseen(motions), 0);
             let before = self.exits.get(name).map_or(0, State::known);
             if exit.known() > before {
                 open.extend(callers[name].iter().filter(|own| callers.contains_key(**own)));
@@ -540,13 +551,29 @@ struct Walk<'w, M> {
     blocks: Vec<Block>,
 }
 
-/// Walks a routine whose blocks close as they open, and gives what holds at its end.
+/// Loops within each other that are looked into for what no pass changes, and blocks within each other in which they are.
+const LOOPS: usize = 3;
+const BLOCKS: usize = 32;
+
+/// Walks a routine whose blocks close as they open.
 pub fn walk(
     routine: &Routine,
     summaries: &Summaries,
     entry: &State,
     interrupts: &AtAnyTime,
     motions: &mut impl Motions,
+) {
+    walk_with(routine, summaries, entry, interrupts, motions, LOOPS);
+}
+
+/// Walks a routine, looking into `into` loops within each other, and gives what holds at its end.
+fn walk_with(
+    routine: &Routine,
+    summaries: &Summaries,
+    entry: &State,
+    interrupts: &AtAnyTime,
+    motions: &mut impl Motions,
+    into: usize,
 ) -> State {
     let loops = loop_effects(&routine.steps, summaries, motions);
     let first_jump = routine.first_jump();
@@ -566,7 +593,13 @@ pub fn walk(
             before_jumps = walk.state.clone();
         }
         match step {
-            Step::Loop => walk.open_loop(loops.get(&place)),
+            Step::Loop => {
+                let body = loops.get(&place).map(|(effects, end)| {
+                    let is_tried = into > 0 && walk.blocks.len() < BLOCKS && handler.is_none();
+                    (effects, is_tried.then(|| &routine.steps[place + 1..*end]))
+                });
+                walk.open_loop(body, into);
+            }
             Step::Label | Step::Handler => {
                 walk.state = before_jumps.clone();
                 walk.state.after(&behind);
@@ -582,16 +615,28 @@ pub fn walk(
 pub fn recurring(
     routine: &Routine,
     summaries: &Summaries,
+    begins: (State, State),
+    interrupts: &AtAnyTime,
+    motions: &dyn Motions,
+) -> State {
+    again(routine, summaries, begins, interrupts, motions, LOOPS)
+}
+
+fn again(
+    routine: &Routine,
+    summaries: &Summaries,
     (first, any): (State, State),
     interrupts: &AtAnyTime,
-    motions: &impl Motions,
+    motions: &dyn Motions,
+    into: usize,
 ) -> State {
     if !routine.ends_at_its_end() {
         return any;
     }
     let mut entry = first;
     loop {
-        let mut exit = walk(routine, summaries, &entry, interrupts, &mut Unseen(motions));
+        let mut exit =
+            walk_with(routine, summaries, &entry, interrupts, &mut Unseen(motions), into);
         exit.after(&interrupts.effects);
         let differs = |a: &State, b: &State, slot: Slot| a.get(slot) != b.get(slot);
         let mut changed = Slot::ALL.into_iter();
@@ -613,12 +658,12 @@ pub fn refuse(routine: &Routine, state: &State, motions: &mut impl Motions) {
     }
 }
 
-/// Effects of each loop, by the place of its first step.
+/// Effects of each loop and the place of its last step, by that of its first.
 fn loop_effects(
     steps: &[Step],
     summaries: &Summaries,
     motions: &impl Motions,
-) -> HashMap<usize, Effects> {
+) -> HashMap<usize, (Effects, usize)> {
     let mut done = HashMap::new();
     let mut open: Vec<(usize, Effects)> = Vec::new();
     for (place, step) in steps.iter().enumerate() {
@@ -629,7 +674,7 @@ fn loop_effects(
                     if let Some((_, outer)) = open.last_mut() {
                         add(outer, &effects);
                     }
-                    done.insert(first, effects);
+                    done.insert(first, (effects, place));
                 }
             }
             step => {
@@ -723,11 +768,23 @@ impl<M: Motions> Walk<'_, M> {
         self.state.set(Slot::Place, self.motions.end(motion));
     }
 
-    fn open_loop(&mut self, effects: Option<&Effects>) {
-        if let Some(effects) = effects {
+    /// In a loop holds what holds again whenever its steps begin; behind one that may be left anywhere what nothing in it changes.
+    fn open_loop(&mut self, body: Option<(&Effects, Option<&[Step]>)>, into: usize) {
+        let before = self.state.clone();
+        if let Some((effects, _)) = body {
             self.state.after(effects);
         }
-        self.blocks.push(Block::Loop { head: self.state.clone() });
+        let mut head = self.state.clone();
+        if let Some((_, Some(steps))) = body {
+            let routine = Routine { steps: steps.to_vec() };
+            let begins = (before, head.clone());
+            let (own, any_time) = (self.summaries, &self.any_time);
+            self.state = again(&routine, own, begins, any_time, self.motions, into - 1);
+            if own.others.ends_loops_at_head {
+                head.clone_from(&self.state);
+            }
+        }
+        self.blocks.push(Block::Loop { head });
     }
 
     fn open_if(&mut self) {

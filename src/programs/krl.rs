@@ -140,6 +140,7 @@ impl Reading<'_> {
             changed,
             has_tools_on_arm,
             interrupts_come_back: true,
+            ends_loops_at_head: false,
         };
         let own = [any_fixed_tool, self.any_sensor, self.any_kept_turn];
         let begins = |routine: &str| entry(routine, own);

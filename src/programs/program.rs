@@ -348,7 +348,7 @@ fn held(set: &Known, stated: &Known) -> Known {
     }
 }
 
-/// A base with the displacement behind it that positions stand in, where there is one.
+/// Frames with the displacement behind them that positions stand in, where there is one.
 fn displaced(base: Known, by: &Known) -> Known {
     match (base.as_deref(), by.as_deref()) {
         (Ok(Setting::Frames(own)), Ok(Setting::Frames(by))) => {
@@ -426,8 +426,10 @@ impl crate::flow::Motions for Recorder<'_> {
             Some(why) => Err(why.clone()),
             None => state.get(slot).clone(),
         };
-        let base = displaced(frame(Slot::Base), state.get(Slot::Displacement));
-        let tool = frame(Slot::Tool);
+        let (mut base, mut tool) = (frame(Slot::Base), frame(Slot::Tool));
+        // It stands behind the frame that the numbers are in, be that of the part on the arm.
+        let of_part = if motion.holds_part { &mut tool } else { &mut base };
+        *of_part = displaced(of_part.clone(), state.get(Slot::Displacement));
         for (place, target) in motion.targets.iter().enumerate() {
             let is_end = place + 1 == motion.targets.len();
             let Target::Literal { positions, is_beside } = target else {

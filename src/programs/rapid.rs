@@ -17,9 +17,9 @@ pub(crate) mod motion;
 mod statement;
 mod steps;
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
+use crate::flow::{Others, Routine, SLOTS, Setting, Slot, State, Step, known, unknown};
 use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
@@ -117,13 +117,7 @@ impl Reading<'_> {
 
     /// The folder of the task in a backup; empty for a module that stands in none. Each task has its own names.
     fn task(&self, file: usize) -> String {
-        let name = self.module(file).replace('\\', "/");
-        let is_task = |part: &&str| {
-            let number = part.strip_prefix("TASK");
-            number
-                .is_some_and(|own| !own.is_empty() && own.bytes().all(|byte| byte.is_ascii_digit()))
-        };
-        name.split('/').find(is_task).unwrap_or_default().to_owned()
+        task_of(&self.module(file))
     }
 
     /// The arm's task that a path names, in its folder or its name: `T_ROB1`, `Weld_T_ROB2.mod`.
@@ -180,6 +174,35 @@ impl Reading<'_> {
         }
     }
 
+    /// Whether a routine in no given file is called, which may set anything, and end the cycle.
+    fn any_unseen(&self) -> bool {
+        let mut calls = self.common.routines.values().flat_map(Routine::calls);
+        calls.any(|own| !self.given.contains_key(own) && !steps::is_harmless(own))
+    }
+
+    /// Whether `main` begins with nothing set at first: the controller begins it so, unless a cycle ends anywhere, a routine calls it, or
+    /// one that nothing calls, as the controller does at its events, sets anything.
+    fn begins_clean(&self, is_main: impl Fn(&str) -> bool) -> bool {
+        let routines = &self.common.routines;
+        let mains = routines.keys().map(String::as_str).filter(|own| is_main(own));
+        let of_main = reached(
+            routines,
+            mains.chain(self.traps.iter().map(|(own, _)| own.as_str())).collect(),
+        );
+        let others = routines.keys().map(String::as_str).filter(|own| !of_main.contains(own));
+        let sets = |own: &Routine| {
+            let is_set = |step: &Step| match step {
+                Step::Set(Slot::Displacement | Slot::Mode, to) => *to != known(Setting::On(false)),
+                Step::Set(_, to) => *to != known(Setting::On(true)),
+                _ => false,
+            };
+            own.steps.iter().any(is_set)
+        };
+        let is_called = routines.values().flat_map(Routine::calls).any(|own| is_main(own));
+        let is_set = reached(routines, others.collect()).iter().any(|own| sets(&routines[*own]));
+        !(self.any_exit_cycle || self.any_unseen() || is_called || is_set)
+    }
+
     fn walk(&mut self) {
         let mut changed = [false; SLOTS];
         for slot in [Slot::Branch, Slot::Place, Slot::Displacement] {
@@ -193,25 +216,54 @@ impl Reading<'_> {
             changed,
             has_tools_on_arm: true,
             interrupts_come_back: true,
+            ends_loops_at_head: true,
         };
         let conf = self.any_conf_off;
+        let is_main = |full: &str| full.rsplit('/').next() == Some("MAIN");
+        let tasks = self.procedures.iter().filter(|full| is_main(full));
+        let tasks: BTreeSet<String> = tasks.map(|full| task_of(full)).collect();
+        let begins_clean = self.begins_clean(is_main);
         // Without `main`, files that are not given call routines too.
-        let is_main = |full: &String| full.rsplit('/').next() == Some("MAIN");
-        if self.any_late_call || !self.procedures.iter().any(is_main) {
-            self.procedures.clear();
-        }
+        let any_late_call = self.any_late_call;
+        self.procedures.retain(|full| !any_late_call && tasks.contains(&task_of(full)));
         // The controller begins it too.
         self.procedures.retain(|full| !is_main(full));
-        // The controller begins `main` with nothing set, unless a cycle has ended anywhere.
         let first = |routine: &str| {
-            let begins = routine == "MAIN" && !self.any_exit_cycle;
-            begins.then(|| entry(routine, [false; 2], [false; 2]))
+            let is_clean = routine == "MAIN" && begins_clean;
+            is_clean.then(|| entry(routine, [false; 2], [false; 2]))
         };
-        let any = |routine: &str| entry(routine, off, conf);
+        let any_unseen = self.any_unseen();
+        let off_at = |routine: &str| [off[0] || (routine == "MAIN" && any_unseen), off[1]];
+        let any = |routine: &str| entry(routine, off_at(routine), conf);
         self.common.walk(others, &self.traps, &self.procedures, first, any);
         self.refuse_unloaded();
         self.refuse_several_tasks();
     }
+}
+
+/// The folder of a task in a path in capitals.
+fn task_of(path: &str) -> String {
+    let is_task = |part: &&str| {
+        let number = part.strip_prefix("TASK");
+        number.is_some_and(|own| !own.is_empty() && own.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    path.replace('\\', "/").split('/').find(is_task).unwrap_or_default().to_owned()
+}
+
+/// The routines given with those that they call.
+fn reached<'r>(
+    routines: &'r BTreeMap<String, Routine>,
+    mut open: Vec<&'r str>,
+) -> BTreeSet<&'r str> {
+    let mut seen = BTreeSet::new();
+    while let Some(name) = open.pop() {
+        if let Some((name, own)) = routines.get_key_value(name)
+            && seen.insert(name.as_str())
+        {
+            open.extend(own.calls());
+        }
+    }
+    seen
 }
 
 /// What holds where a routine begins. `main` begins with what its last cycle left.

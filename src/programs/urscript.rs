@@ -122,6 +122,7 @@ impl Reading<'_> {
             changed,
             has_tools_on_arm: true,
             interrupts_come_back: false,
+            ends_loops_at_head: false,
         };
         self.common.walk(others, &self.threads, &self.called, |_| None, entry);
         motion::keep_behind_blends(&mut self.common);

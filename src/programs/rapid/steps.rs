@@ -173,6 +173,10 @@ impl Reading<'_> {
         let at = self.common.at(here);
         self.any_late_call = true;
         steps.push(Step::Call { routine: "%…%".to_owned(), at });
+        let mut passed = all;
+        passed.take_sign(b'%');
+        passed.take_part(b'%');
+        self.passed(here, "%…%", passed);
         self.common.reads(here, all);
     }
 
@@ -217,11 +221,24 @@ impl Reading<'_> {
         steps.push(Step::EndIf);
     }
 
-    /// Functions of the files that a statement calls, and those that are in none.
-    fn functions(&self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
-        let names = called(all).map(|name| (self.full_name(here.file, &name), name));
-        let own = names.filter(|(full, name)| self.given.contains_key(full) || !is_function(name));
-        steps.extend(own.map(|(routine, _)| Step::Call { routine, at: self.common.at(here) }));
+    /// Functions of the files that a statement calls, and those that are in none, which may move to what is passed to them.
+    fn functions(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
+        for name in called(all).collect::<Vec<_>>() {
+            let routine = self.full_name(here.file, &name);
+            let is_given = self.given.contains_key(&routine);
+            if !is_given && is_function(&name) {
+                continue;
+            }
+            // The word of a statement is no function.
+            let mut behind = Cursor { tokens: all.tokens.get(1..).unwrap_or_default(), ..all };
+            while let Some(token) = behind.take().filter(|_| !is_given) {
+                let is_it = crate::lex::capitals(all.text(token)) == name;
+                if is_it && behind.take_sign(b'(') {
+                    self.passed(here, &name, behind.take_part(b')').unwrap_or(behind));
+                }
+            }
+            steps.push(Step::Call { routine, at: self.common.at(here) });
+        }
     }
 
     /// An instruction of the controller, a motion, or a call.
@@ -233,7 +250,8 @@ impl Reading<'_> {
         if self.is_motion(&word) {
             return self.motion(here, &word, rest, steps);
         }
-        if let Some((slot, to)) = self.setting(here, &word, rest) {
+        let is_own = self.named.contains(&word);
+        if let Some((slot, to)) = self.setting(here, &word, rest).filter(|_| !is_own) {
             steps.push(Step::Set(slot, to));
         }
         self.any_late_call |= word == "CALLBYVAR";

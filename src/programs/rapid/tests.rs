@@ -215,6 +215,11 @@ fn a_part_on_the_arm_is_moved_to_a_tool_that_stands() {
     let edits = edits(&programs.positions[0], &asked, &command);
     let texts: Vec<&str> = edits.all.iter().map(|edit| edit.text.as_str()).collect();
     assert_eq!(texts, ["11.0000"], "x of p10");
+    let up = format!("{fixed}PERS pose up:=[[0,0,7],[1,0,0,0]];\r\n");
+    let moved = self::programs("PDispSet up; MoveL p10,v100,fine,torch\\WObj:=part;", &up);
+    cell.frames.insert("up".to_owned(), cell.frames["tool1"].clone());
+    let moved = moved.ask(0, &cell).unwrap();
+    assert!((moved.flange_from_tool.translation.vector.z - 57.0).abs() < 1e-9, "behind the part");
     for refused in [
         "MoveL p10,v100,fine,tool1\\WObj:=part;",
         "MoveL p10,v100,fine,torch\\WObj:=wobj1;",
@@ -229,17 +234,38 @@ fn a_part_on_the_arm_is_moved_to_a_tool_that_stands() {
 #[test]
 fn main_begins_without_what_no_cycle_leaves_on() {
     let moves = "MoveL p10,v100,z10,tool1;";
-    assert_eq!(
-        only(&format!("{moves} sub;"), "PROC sub() PDispOn p5,tool1; PDispOff; ENDPROC "),
-        "ok"
-    );
+    let pair = "PROC sub() PDispOn p5,tool1; PDispOff; ENDPROC ";
+    assert_eq!(only(&format!("{moves} sub;"), pair), "ok");
     assert_eq!(only(&format!("{moves} IF a THEN ConfL\\Off; ConfL\\On; ENDIF"), ""), "ok");
-    for left in
-        ["sub;", "IF a THEN sub; ENDIF", "IF a RETURN;", "PDispOn p5,tool1; ExitCycle; PDispOff;"]
-    {
-        let more = "PROC sub() PDispOn p5,tool1; ENDPROC ";
+    let on = "PROC sub() PDispOn p5,tool1; ENDPROC ";
+    let lefts =
+        ["sub;", "IF a THEN sub; ENDIF", "IF a RETURN;", "PDispOn p5,tool1; ExitCycle; PDispOff;"];
+    let more = [
+        // What nothing calls the controller may call at its events; who calls `main` begins it with what holds there.
+        ("", "PROC atStart() sub; ENDPROC PROC sub() PDispOn p5,tool1; ENDPROC "),
+        ("sub; PDispOff;", "PROC sub() PDispOn p5,tool1; main; ENDPROC "),
+        ("Other; PDispOff;", pair),
+    ];
+    for (left, more) in lefts.map(|left| (left, on)).into_iter().chain(more) {
         assert!(only(&format!("{moves} {left}"), more).contains("(PDisp)"), "{left}");
     }
+    assert!(only(&format!("{moves} Other;"), "").contains("(PDisp)"), "of no file");
+}
+
+#[test]
+fn a_loop_begins_each_pass_with_what_none_leaves_otherwise() {
+    let moves = "MoveL p10,v100,z10,tool1;";
+    let pass = |rest: &str| only(&format!("WHILE TRUE DO {moves} {rest} ENDWHILE"), "");
+    assert_eq!(pass("PDispOn p5,tool1; PDispOff;"), "ok");
+    assert_eq!(pass("FOR i FROM 1 TO 3 DO PDispOn p5,tool1; ENDFOR PDispOff;"), "ok");
+    for left in [
+        "PDispOn p5,tool1;",
+        "PDispOn p5,tool1; IF a THEN PDispOff; ENDIF",
+        "IF a RETURN; PDispOn p5,tool1;",
+    ] {
+        assert!(pass(left).contains("displacement"), "{left}: {}", pass(left));
+    }
+    assert_eq!(only(&format!("WHILE a DO PDispOn p5,tool1; PDispOff; ENDWHILE {moves}"), ""), "ok");
 }
 
 #[test]
@@ -312,7 +338,7 @@ fn a_module_of_a_backup_that_no_task_has_is_refused_and_hinders_none() {
 
 #[test]
 fn a_tool_that_a_routine_only_moves_is_known() {
-    let moves = "MoveL p10,v100,fine,tool1;";
+    let moves = "PDispOff; MoveL p10,v100,fine,tool1;";
     let own = |inside: &str| {
         format!(
             "{moves} Go tool1; ENDPROC PROC Go(PERS tooldata t) {inside} ENDPROC PROC Deep(PERS tooldata u) u.tframe.trans.z:=1;"
@@ -339,9 +365,12 @@ fn instructions_of_the_controller_change_what_they_write_alone() {
         let told = only(&source(more), "");
         assert!(told.contains(" is worked out at run time"), "{more}\n{told}");
     }
-    let passed = programs("Go(p10); Go (p10),[1,2]; Go(Offs(p10,1,2,3)); Go 5\\At:=p10;", "");
+    let passed = programs(
+        "Go(p10); Go (p10),[1,2]; Go(Offs(p10,1,2,3)); Go 5\\At:=p10; %nm% p10; b:=f(p10);",
+        "",
+    );
     let computed: Vec<&str> = passed.computed.iter().map(|own| own.text.as_str()).collect();
-    assert_eq!(computed, ["p10", "p10", "Offs(p10,1,2,3)", "p10"]);
+    assert_eq!(computed, ["p10", "p10", "Offs(p10,1,2,3)", "p10", "p10", "p10"]);
 }
 
 #[test]

@@ -204,7 +204,8 @@ impl Reading<'_> {
                 Some(Block::Loop) => walked.push(Step::EndLoop),
                 Some(Block::If) | None => walked.push(Step::EndIf),
             },
-            "RETURN" => {
+            // Of a loop that is begun anew from within none knows what it begins with.
+            "RETURN" | "CONTINUE" => {
                 self.plain(walked, statement, line);
                 walked.push(Step::Return);
             }

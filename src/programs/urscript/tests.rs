@@ -173,6 +173,20 @@ fn blocks_of_one_line_are_those_of_several() {
 }
 
 #[test]
+fn a_loop_that_is_begun_anew_from_within_begins_with_any_tool() {
+    let other = "set_tcp(p[0,0,0.3,0,0,0])";
+    let tool = "set_tcp(p[0,0,0.15,0,0,0])";
+    let pass = |skips: &str| {
+        let body = format!("{tool}\nwhile (x):\nmovel(Part_p)\n{other}\n{skips}\n{tool}\nend");
+        verdicts(&programs(&format!("{BEGIN}\n{body}"))).remove(1)
+    };
+    assert_eq!(pass(""), "ok");
+    for skips in ["if y:\ncontinue\nend", "if y:\nreturn 0\nend"] {
+        assert!(pass(skips).contains("the tool"), "{skips}: {}", pass(skips));
+    }
+}
+
+#[test]
 fn statements_outside_all_functions_are_a_program_too() {
     let text = "set_tcp(p[0,0,0.15,0,0,0])\ncamera.grab(1)\nmovej([0,-1,1,0,1,0]); movel(p[0.1,0,0.1,0,0,0], a=1)\n";
     let file = File { name: "a.script".to_owned(), bytes: text.into() };

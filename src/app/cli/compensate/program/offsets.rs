@@ -37,7 +37,8 @@ impl Solver<'_> {
 
 fn correction(asked: &Asked, command: &Command) -> Option<Vector3<f64>> {
     let Wanted::Pose { programmed, .. } = &asked.wanted else { return None };
-    Some(command.base_from_tool?.translation.vector - programmed.translation.vector)
+    let place = |pose| Some(asked.numbers(pose)?.translation.vector);
+    Some(place(&command.base_from_tool?)? - place(programmed)?)
 }
 
 fn moved(asked: &Asked, by: &Vector3<f64>) -> Option<Asked> {
