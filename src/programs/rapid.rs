@@ -198,7 +198,7 @@ impl Reading<'_> {
             };
             own.steps.iter().any(is_set)
         };
-        let is_called = routines.values().flat_map(Routine::calls).any(|own| is_main(own));
+        let is_called = routines.values().flat_map(Routine::calls).any(is_main);
         let is_set = reached(routines, others.collect()).iter().any(|own| sets(&routines[*own]));
         !(self.any_exit_cycle || self.any_unseen() || is_called || is_set)
     }
