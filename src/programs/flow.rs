@@ -283,10 +283,10 @@ impl Routine {
         self.steps.len()
     }
 
-    /// Full names of the routines that it calls.
-    pub fn calls(&self) -> impl Iterator<Item = &str> {
+    /// Full names of the routines that it calls, and where.
+    pub fn calls(&self) -> impl Iterator<Item = (&str, &Place)> {
         self.steps.iter().filter_map(|step| match step {
-            Step::Call { routine, .. } => Some(routine.as_str()),
+            Step::Call { routine, at } => Some((routine.as_str(), at)),
             _ => None,
         })
     }
@@ -333,10 +333,8 @@ pub struct Summaries {
 fn callers(routines: &BTreeMap<String, Routine>) -> BTreeMap<&str, BTreeSet<&str>> {
     let mut callers = BTreeMap::<&str, BTreeSet<&str>>::new();
     for (name, own) in routines {
-        for step in &own.steps {
-            if let Step::Call { routine, .. } = step {
-                callers.entry(routine).or_default().insert(name);
-            }
+        for (routine, _) in own.calls() {
+            callers.entry(routine).or_default().insert(name);
         }
     }
     callers

@@ -174,10 +174,13 @@ impl Reading<'_> {
         }
     }
 
-    /// Whether a routine in no given file is called, which may set anything, and end the cycle.
-    fn any_unseen(&self) -> bool {
+    /// The call of a routine in no given file, which may set anything, and end the cycle.
+    fn unseen(&self) -> Option<Refusal> {
         let mut calls = self.common.routines.values().flat_map(Routine::calls);
-        calls.any(|own| !self.given.contains_key(own) && !steps::is_harmless(own))
+        let (routine, at) =
+            calls.find(|(own, _)| !self.given.contains_key(*own) && !steps::is_harmless(own))?;
+        let (what, routine, at) = (Slot::Displacement.name(), routine.to_owned(), at.clone());
+        Some(Refusal::Call { what, routine, at })
     }
 
     /// Whether `main` begins with nothing set at first: the controller begins it so, unless a cycle ends anywhere, a routine calls it, or
@@ -198,9 +201,10 @@ impl Reading<'_> {
             };
             own.steps.iter().any(is_set)
         };
-        let is_called = routines.values().flat_map(Routine::calls).any(is_main);
+        let mut calls = routines.values().flat_map(Routine::calls);
+        let is_called = calls.any(|(own, _)| is_main(own));
         let is_set = reached(routines, others.collect()).iter().any(|own| sets(&routines[*own]));
-        !(self.any_exit_cycle || self.any_unseen() || is_called || is_set)
+        !(self.any_exit_cycle || self.unseen().is_some() || is_called || is_set)
     }
 
     fn walk(&mut self) {
@@ -232,9 +236,14 @@ impl Reading<'_> {
             let is_clean = routine == "MAIN" && begins_clean;
             is_clean.then(|| entry(routine, [false; 2], [false; 2]))
         };
-        let any_unseen = self.any_unseen();
-        let off_at = |routine: &str| [off[0] || (routine == "MAIN" && any_unseen), off[1]];
-        let any = |routine: &str| entry(routine, off_at(routine), conf);
+        let unseen = self.unseen();
+        let any = |routine: &str| {
+            let mut begins = entry(routine, off, conf);
+            if let Some(why) = unseen.as_ref().filter(|_| routine == "MAIN") {
+                begins.set(Slot::Displacement, unknown(why.clone()));
+            }
+            begins
+        };
         self.common.walk(others, &self.traps, &self.procedures, first, any);
         self.refuse_unloaded();
         self.refuse_several_tasks();
@@ -260,7 +269,7 @@ fn reached<'r>(
         if let Some((name, own)) = routines.get_key_value(name)
             && seen.insert(name.as_str())
         {
-            open.extend(own.calls());
+            open.extend(own.calls().map(|(own, _)| own));
         }
     }
     seen

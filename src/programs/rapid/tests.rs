@@ -244,12 +244,17 @@ fn main_begins_without_what_no_cycle_leaves_on() {
         // What nothing calls the controller may call at its events; who calls `main` begins it with what holds there.
         ("", "PROC atStart() sub; ENDPROC PROC sub() PDispOn p5,tool1; ENDPROC "),
         ("sub; PDispOff;", "PROC sub() PDispOn p5,tool1; main; ENDPROC "),
-        ("Other; PDispOff;", pair),
     ];
     for (left, more) in lefts.map(|left| (left, on)).into_iter().chain(more) {
         assert!(only(&format!("{moves} {left}"), more).contains("(PDisp)"), "{left}");
     }
-    assert!(only(&format!("{moves} Other;"), "").contains("(PDisp)"), "of no file");
+    for unseen in ["Other;", "Other; PDispOff;"] {
+        let told = only(&format!("{moves} {unseen}"), "");
+        assert!(
+            told.contains("the call of OTHER (m1.mod, line 9) may change the displacement"),
+            "{told}"
+        );
+    }
 }
 
 #[test]
