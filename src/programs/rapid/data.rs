@@ -194,12 +194,13 @@ impl Reading<'_> {
         !self.given.contains_key(&full) && !super::steps::is_function(name)
     }
 
-    /// Whether a tool or a work object is set to what its declaration states, as off-line tools do it.
+    /// Whether a tool, a work object or a displacement is set to what its declaration states, as off-line tools do it.
     fn is_as_declared(&self, here: &Here<'_>, left: Cursor<'_>, value: Cursor<'_>) -> bool {
         let [name] = left.tokens else { return false };
         let name = capitals(left.text(name));
         let names = &self.common.names;
-        let is_frame = |own: &Variable| matches!(own.kind.as_str(), "TOOLDATA" | "WOBJDATA");
+        let is_frame =
+            |own: &Variable| matches!(own.kind.as_str(), "POSE" | "TOOLDATA" | "WOBJDATA");
         names.find(here.scopes, &name).is_some_and(is_frame)
             && names
                 .constant(here.scopes, &name, self.common.files, "")

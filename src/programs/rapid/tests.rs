@@ -184,6 +184,8 @@ fn a_displacement_by_constant_data_stands_behind_the_work_object() {
     assert!(near(&place(&format!("PDispSet up; PDispOff; {moves}")).unwrap(), 980.0));
     let joints = "MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool1;";
     assert!((place(&format!("PDispSet up; {joints}")).unwrap()[4] - 30.0).abs() < 1e-9);
+    let same = format!("up:=[[0,50.0,0],[1,0,0,0]]; PDispSet up; {moves}");
+    assert!(near(&place(&same).unwrap(), 930.0));
     let told = place(&format!("up.trans.x:=5; PDispSet up; {moves}")).unwrap_err().to_string();
     assert!(told.contains("UP is worked out at run time"), "{told}");
     assert!(
