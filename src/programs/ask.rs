@@ -74,6 +74,13 @@ impl Asked {
         Some(if self.holds_part { own.inverse() } else { own })
     }
 
+    /// By how much a command moves what the numbers say, mm; `None` of joint angles.
+    pub fn correction(&self, base_from_tool: &Isometry3<f64>) -> Option<Vector3<f64>> {
+        let Wanted::Pose { programmed, .. } = &self.wanted else { return None };
+        let [to, from] = [base_from_tool, programmed].map(|pose| self.numbers(pose));
+        Some(to?.translation.vector - from?.translation.vector)
+    }
+
     /// None of a position in joint angles.
     pub fn branches(&self) -> &[Branch] {
         match &self.wanted {

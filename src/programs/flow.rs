@@ -340,21 +340,23 @@ fn callers(routines: &BTreeMap<String, Routine>) -> BTreeMap<&str, BTreeSet<&str
     callers
 }
 
-/// Whether an interrupt's routine, or one that it calls, ends others where they are.
-fn resume(routines: &BTreeMap<String, Routine>, interrupts: &[(String, Place)]) -> bool {
-    let mut open: Vec<&str> = interrupts.iter().map(|(name, _)| name.as_str()).collect();
-    let mut seen = BTreeSet::new();
+/// The routines given with those that they call.
+pub fn reached<'r>(
+    routines: &'r BTreeMap<String, Routine>,
+    given: impl Iterator<Item = &'r str>,
+) -> BTreeSet<&'r str> {
+    let (mut open, mut seen) = (given.collect::<Vec<_>>(), BTreeSet::new());
     while let Some(name) = open.pop() {
         let Some(routine) = routines.get(name).filter(|_| seen.insert(name)) else { continue };
-        for step in &routine.steps {
-            match step {
-                Step::Resume => return true,
-                Step::Call { routine, .. } => open.push(routine),
-                _ => {}
-            }
-        }
+        open.extend(routine.calls().map(|(own, _)| own));
     }
-    false
+    seen
+}
+
+/// Whether an interrupt's routine, or one that it calls, ends others where they are.
+fn resume(routines: &BTreeMap<String, Routine>, interrupts: &[(String, Place)]) -> bool {
+    let reached = reached(routines, interrupts.iter().map(|(name, _)| name.as_str()));
+    reached.iter().any(|name| routines[*name].steps.contains(&Step::Resume))
 }
 
 /// Motions of a routine that is walked for its exit alone.

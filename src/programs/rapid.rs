@@ -17,9 +17,9 @@ pub(crate) mod motion;
 mod statement;
 mod steps;
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap};
 
-use crate::flow::{Others, Routine, SLOTS, Setting, Slot, State, Step, known, unknown};
+use crate::flow::{Others, Routine, SLOTS, Setting, Slot, State, Step, known, reached, unknown};
 use crate::frame::{Cell, Chain};
 use crate::lex::{Dialect, Token, tokens};
 use crate::names::Scope;
@@ -185,13 +185,11 @@ impl Reading<'_> {
 
     /// Whether `main` begins with nothing set at first: the controller begins it so, unless a cycle ends anywhere, a routine calls it, or
     /// one that nothing calls, as the controller does at its events, sets anything.
-    fn begins_clean(&self, is_main: impl Fn(&str) -> bool) -> bool {
+    fn begins_clean(&self, is_main: impl Fn(&str) -> bool, any_unseen: bool) -> bool {
         let routines = &self.common.routines;
         let mains = routines.keys().map(String::as_str).filter(|own| is_main(own));
-        let of_main = reached(
-            routines,
-            mains.chain(self.traps.iter().map(|(own, _)| own.as_str())).collect(),
-        );
+        let traps = self.traps.iter().map(|(own, _)| own.as_str());
+        let of_main = reached(routines, mains.chain(traps));
         let others = routines.keys().map(String::as_str).filter(|own| !of_main.contains(own));
         let sets = |own: &Routine| {
             let is_set = |step: &Step| match step {
@@ -203,8 +201,8 @@ impl Reading<'_> {
         };
         let mut calls = routines.values().flat_map(Routine::calls);
         let is_called = calls.any(|(own, _)| is_main(own));
-        let is_set = reached(routines, others.collect()).iter().any(|own| sets(&routines[*own]));
-        !(self.any_exit_cycle || self.unseen().is_some() || is_called || is_set)
+        let is_set = reached(routines, others).iter().any(|own| sets(&routines[*own]));
+        !(self.any_exit_cycle || any_unseen || is_called || is_set)
     }
 
     fn walk(&mut self) {
@@ -226,17 +224,17 @@ impl Reading<'_> {
         let is_main = |full: &str| full.rsplit('/').next() == Some("MAIN");
         let tasks = self.procedures.iter().filter(|full| is_main(full));
         let tasks: BTreeSet<String> = tasks.map(|full| task_of(full)).collect();
-        let begins_clean = self.begins_clean(is_main);
+        let unseen = self.unseen();
+        let begins_clean = self.begins_clean(is_main, unseen.is_some());
         // Without `main`, files that are not given call routines too.
         let any_late_call = self.any_late_call;
-        self.procedures.retain(|full| !any_late_call && tasks.contains(&task_of(full)));
-        // The controller begins it too.
-        self.procedures.retain(|full| !is_main(full));
+        // The controller begins `main` too.
+        self.procedures
+            .retain(|full| !any_late_call && tasks.contains(&task_of(full)) && !is_main(full));
         let first = |routine: &str| {
             let is_clean = routine == "MAIN" && begins_clean;
             is_clean.then(|| entry(routine, [false; 2], [false; 2]))
         };
-        let unseen = self.unseen();
         let any = |routine: &str| {
             let mut begins = entry(routine, off, conf);
             if let Some(why) = unseen.as_ref().filter(|_| routine == "MAIN") {
@@ -257,22 +255,6 @@ fn task_of(path: &str) -> String {
         number.is_some_and(|own| !own.is_empty() && own.bytes().all(|byte| byte.is_ascii_digit()))
     };
     path.replace('\\', "/").split('/').find(is_task).unwrap_or_default().to_owned()
-}
-
-/// The routines given with those that they call.
-fn reached<'r>(
-    routines: &'r BTreeMap<String, Routine>,
-    mut open: Vec<&'r str>,
-) -> BTreeSet<&'r str> {
-    let mut seen = BTreeSet::new();
-    while let Some(name) = open.pop() {
-        if let Some((name, own)) = routines.get_key_value(name)
-            && seen.insert(name.as_str())
-        {
-            open.extend(own.calls().map(|(own, _)| own));
-        }
-    }
-    seen
 }
 
 /// What holds where a routine begins. `main` begins with what its last cycle left.

@@ -234,14 +234,18 @@ impl Reading<'_> {
             Some(expression) => self.work_object(here, expression, on_arm),
             None => known(Setting::Frames(Chain::default())),
         };
-        let mut own = vec![(Slot::Base, base(false)), (Slot::Tool, tool(true))];
+        let refused = |own: &[Known; 2]| own.iter().all(Result::is_err);
+        let mut frames = [base(false), tool(true)];
         // Of a circle the helper is a place of the tool, which stands.
-        let may_hold = object.is_some() && instruction.positions.len() == 1;
-        let held = [(Slot::Base, tool(false)), (Slot::Tool, base(true))];
-        let holds_part = may_hold && held.iter().all(|(_, own)| own.is_ok());
-        if holds_part {
-            own = held.to_vec();
+        let may_hold = instruction.positions.len() == 1 && object.is_some() && refused(&frames);
+        let held = may_hold.then(|| [tool(false), base(true)]);
+        let held = held.filter(|own| own.iter().all(Result::is_ok));
+        let holds_part = held.is_some();
+        if let Some(held) = held {
+            frames = held;
         }
+        let [base, tool] = frames;
+        let mut own = vec![(Slot::Base, base), (Slot::Tool, tool)];
         if instruction.reads == Reads::Always {
             // A displacement moves no joint angles.
             own.push((Slot::Displacement, known(Setting::On(false))));
@@ -254,7 +258,7 @@ impl Reading<'_> {
             let [holds, frame, ..] = parts else {
                 return None;
             };
-            self.stands(here, holds, on_arm, || Some(Chain::one(name, Ok(pose(frame)?))))
+            self.stands(here, holds, on_arm, || Some(Chain::one(name, Ok(pose(frame.list()?)?))))
         })
     }
 
@@ -269,8 +273,8 @@ impl Reading<'_> {
                 return Some(Err(Refusal::Moving { name: name.to_owned(), at }));
             }
             self.stands(here, holds, on_arm, || {
-                let mut chain = Chain::one(format!("{name}.UFRAME"), Ok(pose(user)?));
-                chain.0.extend(Chain::one(format!("{name}.OFRAME"), Ok(pose(object)?)).0);
+                let mut chain = Chain::one(format!("{name}.UFRAME"), Ok(pose(user.list()?)?));
+                chain.0.extend(Chain::one(format!("{name}.OFRAME"), Ok(pose(object.list()?)?)).0);
                 is(fixed, "TRUE").then_some(chain)
             })
         })
@@ -297,7 +301,7 @@ impl Reading<'_> {
     /// The frame of data of type `pose`.
     pub(super) fn pose_data(&self, here: &Here<'_>, expression: Cursor<'_>) -> Known {
         self.data_of(here, expression, "", |name, parts| {
-            Some(Ok(Chain::one(name, Ok(pose(&Value::List(parts.to_vec()))?))))
+            Some(Ok(Chain::one(name, Ok(pose(parts)?))))
         })
     }
 
@@ -440,8 +444,8 @@ fn with_external(common: &Common<'_>, scopes: &[Scope], shape: Shape, external: 
 }
 
 /// `[[x, y, z], [q1, q2, q3, q4]]` as an isometry.
-pub(super) fn pose(value: &Value) -> Option<Isometry3<f64>> {
-    let [place, turn] = value.list()? else {
+fn pose(parts: &[Value]) -> Option<Isometry3<f64>> {
+    let [place, turn] = parts else {
         return None;
     };
     let at = place.numbers::<3>()?.map(|number| number.value);

@@ -72,7 +72,7 @@ pub enum KnownError {
          plan: say target = \"other\"", path.display()
     )]
     OtherTarget { path: PathBuf, found: [f64; 3], wanted: [f64; 3], away_mm: f64 },
-    /// The base is said to be where it was, but no instrument of the session has a frame.
+    /// The file states that the base is where it was, and no instrument of the session has a frame.
     #[error(
         "[plan.known]: the instruments of {} read one length each, so the base in a tracker's frame is not known from it: say base = \"new\"",
         .0.display()

@@ -36,9 +36,7 @@ impl Solver<'_> {
 }
 
 fn correction(asked: &Asked, command: &Command) -> Option<Vector3<f64>> {
-    let Wanted::Pose { programmed, .. } = &asked.wanted else { return None };
-    let place = |pose| Some(asked.numbers(pose)?.translation.vector);
-    Some(place(&command.base_from_tool?)? - place(programmed)?)
+    asked.correction(command.base_from_tool.as_ref()?)
 }
 
 fn moved(asked: &Asked, by: &Vector3<f64>) -> Option<Asked> {

@@ -31,6 +31,10 @@ const HELPER_RAD: f64 = 0.05;
 /// Orientations nearer than this are alike, rad.
 const ALIKE_RAD: f64 = 0.01;
 
+/// Why the way of a motion is not known.
+const NO_COURSE: NotStated =
+    "it is a spline, a circle with an angle, or its points are in line, or the arm holds the part";
+
 /// Why nothing is stated of a motion.
 pub(super) type NotStated = &'static str;
 
@@ -135,8 +139,7 @@ impl Solver<'_> {
         let stops = stops.ok_or("one of its positions is not corrected")?;
         let course = |is_command| self.course(path.way, &stops, is_command);
         let courses = course(false).zip(course(true));
-        let (wanted, commanded) =
-            courses.ok_or("it is a spline, a circle with an angle, or its points are in line, or the arm holds the part")?;
+        let (wanted, commanded) = courses.ok_or(NO_COURSE)?;
         let places = self.places(&wanted, &commanded, &stops);
         places.ok_or("the nominal arm does not reach all of its way")
     }

@@ -483,11 +483,10 @@ impl<'a> Solver<'a> {
         };
         let (base_from_tool, correction_mm) = match &asked.wanted {
             Wanted::Joints(_) => (None, done.correction.norm()),
-            Wanted::Pose { programmed, .. } => {
+            Wanted::Pose { .. } => {
                 let own = base_from_own(done).ok_or_else(|| "it has no orientation".to_owned())?;
                 let command = own * self.own_tool_in(&asked.stated_tool).inverse();
-                let place = |pose| asked.numbers(pose).unwrap_or_default().translation.vector;
-                (Some(command), (place(&command) - place(programmed)).norm())
+                (Some(command), asked.correction(&command).unwrap_or_default().norm())
             }
         };
         if let Some(largest) = self.largest_mm.filter(|largest| correction_mm > *largest) {
