@@ -193,7 +193,7 @@ pub enum Step {
     EndSwitch,
     /// A jump to a label may begin here.
     Jump,
-    /// The routine may end here.
+    /// The routine, or a pass of its loop, may end here.
     Return,
     /// Of an interrupt's routine: those that were called since it was declared end where they are.
     Resume,
@@ -291,10 +291,9 @@ impl Routine {
         })
     }
 
-    /// Whether its last step is the only one that it ends behind.
-    fn ends_at_its_end(&self) -> bool {
-        let jumps =
-            |step: &Step| matches!(step, Step::Jump | Step::Label | Step::Handler | Step::Return);
+    /// Whether it ends behind its last step, or where it returns, and nowhere else.
+    fn ends_where_it_says(&self) -> bool {
+        let jumps = |step: &Step| matches!(step, Step::Jump | Step::Label | Step::Handler);
         self.has_closed_blocks() && !self.steps.iter().any(jumps)
     }
 
@@ -326,6 +325,8 @@ pub struct Summaries {
     exits: HashMap<String, State>,
     /// Whether interrupts end routines where they are.
     resumes: bool,
+    /// What interrupts may do.
+    any_time: AtAnyTime,
     others: Others,
 }
 
@@ -410,7 +411,8 @@ impl Summaries {
     ) -> Self {
         let none = routines.keys().map(|name| (name.clone(), Effects::default()));
         let resumes = resume(routines, interrupts);
-        let mut own = Self { of: none.collect(), exits: HashMap::new(), resumes, others };
+        let (exits, any_time) = (HashMap::new(), AtAnyTime::default());
+        let mut own = Self { of: none.collect(), exits, resumes, any_time, others };
         let mut changed = true;
         while changed {
             changed = false;
@@ -426,21 +428,21 @@ impl Summaries {
         if !resumes {
             own.find_exits(routines, motions);
         }
+        own.any_time = own.at_any_time(interrupts);
         own
     }
 
-    /// Finds what holds behind the routines that are called, and again behind their callers where more is known.
+    /// Finds what holds behind the routines that are called where nothing interrupts them, and again behind their callers where more is known.
     fn find_exits(&mut self, routines: &BTreeMap<String, Routine>, motions: &impl Motions) {
         let none = unknown(Refusal::Other(String::new()));
         let entry = State::new(|_| none.clone());
         let callers = callers(routines);
         let mut open: Vec<&str> = callers.keys().copied().collect();
         while let Some(name) = open.pop() {
-            let Some(routine) = routines.get(name).filter(|own| own.ends_at_its_end()) else {
+            let Some(routine) = routines.get(name).filter(|own| own.ends_where_it_says()) else {
                 continue;
             };
-            let any_time = AtAnyTime::default();
-            let exit = walk_with(routine, self, &entry, &any_time, &mut Unseen(motions), 0);
+            let exit = self.walk_with(routine, &entry, &mut Unseen(motions), 0);
             let before = self.exits.get(name).map_or(0, State::known);
             if exit.known() > before {
                 open.extend(callers[name].iter().filter(|own| callers.contains_key(**own)));
@@ -450,7 +452,7 @@ impl Summaries {
     }
 
     /// What routines may do at any time, as interrupts call them.
-    pub fn at_any_time(&self, routines: &[(String, Place)]) -> AtAnyTime {
+    fn at_any_time(&self, routines: &[(String, Place)]) -> AtAnyTime {
         let mut all = AtAnyTime::default();
         for (routine, at) in routines {
             let mut effects = self.call(routine, at);
@@ -525,7 +527,7 @@ fn add(all: &mut Effects, more: &Effects) {
 
 /// What may happen between any two statements.
 #[derive(Debug, Clone, Default)]
-pub struct AtAnyTime {
+struct AtAnyTime {
     effects: Effects,
     /// The first interrupt that changes each slot.
     by: [Option<Arc<Refusal>>; SLOTS],
@@ -555,95 +557,90 @@ struct Walk<'w, M> {
 const LOOPS: usize = 3;
 const BLOCKS: usize = 32;
 
-/// Walks a routine whose blocks close as they open.
-pub fn walk(
-    routine: &Routine,
-    summaries: &Summaries,
-    entry: &State,
-    interrupts: &AtAnyTime,
-    motions: &mut impl Motions,
-) {
-    walk_with(routine, summaries, entry, interrupts, motions, LOOPS);
-}
-
-/// Walks a routine, looking into `into` loops within each other, and gives what holds at its end.
-fn walk_with(
-    routine: &Routine,
-    summaries: &Summaries,
-    entry: &State,
-    interrupts: &AtAnyTime,
-    motions: &mut impl Motions,
-    into: usize,
-) -> State {
-    let loops = loop_effects(&routine.steps, summaries, motions);
-    let first_jump = routine.first_jump();
-    let mut any_time = interrupts.clone();
-    let handler = routine.steps.iter().position(|step| *step == Step::Handler);
-    if let Some(handler) = handler {
-        add(&mut any_time.effects, &summaries.effects(&routine.steps[handler..], motions));
+impl Summaries {
+    /// Walks a routine whose blocks close as they open.
+    pub fn walk(&self, routine: &Routine, entry: &State, motions: &mut impl Motions) {
+        self.walk_with(routine, entry, motions, LOOPS);
     }
-    let (has_handler, state) = (handler.is_some(), entry.clone());
-    let goes_on = routine.steps.contains(&Step::GoesOn);
-    let blocks = Vec::new();
-    let mut walk = Walk { summaries, motions, any_time, has_handler, goes_on, state, blocks };
-    let mut before_jumps = entry.clone();
-    let behind = summaries.effects(&routine.steps[first_jump..], walk.motions);
-    for (place, step) in routine.steps.iter().enumerate() {
-        if place == first_jump {
-            before_jumps = walk.state.clone();
+
+    /// Walks a routine, looking into `into` loops within each other, and gives what holds wherever it ends.
+    fn walk_with(
+        &self,
+        routine: &Routine,
+        entry: &State,
+        motions: &mut impl Motions,
+        into: usize,
+    ) -> State {
+        let loops = loop_effects(&routine.steps, self, motions);
+        let first_jump = routine.first_jump();
+        let mut any_time = self.any_time.clone();
+        let handler = routine.steps.iter().position(|step| *step == Step::Handler);
+        if let Some(handler) = handler {
+            add(&mut any_time.effects, &self.effects(&routine.steps[handler..], motions));
         }
-        match step {
-            Step::Loop => {
-                let body = loops.get(&place).map(|(effects, end)| {
-                    let is_tried = into > 0 && walk.blocks.len() < BLOCKS && handler.is_none();
-                    (effects, is_tried.then(|| &routine.steps[place + 1..*end]))
-                });
-                walk.open_loop(body, into);
+        let (has_handler, state) = (handler.is_some(), entry.clone());
+        let goes_on = routine.steps.contains(&Step::GoesOn);
+        let blocks = Vec::new();
+        let mut walk =
+            Walk { summaries: self, motions, any_time, has_handler, goes_on, state, blocks };
+        let (mut before_jumps, mut returned) = (entry.clone(), Vec::new());
+        let behind = self.effects(&routine.steps[first_jump..], walk.motions);
+        for (place, step) in routine.steps.iter().enumerate() {
+            if place == first_jump {
+                before_jumps = walk.state.clone();
             }
-            Step::Label | Step::Handler => {
-                walk.state = before_jumps.clone();
-                walk.state.after(&behind);
+            match step {
+                Step::Loop => {
+                    let body = loops.get(&place).map(|(effects, end)| {
+                        let is_tried = into > 0 && walk.blocks.len() < BLOCKS && !has_handler;
+                        (effects, is_tried.then(|| &routine.steps[place + 1..*end]))
+                    });
+                    walk.open_loop(body, into);
+                }
+                Step::Label | Step::Handler => {
+                    walk.state = before_jumps.clone();
+                    walk.state.after(&behind);
+                }
+                Step::Return => returned.push(walk.state.clone()),
+                step => walk.step(step),
             }
-            step => walk.step(step),
         }
+        returned.iter().for_each(|end| walk.state.join(end));
+        walk.state
     }
-    walk.state
-}
 
-/// What holds whenever a routine begins that runs again and again: of what holds at its first begin what no run changes, otherwise what
-/// holds at `any`.
-pub fn recurring(
-    routine: &Routine,
-    summaries: &Summaries,
-    begins: (State, State),
-    interrupts: &AtAnyTime,
-    motions: &dyn Motions,
-) -> State {
-    again(routine, summaries, begins, interrupts, motions, LOOPS)
-}
-
-fn again(
-    routine: &Routine,
-    summaries: &Summaries,
-    (first, any): (State, State),
-    interrupts: &AtAnyTime,
-    motions: &dyn Motions,
-    into: usize,
-) -> State {
-    if !routine.ends_at_its_end() {
-        return any;
+    /// What holds whenever a routine begins that runs again and again: of what holds at its first begin what no run changes, otherwise
+    /// what holds at `any`.
+    pub fn recurring(
+        &self,
+        routine: &Routine,
+        begins: (State, State),
+        motions: &dyn Motions,
+    ) -> State {
+        self.again(routine, begins, motions, LOOPS)
     }
-    let mut entry = first;
-    loop {
-        let mut exit =
-            walk_with(routine, summaries, &entry, interrupts, &mut Unseen(motions), into);
-        exit.after(&interrupts.effects);
-        let differs = |a: &State, b: &State, slot: Slot| a.get(slot) != b.get(slot);
-        let mut changed = Slot::ALL.into_iter();
-        let changed =
-            changed.find(|slot| differs(&entry, &any, *slot) && differs(&entry, &exit, *slot));
-        let Some(slot) = changed else { return entry };
-        entry.set(slot, any.get(slot).clone());
+
+    fn again(
+        &self,
+        routine: &Routine,
+        (first, any): (State, State),
+        motions: &dyn Motions,
+        into: usize,
+    ) -> State {
+        if !routine.ends_where_it_says() {
+            return any;
+        }
+        let mut entry = first;
+        loop {
+            let mut exit = self.walk_with(routine, &entry, &mut Unseen(motions), into);
+            exit.after(&self.any_time.effects);
+            let differs = |a: &State, b: &State, slot: Slot| a.get(slot) != b.get(slot);
+            let mut changed = Slot::ALL.into_iter();
+            let changed =
+                changed.find(|slot| differs(&entry, &any, *slot) && differs(&entry, &exit, *slot));
+            let Some(slot) = changed else { return entry };
+            entry.set(slot, any.get(slot).clone());
+        }
     }
 }
 
@@ -778,9 +775,8 @@ impl<M: Motions> Walk<'_, M> {
         if let Some((_, Some(steps))) = body {
             let routine = Routine { steps: steps.to_vec() };
             let begins = (before, head.clone());
-            let (own, any_time) = (self.summaries, &self.any_time);
-            self.state = again(&routine, own, begins, any_time, self.motions, into - 1);
-            if own.others.ends_loops_at_head {
+            self.state = self.summaries.again(&routine, begins, self.motions, into - 1);
+            if self.summaries.others.ends_loops_at_head {
                 head.clone_from(&self.state);
             }
         }

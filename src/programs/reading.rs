@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use crate::flow::{Others, Routine, State, Step, Summaries, recurring, refuse, walk};
+use crate::flow::{Others, Routine, State, Step, Summaries, refuse};
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
@@ -265,7 +265,6 @@ impl<'f> Common<'f> {
         let entries = HashMap::new();
         let mut recorder = Recorder { motions: &self.motions, positions, paths, entries };
         let summaries = Summaries::new(&self.routines, &recorder, interrupts, others);
-        let any_time = summaries.at_any_time(interrupts);
         for (full, is_open) in order {
             let Some(routine) = self.routines.get(&full) else {
                 continue;
@@ -274,14 +273,11 @@ impl<'f> Common<'f> {
             let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);
             let entry = called.unwrap_or_else(|| match first(name) {
-                Some(first) => {
-                    let begins = (first, entry(name));
-                    recurring(routine, &summaries, begins, &any_time, &recorder)
-                }
+                Some(first) => summaries.recurring(routine, (first, entry(name)), &recorder),
                 None => entry(name),
             });
             if routine.has_closed_blocks() {
-                walk(routine, &summaries, &entry, &any_time, &mut recorder);
+                summaries.walk(routine, &entry, &mut recorder);
             } else {
                 let why = Arc::new(Refusal::Blocks { routine: name.to_owned() });
                 refuse(routine, &State::new(|_| Err(why.clone())), &mut recorder);

@@ -112,15 +112,19 @@ impl Reading<'_> {
     }
 
     fn step(&mut self, here: &Here<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
+        self.within(here, statement, steps);
+        if statement.all.has_name(&["RETURN", "RAISE"]) {
+            steps.push(Step::Return);
+        }
+    }
+
+    fn within(&mut self, here: &Here<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
         let all = statement.all;
         let Some(word) = all.peek_name() else {
             return self.late_call(here, all, steps);
         };
         if all.has_name(&["GOTO"]) {
             steps.push(Step::Jump);
-        }
-        if all.has_name(&["RETURN", "RAISE"]) {
-            steps.push(Step::Return);
         }
         if all.has_name(&["TRYNEXT"]) {
             steps.push(Step::GoesOn);

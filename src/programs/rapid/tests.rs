@@ -655,6 +655,25 @@ fn a_routine_whose_error_its_caller_handles_ends_anywhere() {
 }
 
 #[test]
+fn behind_a_routine_holds_what_holds_wherever_it_returns() {
+    let behind = |sub: &str, more: &str| {
+        let body =
+            format!("PDispOn p5,tool1; sub; MoveL p10,v100,z10,tool1; ENDPROC PROC sub() {sub}");
+        only(&body, more)
+    };
+    let on = "FUNC bool f()\r\nPDispOn p5,tool1;\r\nRETURN TRUE;\r\nENDFUNC\r\n";
+    assert_eq!(behind("PDispOff; IF a RETURN; Set do1;", ""), "ok");
+    assert_eq!(behind("PDispOff; WHILE a DO RETURN; ENDWHILE", ""), "ok");
+    for left in [
+        "IF a RETURN; PDispOff;",
+        "PDispOff; IF a THEN PDispOn p5,tool1; RETURN; ENDIF PDispOff;",
+        "PDispOff; IF a RETURN f(); PDispOff;",
+    ] {
+        assert!(behind(left, on).contains("displacement"), "{left}: {}", behind(left, on));
+    }
+}
+
+#[test]
 fn functions_of_the_files_do_what_they_do_wherever_they_stand() {
     let own = "FUNC bool f()\r\nPDispSet pose1;\r\nRETURN TRUE;\r\nENDFUNC\r\n";
     let calls = [
