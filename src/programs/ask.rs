@@ -141,9 +141,7 @@ impl Programs {
         for own in uses.filter(|own| !own.holds_part) {
             let is_rapid = self.files[own.file].is_of(&RAPID);
             let mut of = |known: &Known, from: Isometry3<f64>, kind: Taught| {
-                let Ok(chain) = chain(known) else {
-                    return;
-                };
+                let Ok(chain) = chain(known) else { return };
                 chain.each_taught(cell, from, |name, stated| {
                     add(TaughtFrame { name: name.to_owned(), stated: *stated, kind });
                 });

@@ -79,9 +79,7 @@ impl Chain {
     ) {
         let mut stated = from;
         for frame in &self.0 {
-            let Ok(value) = cell.value(frame) else {
-                return;
-            };
+            let Ok(value) = cell.value(frame) else { return };
             stated *= value;
             if cell.frame(&frame.name).is_some_and(CellFrame::is_taught) {
                 each(&frame.name, &stated);

@@ -363,9 +363,7 @@ impl Recorder<'_> {
     /// The arm configuration that a motion states: letters and S mean the same at every position.
     fn stated(&self, motion: &Motion) -> Known {
         let last = motion.targets.last().filter(|_| motion.obstacle.is_none());
-        let Some(Target::Literal { positions, .. }) = last else {
-            return motion.branch();
-        };
+        let Some(Target::Literal { positions, .. }) = last else { return motion.branch() };
         let mut all = positions.iter().map(|own| self.positions[*own].configuration());
         let first = all.next().flatten().filter(|first| all.all(|own| own.as_ref() == Some(first)));
         first.map_or_else(|| motion.branch(), known)
@@ -432,9 +430,7 @@ impl crate::flow::Motions for Recorder<'_> {
         *of_part = displaced(of_part.clone(), state.get(Slot::Displacement));
         for (place, target) in motion.targets.iter().enumerate() {
             let is_end = place + 1 == motion.targets.len();
-            let Target::Literal { positions, is_beside } = target else {
-                continue;
-            };
+            let Target::Literal { positions, is_beside } = target else { continue };
             for &position in positions {
                 self.positions[position].uses.push(Use {
                     file: motion.file,

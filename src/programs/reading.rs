@@ -267,9 +267,7 @@ impl<'f> Common<'f> {
         let summaries = Summaries::new(&self.routines, &recorder, interrupts, others);
         let any_time = summaries.at_any_time(interrupts);
         for (full, is_open) in order {
-            let Some(routine) = self.routines.get(&full) else {
-                continue;
-            };
+            let Some(routine) = self.routines.get(&full) else { continue };
             let name = full.rsplit('/').next().unwrap_or_default();
             let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);

@@ -177,9 +177,7 @@ impl<'t> Cursor<'t> {
         if let Some(number) = self.take_number() {
             return Value::Number(number);
         }
-        let Some(first) = self.first() else {
-            return Value::Expression;
-        };
+        let Some(first) = self.first() else { return Value::Expression };
         match first.kind {
             Kind::Sign(b'[') => self.list(depth),
             Kind::Sign(b'{') => self.fields(depth),
@@ -242,9 +240,7 @@ impl<'t> Cursor<'t> {
         }
         let mut fields = Vec::new();
         loop {
-            let Some(name) = self.field_name() else {
-                return Value::Expression;
-            };
+            let Some(name) = self.field_name() else { return Value::Expression };
             fields.push((name, self.take_value(depth + 1)));
             if self.take_sign(b'}') {
                 return Value::Fields { kind, fields };
@@ -363,9 +359,7 @@ impl Value {
     }
 
     pub fn field(&self, name: &str) -> Option<&Self> {
-        let Self::Fields { fields, .. } = self else {
-            return None;
-        };
+        let Self::Fields { fields, .. } = self else { return None };
         fields.iter().find(|(own, _)| own == name).map(|(_, value)| value)
     }
 

@@ -255,9 +255,7 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     if !not_stated.is_empty() {
         return Err(ProgramError::NotStated(not_stated).into());
     }
-    let Source::Arm(arm) = &source else {
-        return Err(ProgramError::Table.into());
-    };
+    let Source::Arm(arm) = &source else { return Err(ProgramError::Table.into()) };
     let recorded = Recorded::around(&named.path, &source)?;
     for file in &files {
         recorded.check_digest(Path::new(&file.name), &digest(&file.bytes))?;
@@ -407,9 +405,7 @@ impl CompensateArgs {
     }
 
     fn cell(&self) -> Result<Cell, ProgramError> {
-        let Some(path) = &self.program.cell else {
-            return Ok(Cell::default());
-        };
+        let Some(path) = &self.program.cell else { return Ok(Cell::default()) };
         let text = read(path)?;
         let text = String::from_utf8_lossy(&text);
         let cell: Cell = toml::from_str(&text)

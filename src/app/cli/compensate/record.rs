@@ -122,9 +122,7 @@ impl Recorded {
         by: CorrectedBy<'_>,
         no_record: bool,
     ) -> Result<Recording> {
-        let Some(lake) = &self.lake else {
-            return Ok(Recording::NoLake);
-        };
+        let Some(lake) = &self.lake else { return Ok(Recording::NoLake) };
         // A command that equals its target, within the tolerance, is not recorded.
         let is_moved = |done: &&&Corrected| done.correction.amax() > 2.0 * SAME_MM;
         let moved: Vec<&Corrected> = made.corrected.iter().filter(is_moved).copied().collect();
@@ -225,9 +223,7 @@ impl<'r> Near<'r> {
     }
 
     fn has(&self, wanted: &[f64]) -> bool {
-        let Some(first) = wanted.first() else {
-            return false;
-        };
+        let Some(first) = wanted.first() else { return false };
         let from = self.sorted.partition_point(|list| list[0] < first - self.apart);
         let near = self.sorted[from..].iter();
         near.take_while(|list| list[0] <= first + self.apart).any(|list| {

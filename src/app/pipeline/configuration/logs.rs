@@ -113,9 +113,7 @@ fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf
     if tree.is_file(&whole) {
         return Ok(vec![whole]);
     }
-    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
-        return Ok(Vec::new());
-    };
+    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else { return Ok(vec![]) };
     let last = letters(&last.to_string_lossy());
     if !last.contains(&'*') && !last.contains(&'?') {
         return Ok(Vec::new());
@@ -133,9 +131,7 @@ pub(in crate::pipeline) fn named(
     place: &str,
 ) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
-    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
-        return Ok(Vec::new());
-    };
+    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else { return Ok(vec![]) };
     let last = last.to_string_lossy();
     let (before, after) = last.split_once(place).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));

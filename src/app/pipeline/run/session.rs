@@ -231,9 +231,7 @@ impl OwnLogs<'_> {
             error,
             RunError::SetUp { .. } | RunError::Join { .. } | RunError::Unexplained { .. }
         );
-        let (true, Some(stated)) = (is_of_set_up, self.source.mounted()) else {
-            return error;
-        };
+        let (true, Some(stated)) = (is_of_set_up, self.source.mounted()) else { return error };
         let mut mapping = self.mapping.clone();
         mapping.tracker.eye_in_hand = !mapping.tracker.eye_in_hand;
         let other = OwnLogs { mapping: &mapping, ..*self };

@@ -28,9 +28,7 @@ fn words(found: &Rounded, slides: &[bool]) -> String {
 fn steps(steps: &[Option<f64>], slides: &[bool]) -> String {
     let mut named: Vec<(String, Vec<String>)> = Vec::new();
     for (joint, (step, slides)) in steps.iter().zip(slides).enumerate() {
-        let Some(step) = step else {
-            continue;
-        };
+        let Some(step) = step else { continue };
         let size = if *slides {
             format!("{} mm", three_digits(*step))
         } else {

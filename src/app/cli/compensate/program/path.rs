@@ -193,9 +193,7 @@ impl Solver<'_> {
         commanded: &Course,
         stops: &[Stop<'_>],
     ) -> Option<Vec<Place>> {
-        let [first, .., last] = stops else {
-            return None;
-        };
+        let [first, .., last] = stops else { return None };
         let own_from_tool = self.own_tool_in(&last.0.flange_from_tool).inverse();
         let tool_from_own = self.own_tool_in(&last.0.stated_tool);
         let mut joints = self.stand(first, true)?.1;

@@ -438,9 +438,7 @@ impl<'a> Solver<'a> {
         target: &Target,
         done: &Corrected,
     ) -> Result<Option<Target>, String> {
-        let Wanted::Pose { branches, .. } = &asked.wanted else {
-            return Ok(None);
-        };
+        let Wanted::Pose { branches, .. } = &asked.wanted else { return Ok(None) };
         let wanted = done.joints.as_ref().map(|joints| joints.target.clone()).unwrap_or_default();
         let own = self.programmed(asked, &wanted)?;
         let mut all = branches.iter();

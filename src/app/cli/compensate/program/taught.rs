@@ -70,9 +70,7 @@ impl CompensateArgs {
         for frame in programs.taught(cell) {
             let taught =
                 cell.frame(&frame.name).and_then(|own| Some((own, own.taught_with.clone()?)));
-            let Some((own, path)) = taught else {
-                continue;
-            };
+            let Some((own, path)) = taught else { continue };
             let path = folder.join(path);
             if !arms.contains_key(&path) {
                 arms.insert(path.clone(), self.arm_of(&path)?);
