@@ -208,20 +208,18 @@ impl fmt::Display for Report {
                 )?;
             }
         }
-        for frame in &self.taught_frames {
-            writeln!(f, "{frame}")?;
-        }
+        self.taught_frames.iter().try_for_each(|frame| writeln!(f, "{frame}"))?;
         self.write_motions(f)?;
+        let Self { positions, corrected, refused, computed, crossed, .. } = self;
+        let largest_mm = self.largest_correction_mm;
         write!(
             f,
-            "{} positions that motions use: {} corrected, {} refused, {} computed; largest correction {:.3} mm",
-            self.positions, self.corrected, self.refused, self.computed, self.largest_correction_mm
+            "{positions} positions that motions use: {corrected} corrected, {refused} refused, {computed} computed; largest correction {largest_mm:.3} mm"
         )?;
-        if self.crossed > 0 {
+        if *crossed > 0 {
             write!(
                 f,
-                "; {} joints crossed a border of their turns, which are written anew",
-                self.crossed
+                "; {crossed} joints crossed a border of their turns, which are written anew"
             )?;
         }
         let beside = self.lines.iter().filter(|own| own.beside).count();
