@@ -9,6 +9,7 @@ mod error;
 mod inputs;
 mod known;
 mod mounting;
+mod page;
 pub mod publish;
 mod results;
 mod session;
