@@ -301,10 +301,7 @@ impl Motion {
                 Err(why) => return Err(why.clone()),
             },
         };
-        if reads {
-            return known(Setting::Position(position));
-        }
-        state.get(Slot::Branch).clone()
+        if reads { known(Setting::Position(position)) } else { state.get(Slot::Branch).clone() }
     }
 
     fn obstacle(&self, state: &State) -> Option<Arc<Refusal>> {

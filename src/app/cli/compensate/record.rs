@@ -84,10 +84,7 @@ impl Recorded {
 
     /// Checks that the file is none that was written as corrected.
     pub(super) fn check_file(&self, targets: &Path) -> Result<()> {
-        if self.records.is_empty() {
-            return Ok(());
-        }
-        self.check_digest(targets, &digest(targets)?)
+        if self.records.is_empty() { Ok(()) } else { self.check_digest(targets, &digest(targets)?) }
     }
 
     /// Checks that a file of this digest is none that was written as corrected.

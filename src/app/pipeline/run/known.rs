@@ -248,10 +248,7 @@ impl Known {
         let before = self.before.iter();
         let others = before.filter(|(_, own)| !told.contains(&own.key) && self.is_current(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
-        if all == self.before {
-            return Ok(());
-        }
-        keep(&self.lake, INDEX, &all)
+        if all == self.before { Ok(()) } else { keep(&self.lake, INDEX, &all) }
     }
 
     /// The digest of a robot file, which is read once.
