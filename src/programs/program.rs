@@ -305,10 +305,7 @@ impl Motion {
     }
 
     fn obstacle(&self, state: &State) -> Option<Arc<Refusal>> {
-        let slot_forbids = |slot| match state.get(slot) {
-            Ok(_) => None,
-            Err(why) => Some(why.clone()),
-        };
+        let slot_forbids = |slot| state.get(slot).as_ref().err().cloned();
         let own = self.obstacle.clone();
         let own = own.or_else(|| slot_forbids(Slot::Mode));
         let own = own.or_else(|| slot_forbids(Slot::Displacement));

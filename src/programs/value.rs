@@ -286,22 +286,17 @@ fn split(tokens: &[Token], until: u8) -> (&[Token], &[Token]) {
 
 fn number(text: &[u8], span: Range<usize>) -> Option<Number> {
     let text = std::str::from_utf8(text).ok()?;
+    let of = |value, decimals, is_special| {
+        Some(Number { span, value, unit: 1.0, decimals, is_special, is_glued: false })
+    };
     if let Some(inside) = text.strip_prefix('\'') {
-        let value = based(inside.strip_suffix('\'')?)?;
-        return Some(Number {
-            span,
-            value,
-            decimals: 0,
-            is_special: true,
-            is_glued: false,
-            unit: 1.0,
-        });
+        return of(based(inside.strip_suffix('\'')?)?, 0, true);
     }
     let value: f64 = text.parse().ok().filter(|value: &f64| value.is_finite())?;
     let is_special = text.contains(['e', 'E']);
     let mantissa = text.split(['e', 'E']).next().unwrap_or(text);
     let decimals = mantissa.split_once('.').map_or(0, |(_, behind)| behind.len());
-    Some(Number { span, value, unit: 1.0, decimals, is_special, is_glued: false })
+    of(value, decimals, is_special)
 }
 
 /// `B0101`, `H1F`.
