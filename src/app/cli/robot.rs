@@ -83,7 +83,8 @@ fn conventions() -> impl TypedValueParser<Value = Convention> {
 pub enum RobotCommandError {
     #[error(
         "there is no file {}, and no ready robot has that name{}: {}",
-        .0.display(), did_you_mean(&.0.to_string_lossy(), READY.iter().map(ReadyRobot::name)), ready_names()
+        .0.display(), did_you_mean(&.0.to_string_lossy(), READY.iter().map(ReadyRobot::name)),
+        READY.iter().map(ReadyRobot::name).collect::<Vec<_>>().join(", ")
     )]
     Nothing(PathBuf),
     #[error(transparent)]
@@ -111,11 +112,6 @@ impl RobotProblem {
             other => At::new(path.display(), other),
         })
     }
-}
-
-fn ready_names() -> String {
-    let names: Vec<&str> = READY.iter().map(ReadyRobot::name).collect();
-    names.join(", ")
 }
 
 pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {

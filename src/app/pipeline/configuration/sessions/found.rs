@@ -152,7 +152,8 @@ impl Found<'_> {
         };
         let logs = match (controller, tracker) {
             (Err(Lack::Absent(one)), Err(Lack::Absent(other))) => {
-                return self.leave_out(name, both_lacks(&one, &other));
+                let reason = if one == other { one } else { format!("{one}, and {other}") };
+                return self.leave_out(name, reason);
             }
             (Err(Lack::Wrong(reason)), _) | (_, Err(Lack::Wrong(reason))) => Err(Why::Bad(reason)),
             (Err(Lack::Absent(reason)), _) | (_, Err(Lack::Absent(reason))) => {
@@ -200,10 +201,6 @@ impl Found<'_> {
             }
         }
     }
-}
-
-fn both_lacks(one: &str, other: &str) -> String {
-    if one == other { one.to_owned() } else { format!("{one}, and {other}") }
 }
 
 /// Metadata alone does not show whether two files are one recording or two.
