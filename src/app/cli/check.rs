@@ -142,8 +142,8 @@ const fn remark_on_parallel(convention: Convention) -> &'static str {
 /// The arm with the name and range of each joint, and the convention of its link.
 fn arm(arm: &Arm) -> String {
     let (joints, links) = (arm.joints().len(), arm.chain().parameters().len());
-    let mut text =
-        format!("{}: {joints} joints, {links} link parameters\n", Printable(arm.model()));
+    let model = Printable(arm.model());
+    let mut lines = vec![format!("{model}: {joints} joints, {links} link parameters")];
     for (place, joint) in arm.joints().iter().enumerate() {
         let is_parallel = arm.parallel_joints().contains(&(place + 1));
         let remark = if is_parallel { remark_on_parallel(arm.convention()) } else { "" };
@@ -151,10 +151,11 @@ fn arm(arm: &Arm) -> String {
         let [lower, upper] = [joint.lower, joint.upper].map(|limit| joint.shown(limit));
         let (place, name) = (place + 1, Printable(&joint.name).to_string());
         let remark = format!("{}{remark}", arm.convention().name());
-        writeln!(text, "  {place} {name:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {remark}")
-            .expect("a string");
+        lines.push(format!(
+            "  {place} {name:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {remark}"
+        ));
     }
-    text
+    lines.join("\n") + "\n"
 }
 
 /// The nominal flange at poses that can be gone to: the pendant of a right arm shows the same, for a tool of zero.
