@@ -306,8 +306,7 @@ impl Motion {
 
     fn obstacle(&self, state: &State) -> Option<Arc<Refusal>> {
         let slot_forbids = |slot| state.get(slot).as_ref().err().cloned();
-        let own = self.obstacle.clone();
-        let own = own.or_else(|| slot_forbids(Slot::Mode));
+        let own = self.obstacle.clone().or_else(|| slot_forbids(Slot::Mode));
         let own = own.or_else(|| slot_forbids(Slot::Displacement));
         own.or_else(|| slot_forbids(Slot::Turn).filter(|_| self.way != Way::Joints))
     }

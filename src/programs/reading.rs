@@ -102,8 +102,7 @@ impl<'f> Common<'f> {
             Ok(written) => self.add(here, name, &written, &kind),
             Err(why) => self.missing(here, name, why),
         };
-        let variable = self.names.find_mut(here.scopes, own)?;
-        variable.positions.insert(element.to_owned(), position);
+        self.names.find_mut(here.scopes, own)?.positions.insert(element.to_owned(), position);
         Some(one(position))
     }
 

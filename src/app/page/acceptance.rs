@@ -72,8 +72,7 @@ impl Report<'_> {
 
     /// Why no figure of ISO 9283 is shown.
     fn no_visits(&self) -> &str {
-        let reason = self.iso_9283().find_map(|own| own.reason.as_deref());
-        reason.unwrap_or("no pose was visited again")
+        self.iso_9283().find_map(|own| own.reason.as_deref()).unwrap_or("no pose was visited again")
     }
 
     /// U of the figure that the verdict rests on, the largest of all where it rests on none.

@@ -219,8 +219,7 @@ pub(super) fn whole(value: u64) -> String {
 }
 
 pub fn percent(share: f64) -> String {
-    let text = format!("{:.2}", 100.0 * share);
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    format!("{:.2}", 100.0 * share).trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 #[cfg(test)]

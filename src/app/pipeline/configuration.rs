@@ -286,8 +286,7 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads> {
 
 /// Whether each joint slides; empty where none does.
 fn slides(arm: &Arm) -> Vec<bool> {
-    let slides = arm.joints().iter().map(|joint| joint.slides);
-    slides.filter(|_| arm.has_slides()).collect()
+    arm.joints().iter().map(|joint| joint.slides).filter(|_| arm.has_slides()).collect()
 }
 
 fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
@@ -337,8 +336,7 @@ fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
         place: own.place.map(|place| KnownTarget { xyz_mm: place.xyz_mm, sd_mm: place.sd_mm }),
         offset: own.offset.map(|offset| (offset.mm, offset.sd_mm)),
     });
-    let before = vec![KnownGauge::default(); file.first_length()];
-    before.into_iter().chain(known).collect()
+    vec![KnownGauge::default(); file.first_length()].into_iter().chain(known).collect()
 }
 
 /// Names of the targets of sessions with several, the main one first; empty where there is one.

@@ -207,8 +207,7 @@ impl TableRun {
 
 /// Lowest and highest axis variable of each joint over the stations that a run learnt from, rad or mm; none without a station.
 fn ranges(outcome: &Outcome<'_>, arm: &Arm) -> Vec<[f64; 2]> {
-    let sessions = outcome.training.iter();
-    let stations = sessions.flat_map(|session| &session.joined.stations);
+    let stations = outcome.training.iter().flat_map(|session| &session.joined.stations);
     let measured = stations.filter(|station| !station.measured().is_empty());
     let axes: Vec<Vec<f64>> = measured.map(|own| arm.axes(&own.joints)).collect();
     let joints = axes.first().map_or(0, Vec::len);

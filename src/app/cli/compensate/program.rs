@@ -459,7 +459,6 @@ impl CompensateArgs {
 fn read(path: &Path) -> Result<Vec<u8>, ProgramError> {
     let wrong = |source| ProgramError::Read(At::new(path.display(), source));
     let mut bytes = Vec::new();
-    let mut file = input::open(path, Bound::TARGETS).map_err(wrong)?;
-    file.read_to_end(&mut bytes).map_err(wrong)?;
+    input::open(path, Bound::TARGETS).map_err(wrong)?.read_to_end(&mut bytes).map_err(wrong)?;
     Ok(bytes)
 }

@@ -213,8 +213,7 @@ fn input(input: &ChangedInput) -> String {
         Ok(found) => file(found),
         Err(reason) => reason.clone(),
     };
-    let claimed = input.claimed.as_ref();
-    let claimed = claimed.map_or_else(|| "no such input".to_owned(), file);
+    let claimed = input.claimed.as_ref().map_or_else(|| "no such input".to_owned(), file);
     format!("input {}: {found}; the row states {claimed}", input.name)
 }
 

@@ -33,8 +33,7 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
         "left out: they read a target at the flange, and such a camera's is in the cell",
     )?;
     let others = tracker.topics();
-    let others = others.into_iter().chain(tracker.temperature.as_deref());
-    let others: Vec<&str> = others.collect();
+    let others: Vec<&str> = others.into_iter().chain(tracker.temperature.as_deref()).collect();
     tracker.lengths.iter().try_for_each(|own| {
         wrong_unless(
             !others.contains(&own.topic.as_str()),

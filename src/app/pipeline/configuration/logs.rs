@@ -135,8 +135,7 @@ pub(in crate::pipeline) fn named(
     let last = last.to_string_lossy();
     let (before, after) = last.split_once(place).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));
-    let found = files(tree, parent)?.into_iter();
-    let own = found.filter(|(name, _)| shown(name, &before));
+    let own = files(tree, parent)?.into_iter().filter(|(name, _)| shown(name, &before));
     Ok(own.filter_map(|(name, path)| Some((between(&before, &after, &name)?, path))).collect())
 }
 

@@ -246,8 +246,7 @@ impl Candidates {
         let training: Vec<Session> = if let Some(names) = &named {
             names.iter().map(of_name).collect()
         } else {
-            let others = self.found.sessions.iter().filter(|own| !test.contains(&own.name));
-            others.cloned().collect()
+            self.found.sessions.iter().filter(|own| !test.contains(&own.name)).cloned().collect()
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
         let latest = input.pool_latest.unwrap_or(usize::MAX);

@@ -72,10 +72,8 @@ fn in_lake(table: &str, key: &RunKey) -> String {
 /// The sessions in the order of the work, those that trained first.
 fn in_order(mut sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
     let trained = |name: &String| work.sessions.contains(name);
-    let place = |name: &String| {
-        let mut names = work.sessions.iter().chain(&work.test_sessions);
-        names.position(|own| own == name)
-    };
+    let place =
+        |name: &String| work.sessions.iter().chain(&work.test_sessions).position(|own| own == name);
     sessions.sort_by_key(|session| place(&session.name));
     let session = |own: SessionRows| {
         Some(Session {

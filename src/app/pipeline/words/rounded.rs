@@ -46,8 +46,7 @@ fn steps(steps: &[Option<f64>], slides: &[bool]) -> String {
 
 /// A number with three significant digits, without zeros at its end.
 fn three_digits(number: f64) -> f64 {
-    let digits = format!("{number:.2e}");
-    digits.parse().unwrap_or(number)
+    format!("{number:.2e}").parse().unwrap_or(number)
 }
 
 #[cfg(test)]

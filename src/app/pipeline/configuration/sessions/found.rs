@@ -220,6 +220,5 @@ fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
 }
 
 fn name_of(path: &Path) -> String {
-    let name = path.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
