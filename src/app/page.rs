@@ -6,7 +6,6 @@ pub mod acceptance;
 mod accuracy;
 pub mod content;
 pub mod fleet;
-mod from_rows;
 pub mod history;
 mod iso_9283;
 mod joints;
@@ -26,13 +25,10 @@ mod words;
 
 use maud::html;
 
-use crate::manifest::VERSION;
-
 pub use content::{Content, Statements};
-pub use from_rows::{About, content};
 pub use words::{alike, instrument, percent};
 
-use shell::{Maker, Shell, table};
+use shell::{Maker, table};
 
 const SECTIONS: [Maker<Content>; 12] = [
     ("space", "The work space before and after", space::section),
@@ -50,11 +46,7 @@ const SECTIONS: [Maker<Content>; 12] = [
 ];
 
 pub fn html(content: &Content) -> String {
-    shell::page(&Shell {
-        title: format!("{} · {}", content.key.robot, content.key.session),
-        header: verdict::header(content),
-        sections: &SECTIONS,
-        content,
-        footer: html! { "posegrid " (VERSION) " · run " code { (content.key.run) } },
-    })
+    let title = format!("{} · {}", content.key.robot, content.key.session);
+    let made = html! { "run " code { (content.key.run) } };
+    shell::page(content, &title, &verdict::header(content), &SECTIONS, &made)
 }

@@ -141,9 +141,7 @@ impl Programs {
         for own in uses.filter(|own| !own.holds_part) {
             let is_rapid = self.files[own.file].is_of(&RAPID);
             let mut of = |known: &Known, from: Isometry3<f64>, kind: Taught| {
-                let Ok(chain) = chain(known) else {
-                    return;
-                };
+                let Ok(chain) = chain(known) else { return };
                 chain.each_taught(cell, from, |name, stated| {
                     add(TaughtFrame { name: name.to_owned(), stated: *stated, kind });
                 });
@@ -178,21 +176,16 @@ impl Programs {
             Setting::Status(status) => return Ok(Branch::Status { status: *status, turn: None }),
             _ => index,
         };
-        let whole = |number: &Number| {
-            let is_whole = number.value.fract() == 0.0 && number.value.abs() < 128.0;
-            is_whole.then_some(number.value).ok_or_else(|| Refusal::Form {
-                what: "arm configuration",
-                form: number.value.to_string(),
-            })
+        let wrong = |number: &Number| {
+            let form = number.value.to_string();
+            Refusal::Form { what: "arm configuration", form }
         };
         #[expect(clippy::cast_possible_truncation, reason = "whole numbers below 128")]
-        let small = |number: &Number| whole(number).map(|value| value as i32);
-        let byte = |number: &Number| {
-            number.byte().ok_or_else(|| Refusal::Form {
-                what: "arm configuration",
-                form: number.value.to_string(),
-            })
+        let small = |number: &Number| {
+            let is_whole = number.value.fract() == 0.0 && number.value.abs() < 128.0;
+            is_whole.then_some(number.value as i32).ok_or_else(|| wrong(number))
         };
+        let byte = |number: &Number| number.byte().ok_or_else(|| wrong(number));
         match self.positions[by].shape.as_ref().map_err(Clone::clone)? {
             Shape::Joints(joints) => Ok(Branch::Joints(values(joints))),
             Shape::Pose { stated: Some(Stated::Status { status, turn }), .. } => {

@@ -79,9 +79,7 @@ impl Chain {
     ) {
         let mut stated = from;
         for frame in &self.0 {
-            let Ok(value) = cell.value(frame) else {
-                return;
-            };
+            let Ok(value) = cell.value(frame) else { return };
             stated *= value;
             if cell.frame(&frame.name).is_some_and(CellFrame::is_taught) {
                 each(&frame.name, &stated);
@@ -231,8 +229,7 @@ impl Cell {
 
     pub fn frame(&self, name: &str) -> Option<&CellFrame> {
         let name = capitals(name.as_bytes());
-        let mut frames = self.frames.iter();
-        frames.find(|(own, _)| capitals(own.as_bytes()) == name).map(|(_, frame)| frame)
+        self.frames.iter().find(|(own, _)| capitals(own.as_bytes()) == name).map(|(_, frame)| frame)
     }
 
     /// A frame's value as the controller has it: that of the files where they have one.
@@ -246,8 +243,7 @@ impl Cell {
 
     fn true_place(&self, name: &str, stated: &Isometry3<f64>) -> Result<Isometry3<f64>, Refusal> {
         let taught = || Refusal::Taught { name: name.to_owned() };
-        let mut places = self.true_places.iter();
-        let place = places.find(|own| own.name == name && own.stated == *stated);
+        let place = self.true_places.iter().find(|own| own.name == name && own.stated == *stated);
         let told = |why| Refusal::Other(format!("{name} is taught with an arm: {why}"));
         place.ok_or_else(taught)?.actual.clone().map_err(told)
     }

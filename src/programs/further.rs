@@ -77,9 +77,7 @@ impl Programs {
 
     /// A point as the dialect of a position writes it out.
     fn literal(&self, end: &Position, point: &Further) -> Option<String> {
-        let Ok(Shape::Pose { turn, stated, .. }) = &end.shape else {
-            return None;
-        };
+        let Ok(Shape::Pose { turn, stated, .. }) = &end.shape else { return None };
         let pose = &point.frame_from_tool;
         let xyz = pose.translation.vector.iter().map(|own| decimal(*own, MM_DECIMALS));
         let xyz: Vec<String> = xyz.collect();

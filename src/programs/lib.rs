@@ -65,8 +65,7 @@ impl File {
     /// Its dialect by its ending; `None` for a file of no program.
     fn dialect(&self) -> Option<&'static Dialect> {
         let ending = self.ending();
-        let mut all = DIALECTS.into_iter().map(|(own, ..)| own);
-        all.find(|own| own.endings.contains(&ending.as_str()))
+        DIALECTS.into_iter().map(|(own, ..)| own).find(|own| own.endings.contains(&ending.as_str()))
     }
 
     /// Its dialect as records name it: `krl`.

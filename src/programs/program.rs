@@ -301,19 +301,12 @@ impl Motion {
                 Err(why) => return Err(why.clone()),
             },
         };
-        if reads {
-            return known(Setting::Position(position));
-        }
-        state.get(Slot::Branch).clone()
+        if reads { known(Setting::Position(position)) } else { state.get(Slot::Branch).clone() }
     }
 
     fn obstacle(&self, state: &State) -> Option<Arc<Refusal>> {
-        let slot_forbids = |slot| match state.get(slot) {
-            Ok(_) => None,
-            Err(why) => Some(why.clone()),
-        };
-        let own = self.obstacle.clone();
-        let own = own.or_else(|| slot_forbids(Slot::Mode));
+        let slot_forbids = |slot| state.get(slot).as_ref().err().cloned();
+        let own = self.obstacle.clone().or_else(|| slot_forbids(Slot::Mode));
         let own = own.or_else(|| slot_forbids(Slot::Displacement));
         own.or_else(|| slot_forbids(Slot::Turn).filter(|_| self.way != Way::Joints))
     }
@@ -363,9 +356,7 @@ impl Recorder<'_> {
     /// The arm configuration that a motion states: letters and S mean the same at every position.
     fn stated(&self, motion: &Motion) -> Known {
         let last = motion.targets.last().filter(|_| motion.obstacle.is_none());
-        let Some(Target::Literal { positions, .. }) = last else {
-            return motion.branch();
-        };
+        let Some(Target::Literal { positions, .. }) = last else { return motion.branch() };
         let mut all = positions.iter().map(|own| self.positions[*own].configuration());
         let first = all.next().flatten().filter(|first| all.all(|own| own.as_ref() == Some(first)));
         first.map_or_else(|| motion.branch(), known)
@@ -432,9 +423,7 @@ impl crate::flow::Motions for Recorder<'_> {
         *of_part = displaced(of_part.clone(), state.get(Slot::Displacement));
         for (place, target) in motion.targets.iter().enumerate() {
             let is_end = place + 1 == motion.targets.len();
-            let Target::Literal { positions, is_beside } = target else {
-                continue;
-            };
+            let Target::Literal { positions, is_beside } = target else { continue };
             for &position in positions {
                 self.positions[position].uses.push(Use {
                     file: motion.file,

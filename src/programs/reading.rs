@@ -102,8 +102,7 @@ impl<'f> Common<'f> {
             Ok(written) => self.add(here, name, &written, &kind),
             Err(why) => self.missing(here, name, why),
         };
-        let variable = self.names.find_mut(here.scopes, own)?;
-        variable.positions.insert(element.to_owned(), position);
+        self.names.find_mut(here.scopes, own)?.positions.insert(element.to_owned(), position);
         Some(one(position))
     }
 
@@ -266,9 +265,7 @@ impl<'f> Common<'f> {
         let mut recorder = Recorder { motions: &self.motions, positions, paths, entries };
         let summaries = Summaries::new(&self.routines, &recorder, interrupts, others);
         for (full, is_open) in order {
-            let Some(routine) = self.routines.get(&full) else {
-                continue;
-            };
+            let Some(routine) = self.routines.get(&full) else { continue };
             let name = full.rsplit('/').next().unwrap_or_default();
             let is_open = is_open || interrupts.iter().any(|(own, _)| *own == full);
             let called = recorder.entries.remove(&full).filter(|_| !is_open);

@@ -177,9 +177,7 @@ impl<'t> Cursor<'t> {
         if let Some(number) = self.take_number() {
             return Value::Number(number);
         }
-        let Some(first) = self.first() else {
-            return Value::Expression;
-        };
+        let Some(first) = self.first() else { return Value::Expression };
         match first.kind {
             Kind::Sign(b'[') => self.list(depth),
             Kind::Sign(b'{') => self.fields(depth),
@@ -242,9 +240,7 @@ impl<'t> Cursor<'t> {
         }
         let mut fields = Vec::new();
         loop {
-            let Some(name) = self.field_name() else {
-                return Value::Expression;
-            };
+            let Some(name) = self.field_name() else { return Value::Expression };
             fields.push((name, self.take_value(depth + 1)));
             if self.take_sign(b'}') {
                 return Value::Fields { kind, fields };
@@ -290,22 +286,17 @@ fn split(tokens: &[Token], until: u8) -> (&[Token], &[Token]) {
 
 fn number(text: &[u8], span: Range<usize>) -> Option<Number> {
     let text = std::str::from_utf8(text).ok()?;
+    let of = |value, decimals, is_special| {
+        Some(Number { span, value, unit: 1.0, decimals, is_special, is_glued: false })
+    };
     if let Some(inside) = text.strip_prefix('\'') {
-        let value = based(inside.strip_suffix('\'')?)?;
-        return Some(Number {
-            span,
-            value,
-            decimals: 0,
-            is_special: true,
-            is_glued: false,
-            unit: 1.0,
-        });
+        return of(based(inside.strip_suffix('\'')?)?, 0, true);
     }
     let value: f64 = text.parse().ok().filter(|value: &f64| value.is_finite())?;
     let is_special = text.contains(['e', 'E']);
     let mantissa = text.split(['e', 'E']).next().unwrap_or(text);
     let decimals = mantissa.split_once('.').map_or(0, |(_, behind)| behind.len());
-    Some(Number { span, value, unit: 1.0, decimals, is_special, is_glued: false })
+    of(value, decimals, is_special)
 }
 
 /// `B0101`, `H1F`.
@@ -363,9 +354,7 @@ impl Value {
     }
 
     pub fn field(&self, name: &str) -> Option<&Self> {
-        let Self::Fields { fields, .. } = self else {
-            return None;
-        };
+        let Self::Fields { fields, .. } = self else { return None };
         fields.iter().find(|(own, _)| own == name).map(|(_, value)| value)
     }
 

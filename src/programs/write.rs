@@ -166,9 +166,7 @@ impl Edits {
 
 /// The entry of a position in a listing for a further point, without its number: the same but for its numbers.
 pub(crate) fn listed(position: &Position, bytes: &[u8], point: &Further) -> Option<String> {
-    let Ok(Shape::Pose { xyz, turn, stated }) = &position.shape else {
-        return None;
-    };
+    let Ok(Shape::Pose { xyz, turn, stated }) = &position.shape else { return None };
     let [mm, degrees] = position.decimals;
     let mut edits = Edits::default();
     edits.place(xyz, &point.frame_from_tool, mm);

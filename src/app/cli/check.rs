@@ -41,29 +41,23 @@ pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
 
 /// A line for each robot, and the work of all of them.
 fn all_robots(fleet: &Fleet) -> String {
-    let mut text = String::new();
-    for own in &fleet.robots {
+    let line = |own: &Configuration| {
         let robot = own.robot.as_deref().unwrap_or_default();
         let (robot, model) = (Printable(robot), Printable(own.arm.model()));
         let (Tolerance { mm, share, .. }, sessions) = (own.stages.tolerance, own.pieces.len());
         let share = 100.0 * share;
-        writeln!(text, "{robot}: {model}, {mm} mm for {share} % of positions, {sessions} sessions")
-            .expect("a string");
-    }
-    writeln!(text, "tables: {}\n", near(&fleet.lake).display()).expect("a string");
-    text += &work(fleet);
-    text + &remarks(fleet)
+        format!("{robot}: {model}, {mm} mm for {share} % of positions, {sessions} sessions\n")
+    };
+    let robots: String = fleet.robots.iter().map(line).collect();
+    let tables = near(&fleet.lake);
+    format!("{robots}tables: {}\n\n{}{}", tables.display(), work(fleet), remarks(fleet))
 }
 
 fn remarks(fleet: &Fleet) -> String {
-    let mut text = String::new();
-    for left in &fleet.left_out {
-        writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
-    }
-    for remark in &fleet.remarks {
-        writeln!(text, "note: {}", Printable(remark)).expect("a string");
-    }
-    text
+    let left = fleet.left_out.iter();
+    let left = left.map(|own| format!("left out: {}: {}\n", Printable(&own.name), own.reason));
+    let remarks = fleet.remarks.iter();
+    left.chain(remarks.map(|own| format!("note: {}\n", Printable(own)))).collect()
 }
 
 fn described(configuration: &Configuration, fleet: &Fleet) -> String {
@@ -148,8 +142,8 @@ const fn remark_on_parallel(convention: Convention) -> &'static str {
 /// The arm with the name and range of each joint, and the convention of its link.
 fn arm(arm: &Arm) -> String {
     let (joints, links) = (arm.joints().len(), arm.chain().parameters().len());
-    let mut text =
-        format!("{}: {joints} joints, {links} link parameters\n", Printable(arm.model()));
+    let model = Printable(arm.model());
+    let mut lines = vec![format!("{model}: {joints} joints, {links} link parameters")];
     for (place, joint) in arm.joints().iter().enumerate() {
         let is_parallel = arm.parallel_joints().contains(&(place + 1));
         let remark = if is_parallel { remark_on_parallel(arm.convention()) } else { "" };
@@ -157,10 +151,11 @@ fn arm(arm: &Arm) -> String {
         let [lower, upper] = [joint.lower, joint.upper].map(|limit| joint.shown(limit));
         let (place, name) = (place + 1, Printable(&joint.name).to_string());
         let remark = format!("{}{remark}", arm.convention().name());
-        writeln!(text, "  {place} {name:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {remark}")
-            .expect("a string");
+        lines.push(format!(
+            "  {place} {name:<24} {lower:>7.1}{unit} to {upper:>6.1}{unit}  {remark}"
+        ));
     }
-    text
+    lines.join("\n") + "\n"
 }
 
 /// The nominal flange at poses that can be gone to: the pendant of a right arm shows the same, for a tool of zero.

@@ -201,10 +201,7 @@ impl CompensateArgs {
         let refused = held.outside.iter();
         let refused = refused.filter(|own| !self.allow.contains(&Exception::Term(own.term)));
         let refused: Vec<_> = refused.cloned().collect();
-        if refused.is_empty() {
-            return Ok(held);
-        }
-        Err(CompensateCommandError::Outside(refused))
+        if refused.is_empty() { Ok(held) } else { Err(CompensateCommandError::Outside(refused)) }
     }
 
     /// Refuses poses where the run states no tool of the controller; gives the exception where that is allowed.

@@ -114,8 +114,7 @@ pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
     }
     match run(args) {
         Ok(for_stdout) => {
-            let written = messages::deliver(&for_stdout, bars);
-            written.map_or_else(Undelivered::exit_code, |()| DONE)
+            messages::deliver(&for_stdout, bars).map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));

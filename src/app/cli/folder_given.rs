@@ -75,7 +75,7 @@ pub(super) fn files_in(
     found
 }
 
-/// What stands in a folder, in order; nothing where it cannot be read, as this is for a message alone.
+/// What stands in a folder, in order; nothing where it cannot be read.
 pub(super) fn entries(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();

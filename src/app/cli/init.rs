@@ -1,14 +1,14 @@
 //! `posegrid init FILE…`: a pipeline file from what `inspect` finds in logs or tables, complete but for what no file states, which has a
 //! value and the words `to state`.
 
-use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use thiserror::Error;
 
+use super::folder_given::entries;
 use super::inspect::table::{self, arm, is_table, section};
 use super::inspect::{Form, files, files_in, sections, toml_text};
 use super::progress::Bars;
@@ -194,31 +194,27 @@ impl InitArgs {
 
     fn write(&self, sections: &Sections) -> Result<String, InitError> {
         let text = format!("{HEAD}{}\n{TO_STATE}", sections.text.trim_end());
-        let mut told = String::new();
+        let mut told = Vec::new();
         if let Some(robot) = sections.ready.as_deref().and_then(ReadyRobot::find) {
             let path = self.out.with_file_name(robot.file);
             if path == self.out {
                 return Err(InitError::OfRobot(path));
             }
             if path.exists() {
-                writeln!(told, "{} was there already, and is kept", path.display())
-                    .expect("a string");
+                told.push(format!("{} was there already, and is kept", path.display()));
             } else {
                 create(&path, robot.printed())?;
-                writeln!(told, "{} is the ready robot", path.display()).expect("a string");
+                told.push(format!("{} is the ready robot", path.display()));
             }
         }
         create(&self.out, &text)?;
         let is_doubt = |line: &&str| line.contains("# unsure: ") || line.contains("# to state: ");
         let doubts: Vec<&str> = text.lines().filter(is_doubt).collect();
         let out = self.out.display();
-        writeln!(told, "{out} is written; {} of its lines are to be looked at:", doubts.len())
-            .expect("a string");
-        for line in doubts {
-            writeln!(told, "  {line}").expect("a string");
-        }
-        writeln!(told, "now: posegrid check {out} && posegrid run {out}").expect("a string");
-        Ok(told)
+        told.push(format!("{out} is written; {} of its lines are to be looked at:", doubts.len()));
+        told.extend(doubts.iter().map(|line| format!("  {line}")));
+        told.push(format!("now: posegrid check {out} && posegrid run {out}"));
+        Ok(told.join("\n") + "\n")
     }
 }
 
@@ -231,9 +227,7 @@ fn of_sessions(files: &[PathBuf]) -> (PathBuf, Vec<String>) {
     };
     let (folder, mut sessions) = match files {
         [folder] if folder.is_dir() && !has_logs(folder) => {
-            let inside = fs::read_dir(folder).into_iter().flatten().flatten();
-            let inside = inside.map(|own| own.path()).filter(has_logs);
-            (folder.clone(), inside.collect())
+            (folder.clone(), entries(folder).into_iter().filter(has_logs).collect())
         }
         _ => {
             let folders: Vec<PathBuf> = files.iter().filter_map(folder_of).collect();

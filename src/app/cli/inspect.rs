@@ -6,11 +6,11 @@ mod snippet;
 pub(super) mod table;
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::folder_given::entries;
 use super::progress::Bars;
 use super::robot::ArmFlags;
 use super::streams::Undelivered;
@@ -197,9 +197,8 @@ pub(super) fn files_in(path: &Path) -> Vec<PathBuf> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.ends_with(".mcap") || name.ends_with(".mcap.zst")
     };
-    let entries = fs::read_dir(path).into_iter().flatten().flatten();
-    let mut logs: Vec<_> = entries.map(|entry| entry.path()).filter(is_log).collect();
-    logs.sort();
+    let mut logs = entries(path);
+    logs.retain(is_log);
     if logs.is_empty() {
         logs.push(path.to_owned());
     }

@@ -133,17 +133,14 @@ pub struct Printable<'a>(pub &'a str);
 
 impl Display for Printable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_acted_on = |c: char| c.is_control() || is_unseen(c);
         without_secrets(self.0).chars().try_for_each(|c| {
             if is_acted_on(c) { write!(f, "{}", c.escape_default()) } else { write!(f, "{c}") }
         })
     }
 }
 
-/// Whether a terminal would act on a character: it controls, or turns the direction of the text, or is not seen.
-fn is_acted_on(c: char) -> bool {
-    c.is_control() || is_unseen(c)
-}
-
+/// Whether a character turns the direction of the text, or is not seen.
 const fn is_unseen(c: char) -> bool {
     matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }

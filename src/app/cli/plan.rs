@@ -5,7 +5,6 @@
 mod fleet;
 mod locate;
 
-use std::fmt::Write as _;
 use std::io;
 use std::path::PathBuf;
 
@@ -153,77 +152,60 @@ fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String),
     let progress = bars.of("plan");
     let found = planning.so_far(&args.pipeline, session, &progress).map_err(Box::new)?;
     let SoFar { identify, verify, unmeasured, planned, .. } = found;
-    let mut text = format!(
+    let mut lines = vec![format!(
         "plan {}, session {session} so far: {identify} stations to identify ({planned} poses are planned), {verify} to \
-         verify, {unmeasured} without a measurement\n",
+         verify, {unmeasured} without a measurement",
         found.plan.run
-    );
+    )];
     let (promise, settings) = (&found.promise, &planning.settings);
     if let (Some(mean), Some(bound)) = (promise.mean_bound_mm, promise.bound_mm) {
-        writeln!(
-            text,
+        lines.push(format!(
             "promised with these: mean error below {mean:.3} mm and bound below {bound:.3} mm for {} % of the arms \
              that agree with them, with {} % confidence",
             100.0 * settings.robots_meet.share,
             100.0 * settings.robots_meet.confidence
-        )
-        .expect("a string");
+        ));
     }
-    text += &next(&found, settings.tolerance.mm);
-    Ok((promise.holds(), text))
+    lines.push(next(&found, settings.tolerance.mm));
+    Ok((promise.holds(), lines.join("\n") + "\n"))
 }
 
 fn next(found: &SoFar, tolerance_mm: f64) -> String {
     let names = found.next.join(" ");
     let count = found.next.len();
     if found.promise.holds() {
-        format!(
-            "enough: {tolerance_mm} mm will be met; measure the verification poses, then stop\n"
-        )
+        format!("enough: {tolerance_mm} mm will be met; measure the verification poses, then stop")
     } else if found.next.is_empty() {
         format!(
-            "not enough for {tolerance_mm} mm, and no planned pose is left: plan with more poses\n"
+            "not enough for {tolerance_mm} mm, and no planned pose is left: plan with more poses"
         )
     } else if found.next_are_enough {
         format!(
-            "not enough for {tolerance_mm} mm yet: about {count} more, most informative first: {names}\n"
+            "not enough for {tolerance_mm} mm yet: about {count} more, most informative first: {names}"
         )
     } else {
         format!(
             "not enough for {tolerance_mm} mm, and the {count} planned poses that are left are not expected to be enough: \
-             {names}\n"
+             {names}"
         )
     }
 }
 
 fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
     let settings = &planning.settings;
-    let mut text = String::new();
-    match &planned.plan {
-        Some(plan) => {
-            steps(&mut text, plan, settings);
-            designs(&mut text, plan);
-            session(&mut text, plan, settings);
-        }
-        None => {
-            text += "the lake has this plan already: same file, same robot, same version; nothing was done\n";
-        }
-    }
-    let verdict = if planned.is_met { "shown to be met" } else { "not shown to be met" };
-    let mut line = |words: String| {
-        text += &words;
-        text.push('\n');
+    let there =
+        "the lake has this plan already: same file, same robot, same version; nothing was done";
+    let mut lines = match &planned.plan {
+        Some(plan) => [steps(plan, settings), designs(plan), session(plan, settings)].concat(),
+        None => vec![there.to_owned()],
     };
-    line(format!("tolerance {} mm: {verdict}", settings.tolerance.mm));
-    line(format!("plan {}", planned.key.run));
-    if let Some(page) = &planned.page {
-        line(format!("page: {}", near(page).display()));
-    }
-    line(format!("tables: {}", near(&planning.lake).display()));
-    if let Some(csv) = &args.out {
-        line(format!("poses: {}", csv.display()));
-    }
-    text
+    let verdict = if planned.is_met { "shown to be met" } else { "not shown to be met" };
+    lines.push(format!("tolerance {} mm: {verdict}", settings.tolerance.mm));
+    lines.push(format!("plan {}", planned.key.run));
+    lines.extend(planned.page.as_ref().map(|page| format!("page: {}", near(page).display())));
+    lines.push(format!("tables: {}", near(&planning.lake).display()));
+    lines.extend(args.out.as_ref().map(|csv| format!("poses: {}", csv.display())));
+    lines.join("\n") + "\n"
 }
 
 const HEADER: &str = "mean mm   p95 mm   bound mm   robots that meet it";
@@ -232,7 +214,7 @@ const HEADER: &str = "mean mm   p95 mm   bound mm   robots that meet it";
 fn line(name: &str, poses: usize, outcomes: &Outcomes) -> String {
     let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3}"));
     format!(
-        "  {name:<17} {poses:>5}  {:>7}  {:>7}  {:>9}   {} of {}, at least {:.1} %\n",
+        "  {name:<17} {poses:>5}  {:>7}  {:>7}  {:>9}   {} of {}, at least {:.1} %",
         mm(outcomes.mean.map(|figures| figures.mean)),
         mm(outcomes.mean.map(|figures| figures.p95)),
         mm(outcomes.bound_mm),
@@ -242,8 +224,8 @@ fn line(name: &str, poses: usize, outcomes: &Outcomes) -> String {
     )
 }
 
-fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
-    writeln!(text, "uniform grid        poses  {HEADER}").expect("a string");
+fn steps(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<String> {
+    let mut lines = vec![format!("uniform grid        poses  {HEADER}")];
     for &step_mm in &settings.grid.steps_mm {
         let own = |row: &&StepRow| row.step_mm.total_cmp(&step_mm).is_eq();
         // The best way to use the nodes; plan_figures has all of them.
@@ -253,13 +235,13 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
         });
         if let Some(row) = best {
             let name = format!("{} mm, {}", row.step_mm, row.source.name());
-            *text += &line(&name, row.poses, &row.outcomes);
+            lines.push(line(&name, row.poses, &row.outcomes));
         } else {
             let same = "comes to the same pitches as a smaller one, which is judged";
-            writeln!(text, "  {:<17} {same}", format!("{step_mm} mm")).expect("a string");
+            lines.push(format!("  {:<17} {same}", format!("{step_mm} mm")));
         }
     }
-    let largest = match plan.step.map(|row| &plan.steps[row]) {
+    lines.push(match plan.step.map(|row| &plan.steps[row]) {
         Some(row) => format!(
             "largest step that holds: {} mm, nodes {}, {}: {} poses",
             row.step_mm,
@@ -268,22 +250,24 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
             row.poses
         ),
         None => "no step holds for the asked share of robots".to_owned(),
-    };
-    writeln!(text, "{largest}\n").expect("a string");
+    });
+    lines.push(String::new());
+    lines
 }
 
-fn designs(text: &mut String, plan: &SamplingPlan) {
-    writeln!(text, "identified arm      poses  {HEADER}").expect("a string");
+fn designs(plan: &SamplingPlan) -> Vec<String> {
     let mut rows: Vec<_> = plan.designs.iter().collect();
     rows.sort_by_key(|row| (row.kind, row.poses));
-    for row in rows {
+    let mut lines = vec![format!("identified arm      poses  {HEADER}")];
+    lines.extend(rows.iter().map(|row| {
         let name = row.kind.word().replace('_', " ");
-        *text += &line(&name, row.poses, &row.outcomes);
-    }
-    text.push('\n');
+        line(&name, row.poses, &row.outcomes)
+    }));
+    lines.push(String::new());
+    lines
 }
 
-fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
+fn session(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<String> {
     let count = |purpose| plan.session.count(|own| own == purpose);
     let (identify, verify) = (count(Purpose::Identify), count(Purpose::Verify));
     let checks = plan.session.visits.len() - identify - verify;
@@ -299,9 +283,8 @@ fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
             "promise: none: {robots} robots are too few for {asked} % with {confidence} % confidence; raise whole_model_robots"
         ),
     };
-    writeln!(
-        text,
-        "session: {identify} poses to identify, {verify} to verify, {checks} visits again for drift\n{words}"
-    )
-    .expect("a string");
+    let visits = format!(
+        "session: {identify} poses to identify, {verify} to verify, {checks} visits again for drift"
+    );
+    vec![visits, words]
 }

@@ -83,7 +83,8 @@ fn conventions() -> impl TypedValueParser<Value = Convention> {
 pub enum RobotCommandError {
     #[error(
         "there is no file {}, and no ready robot has that name{}: {}",
-        .0.display(), did_you_mean(&.0.to_string_lossy(), READY.iter().map(ReadyRobot::name)), ready_names()
+        .0.display(), did_you_mean(&.0.to_string_lossy(), READY.iter().map(ReadyRobot::name)),
+        READY.iter().map(ReadyRobot::name).collect::<Vec<_>>().join(", ")
     )]
     Nothing(PathBuf),
     #[error(transparent)]
@@ -113,14 +114,12 @@ impl RobotProblem {
     }
 }
 
-fn ready_names() -> String {
-    let names: Vec<&str> = READY.iter().map(ReadyRobot::name).collect();
-    names.join(", ")
-}
-
 pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
     let Some(path) = args.file.as_deref().filter(|_| !args.list) else { return Ok(list::ready()) };
-    let text = text(path)?;
+    let (_, text) = file_or_ready(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => RobotCommandError::Nothing(path.to_owned()),
+        _ => RobotProblem::Read(error).at(path),
+    })?;
     let stated = args.stated(path, &text).map_err(|kind| kind.at(path))?;
     let Some(poses) = &args.at else {
         return args.printed(path, text, &stated).map_err(|kind| kind.at(path));
@@ -130,17 +129,13 @@ pub fn show(args: &RobotArgs) -> Result<String, RobotCommandError> {
     poses::flanges(&stated.arm, &positions).map_err(|source| RobotProblem::Poses(source).at(poses))
 }
 
-fn text(path: &Path) -> Result<String, RobotCommandError> {
-    let ready = path.to_str().and_then(ReadyRobot::find);
-    match (robot::text(path), ready) {
-        (Ok(text), _) => Ok(text),
+/// Name and text of a robot file, or of the ready robot of that name where there is no such file.
+pub fn file_or_ready(path: &Path) -> io::Result<(String, String)> {
+    match (robot::text(path), path.to_str().and_then(ReadyRobot::find)) {
         (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
-            Ok(robot.printed().to_owned())
+            Ok((robot.file.to_owned(), robot.printed().to_owned()))
         }
-        (Err(error), None) if error.kind() == io::ErrorKind::NotFound => {
-            Err(RobotCommandError::Nothing(path.to_owned()))
-        }
-        (Err(error), _) => Err(RobotProblem::Read(error).at(path)),
+        (text, _) => Ok((path.display().to_string(), text?)),
     }
 }
 

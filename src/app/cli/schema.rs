@@ -1,7 +1,5 @@
 //! `posegrid schema [TABLE]`: the tables, or the contract of one; and the keys of pipeline and robot files.
 
-use std::fmt::Write as _;
-
 use clap::{Args, ValueEnum};
 use thiserror::Error;
 
@@ -93,23 +91,20 @@ fn list() -> String {
 
 fn contract(schema: &TableSchema) -> String {
     let TableSchema { table, version, description, one_row_per, .. } = schema;
-    let mut text =
-        format!("{table}, version {version}: {description}\nOne row per {one_row_per}.\n");
+    let mut lines = vec![format!("{table}, version {version}: {description}")];
+    lines.push(format!("One row per {one_row_per}."));
     if !schema.order.is_empty() {
-        line(&mut text, &format!("Sorted by {}, which name a row.", schema.order.join(", ")));
+        lines.push(format!("Sorted by {}, which name a row.", schema.order.join(", ")));
     }
     for column in &schema.columns {
-        line(&mut text, &format!("\n{}  {}", column.name, properties(column)));
-        line(&mut text, &format!("    {}", column.description));
-        if let Some(words) = &column.values {
-            line(&mut text, &format!("    one of: {}", words.join(", ")));
-        }
+        lines.push(format!("\n{}  {}", column.name, properties(column)));
+        lines.push(format!("    {}", column.description));
+        let words = column.values.as_ref();
+        lines.extend(words.map(|words| format!("    one of: {}", words.join(", "))));
     }
-    line(&mut text, "\nChanges");
-    for change in &schema.changes {
-        line(&mut text, &format!("    {change}"));
-    }
-    text
+    lines.push("\nChanges".to_owned());
+    lines.extend(schema.changes.iter().map(|change| format!("    {change}")));
+    lines.join("\n") + "\n"
 }
 
 fn properties(column: &ColumnSchema) -> String {
@@ -119,10 +114,6 @@ fn properties(column: &ColumnSchema) -> String {
     let since = column.since.map(|version| format!("since version {version}"));
     let parts = [Some(column.kind.name()), unit, frame.as_deref(), nullable, since.as_deref()];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-fn line(text: &mut String, line: &str) {
-    writeln!(text, "{line}").expect("writing to a string does not fail");
 }
 
 #[cfg(test)]

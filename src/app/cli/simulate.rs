@@ -338,8 +338,7 @@ impl SimulateArgs {
             ("source", self.source()),
         ];
         let plan = self.plan.clone().map(|plan| ("plan", plan));
-        let pairs = pairs.into_iter().chain(plan);
-        pairs.map(|(key, value)| (key.to_owned(), value)).collect()
+        pairs.into_iter().chain(plan).map(|(key, value)| (key.to_owned(), value)).collect()
     }
 }
 

@@ -102,8 +102,7 @@ fn written(open: &[Task], bars: &Bars) -> u8 {
     let line = |task: &Task| serde_json::to_string(task).map(|line| line + "\n");
     match open.iter().map(line).collect::<Result<String, _>>() {
         Ok(lines) => {
-            let written = messages::deliver(lines.as_bytes(), bars);
-            written.map_or_else(Undelivered::exit_code, |()| DONE)
+            messages::deliver(lines.as_bytes(), bars).map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{error}");

@@ -5,7 +5,6 @@ mod files;
 mod words;
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::PathBuf;
@@ -186,11 +185,9 @@ fn one(
 }
 
 fn paragraph(verified: &Verified, verdict: &Verdict) -> String {
-    let mut text = words::line(&words::name(&verified.claim.key), verdict);
-    for detail in words::details(verified) {
-        write!(text, "\n  {}", Printable(&detail)).expect("a string");
-    }
-    text
+    let details = words::details(verified).into_iter();
+    let details = details.map(|detail| format!("\n  {}", Printable(&detail)));
+    [words::line(&words::name(&verified.claim.key), verdict)].into_iter().chain(details).collect()
 }
 
 /// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there, `asked` whether runs were to be

@@ -19,7 +19,7 @@ use crate::io::tables::calibrations::ArmColumns;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::manifest::RunKey;
-use crate::report::iso_9283::Characteristic;
+use crate::report::iso_9283::Characteristic::{self, AdP, ApP, DapP, Rd, RpA, RpB, RpC, RpL, VapP};
 use crate::report::{BaseRefit, Point, Split, Subject};
 use sheet::{Column, Sheet};
 
@@ -31,17 +31,7 @@ const BODY: f32 = 8.0;
 const SMALL: f32 = 7.0;
 
 /// Figures of ISO 9283 that have a row: of those along axes the sum has.
-const ISO_9283: [Characteristic; 9] = [
-    Characteristic::ApP,
-    Characteristic::RpL,
-    Characteristic::RpA,
-    Characteristic::RpB,
-    Characteristic::RpC,
-    Characteristic::AdP,
-    Characteristic::Rd,
-    Characteristic::VapP,
-    Characteristic::DapP,
-];
+const ISO_9283: [Characteristic; 9] = [ApP, RpL, RpA, RpB, RpC, AdP, Rd, VapP, DapP];
 const NORMS: [FigureName; 4] =
     [FigureName::Mean, FigureName::P95, FigureName::Max, FigureName::Bound];
 
@@ -82,8 +72,7 @@ impl Report<'_> {
 
     /// Why no figure of ISO 9283 is shown.
     fn no_visits(&self) -> &str {
-        let reason = self.iso_9283().find_map(|own| own.reason.as_deref());
-        reason.unwrap_or("no pose was visited again")
+        self.iso_9283().find_map(|own| own.reason.as_deref()).unwrap_or("no pose was visited again")
     }
 
     /// U of the figure that the verdict rests on, the largest of all where it rests on none.

@@ -12,8 +12,7 @@ use maud::{Markup, html};
 
 pub use content::{Content, Robot};
 
-use super::shell::{self, Maker, Shell};
-use crate::manifest::VERSION;
+use super::shell::{self, Maker};
 
 const SECTIONS: [Maker<Content>; 6] = [
     ("worst", "The worst", lists::worst),
@@ -25,13 +24,9 @@ const SECTIONS: [Maker<Content>; 6] = [
 ];
 
 pub fn html(content: &Content) -> String {
-    shell::page(&Shell {
-        title: format!("Fleet · {}", content::how_many(content.robots.len())),
-        header: header::header(content),
-        sections: &SECTIONS,
-        content,
-        footer: html! { "posegrid " (VERSION) " · fleet of " (content::how_many(content.robots.len())) },
-    })
+    let robots = content::how_many(content.robots.len());
+    let (title, made) = (format!("Fleet · {robots}"), html! { "fleet of " (robots) });
+    shell::page(content, &title, &header::header(content), &SECTIONS, &made)
 }
 
 fn reading(content: &Content) -> Markup {

@@ -14,8 +14,7 @@ use maud::{Markup, html};
 pub(super) use charts::named as figure_name;
 pub use content::Content;
 
-use super::shell::{self, Maker, Shell};
-use crate::manifest::VERSION;
+use super::shell::{self, Maker};
 
 const SECTIONS: [Maker<Content>; 9] = [
     ("nights", "The last nights", nights::section),
@@ -30,13 +29,9 @@ const SECTIONS: [Maker<Content>; 9] = [
 ];
 
 pub fn html(content: &Content) -> String {
-    shell::page(&Shell {
-        title: format!("History · {}", content.robot),
-        header: header::header(content),
-        sections: &SECTIONS,
-        content,
-        footer: html! { "posegrid " (VERSION) " · history of " (content.robot) },
-    })
+    let (title, made) =
+        (format!("History · {}", content.robot), html! { "history of " (content.robot) });
+    shell::page(content, &title, &header::header(content), &SECTIONS, &made)
 }
 
 fn reading(content: &Content) -> Markup {

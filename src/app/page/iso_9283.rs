@@ -7,30 +7,17 @@ use super::words;
 use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
 use crate::io::tables::words::Unit;
-use crate::report::iso_9283::Characteristic;
+use crate::report::iso_9283::Characteristic::{
+    self, ApA, ApB, ApC, ApP, ApX, ApY, ApZ, DapP, RpA, RpB, RpC, RpL, VapP,
+};
 use crate::report::{Moment, Subject};
 
 /// Most poses that are shown one by one: the standard has five, and a page is for people.
 const SHOWN: usize = 30;
 
 /// The figures of a pose that have a column of their own.
-const LENGTHS: [Characteristic; 7] = [
-    Characteristic::ApP,
-    Characteristic::ApX,
-    Characteristic::ApY,
-    Characteristic::ApZ,
-    Characteristic::RpL,
-    Characteristic::VapP,
-    Characteristic::DapP,
-];
-const ANGLES: [Characteristic; 6] = [
-    Characteristic::ApA,
-    Characteristic::ApB,
-    Characteristic::ApC,
-    Characteristic::RpA,
-    Characteristic::RpB,
-    Characteristic::RpC,
-];
+const LENGTHS: [Characteristic; 7] = [ApP, ApX, ApY, ApZ, RpL, VapP, DapP];
+const ANGLES: [Characteristic; 6] = [ApA, ApB, ApC, RpA, RpB, RpC];
 
 pub(super) type Of = (Moment, Subject);
 
@@ -138,7 +125,7 @@ fn one_by_one(figures: &[&AccuracyRow]) -> Markup {
 
 /// The poses with their visits, those visited most first.
 fn poses(figures: &[&AccuracyRow]) -> Vec<(usize, usize)> {
-    let accuracy = figures.iter().filter(|figure| is(figure, Characteristic::ApP));
+    let accuracy = figures.iter().filter(|figure| is(figure, ApP));
     let mut poses: Vec<(usize, usize)> =
         accuracy.filter_map(|figure| Some((figure.pose?, figure.n))).collect();
     poses.sort_by_key(|(pose, n)| (std::cmp::Reverse(*n), *pose));

@@ -14,8 +14,7 @@ use maud::html;
 
 pub use content::Content;
 
-use super::shell::{self, Maker, Shell, table};
-use crate::manifest::VERSION;
+use super::shell::{self, Maker, table};
 
 const SECTIONS: [Maker<Content>; 5] = [
     ("grid", "Uniform grid", steps::section),
@@ -26,11 +25,7 @@ const SECTIONS: [Maker<Content>; 5] = [
 ];
 
 pub fn html(content: &Content) -> String {
-    shell::page(&Shell {
-        title: format!("Plan · {}", content.robot),
-        header: promise::header(content),
-        sections: &SECTIONS,
-        content,
-        footer: html! { "posegrid " (VERSION) " · plan " code { (content.plan) } },
-    })
+    let title = format!("Plan · {}", content.robot);
+    let made = html! { "plan " code { (content.plan) } };
+    shell::page(content, &title, &promise::header(content), &SECTIONS, &made)
 }

@@ -1,48 +1,45 @@
-//! The frame of every page: a [`Shell`] → one HTML file that opens anywhere, well-formed as XML too. Names may hold any
+//! The frame of every page: head and sections → one HTML file that opens anywhere, well-formed as XML too. Names may hold any
 //! character: maud escapes every value, and [`visible`] writes out every character that a reader would not see.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use crate::manifest::VERSION;
 use crate::report::chart;
 
 pub(super) const STYLE: &str = include_str!("page.css");
 
-pub(super) struct Shell<'c, C: 'static> {
-    pub(super) title: String,
-    pub(super) header: Markup,
-    /// The sections after the verdict.
-    pub(super) sections: &'static [Maker<C>],
-    pub(super) content: &'c C,
-    /// The version and the run that wrote the page.
-    pub(super) footer: Markup,
-}
-
 /// The anchor, the heading and the content of a section; the content is `None` where there is nothing to show.
 pub(super) type Maker<C> = (&'static str, &'static str, fn(&C) -> Option<Markup>);
 
-pub(super) fn page<C>(shell: &Shell<'_, C>) -> String {
-    let sections = shell.sections.iter();
-    let sections: Vec<_> =
-        sections.filter_map(|&(id, heading, of)| Some((id, heading, of(shell.content)?))).collect();
+/// A page of its title, its head, the sections after that, and in its foot the version and what `made` it.
+pub(super) fn page<C>(
+    content: &C,
+    title: &str,
+    header: &Markup,
+    sections: &[Maker<C>],
+    made: &Markup,
+) -> String {
+    let made_of = |&(id, heading, of): &Maker<C>| Some((id, heading, of(content)?));
+    let sections: Vec<_> = sections.iter().filter_map(made_of).collect();
     let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 // With the slash the page is well-formed XML too, and any parser can check it.
                 (PreEscaped("<meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>"))
-                title { (shell.title) " · posegrid" }
+                title { (title) " · posegrid" }
                 style { (PreEscaped(chart::STYLE)) (PreEscaped(STYLE)) }
             }
             body {
                 main {
-                    (shell.header)
+                    (header)
                     nav aria-label="Sections" {
                         @for (id, heading, _) in &sections { a href={ "#" (id) } { (heading) } " " }
                     }
                     @for (id, heading, body) in &sections {
                         section id=(id) { h2 { (heading) } (body) }
                     }
-                    footer { p { (shell.footer) } }
+                    footer { p { "posegrid " (VERSION) " · " (made) } }
                 }
             }
         }

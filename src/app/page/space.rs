@@ -44,8 +44,7 @@ fn shown(content: &Content, compared: &Compared) -> Option<Markup> {
     let scene = Scene { bounds: content.bounds, tolerance_mm: content.tolerance.mm };
     let [before, after] = compared.figures()?;
     let series = |name: &'static str, error: fn(&ErrorPair) -> nalgebra::Vector3<f64>| {
-        let pairs = compared.errors.iter();
-        let points = pairs.map(|pair| [pair.station as f64, error(pair).norm()]);
+        let points = compared.errors.iter().map(|pair| [pair.station as f64, error(pair).norm()]);
         (name, points.collect::<Vec<_>>())
     };
     let both = [series("before", |pair| pair.before), series("after", |pair| pair.after)];

@@ -35,11 +35,13 @@ pub(super) fn header(content: &Content) -> Markup {
             p.lead { (sentence(content, &verdict)) }
             (warnings(&content.said.all_warnings()))
             (remarks(content.verdict.judges()))
-            (frame(content))
+            p class=[(!content.frame.is_surveyed).then_some("warning")] { (capital(&content.frame.words())) "." }
             (to_do(content))
             (facts(content, chosen))
             @if let Some(three) = &content.said.pairs.table_and_arm { p { (capital(&three.words())) "." } }
-            (instruments(content))
+            @if !content.said.instruments.is_empty() {
+                dl.list { @for (what, words) in &content.said.instruments { div { dt { (what) } dd { (words) } } } }
+            }
             details {
                 summary { "The verdict in full" }
                 p { "Tolerance " (content.tolerance.mm) " mm: " strong { (words::message(&content.verdict.statement())) } "." }
@@ -81,19 +83,6 @@ fn to_do(content: &Content) -> Markup {
         @if let Some(command) = &content.command { pre { (command) } }
         @if content.next.sets_base { (typed(content)) }
     }
-}
-
-fn instruments(content: &Content) -> Markup {
-    html! {
-        @if !content.said.instruments.is_empty() {
-            dl.list { @for (what, words) in &content.said.instruments { div { dt { (what) } dd { (words) } } } }
-        }
-    }
-}
-
-fn frame(content: &Content) -> Markup {
-    let stated = &content.frame;
-    html! { p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." } }
 }
 
 fn typed(content: &Content) -> Markup {

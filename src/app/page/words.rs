@@ -11,33 +11,25 @@ use crate::report::chart::Limit;
 use crate::report::{BaseRefit, Model, Moment, Split, Subject};
 
 pub(super) fn stations(subject: &Subject) -> String {
-    let session = &subject.of_session;
-    if (subject.model, subject.split) == (Model::Table, Split::Session) {
-        return format!("{session}, driven by a table; base from its first stations");
-    }
-    if (subject.model, subject.split) == (Model::RawCommand, Split::None) {
-        return format!("{session}, every station");
-    }
-    judged(subject)
+    let how = match (subject.model, subject.split) {
+        (Model::Table, Split::Session) => "driven by a table; base from its first stations",
+        (Model::RawCommand, Split::None) => "every station",
+        _ => return judged(subject),
+    };
+    format!("{}, {how}", subject.of_session)
 }
 
 /// The stations that judged, with how they were kept from training or that they were not.
 pub(super) fn judged(subject: &Subject) -> String {
-    let session = &subject.of_session;
-    match (subject.split, subject.base_refit) {
-        (Split::None, _) => format!("{session}, training"),
-        (Split::Blocks, _) => format!("{session}, held-out blocks"),
-        (Split::Session, BaseRefit::First) => {
-            format!("{session}, unseen; base from its first stations")
-        }
-        (Split::Session, BaseRefit::Chosen) => {
-            format!("{session}, unseen; base from stations chosen by their poses")
-        }
-        (Split::Session, BaseRefit::All) => {
-            format!("{session}, unseen; base refitted on all of it")
-        }
-        (Split::Session, BaseRefit::None) => format!("{session}, unseen"),
-    }
+    let how = match (subject.split, subject.base_refit) {
+        (Split::None, _) => "training",
+        (Split::Blocks, _) => "held-out blocks",
+        (Split::Session, BaseRefit::First) => "unseen; base from its first stations",
+        (Split::Session, BaseRefit::Chosen) => "unseen; base from stations chosen by their poses",
+        (Split::Session, BaseRefit::All) => "unseen; base refitted on all of it",
+        (Split::Session, BaseRefit::None) => "unseen",
+    };
+    format!("{}, {how}", subject.of_session)
 }
 
 pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
@@ -178,13 +170,8 @@ pub(super) fn origin(figure: &FigureRow) -> String {
         CorrectedBy::Model => "from the model".to_owned(),
         CorrectedBy::IdentifiedArm => plain(figure.source.word()),
     };
-    match figure.interpolation {
-        Some(interpolation) => {
-            let interpolation = inside(interpolation);
-            format!("node values {source}, {interpolation} inside a cell")
-        }
-        None => format!("node values {source}"),
-    }
+    let inside = figure.interpolation.map(|own| format!(", {} inside a cell", inside(own)));
+    format!("node values {source}{}", inside.unwrap_or_default())
 }
 
 pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
@@ -197,8 +184,7 @@ pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
 
 /// A table's word with its underscores as spaces; a sentence stays as it is.
 pub(super) fn plain(word: &str) -> String {
-    let is_word = !word.contains(' ');
-    if is_word { word.replace('_', " ") } else { word.to_owned() }
+    if word.contains(' ') { word.to_owned() } else { word.replace('_', " ") }
 }
 
 /// A number in fixed digits, with a minus sign; the element carries the value of the table.
@@ -228,19 +214,12 @@ pub(super) fn tolerance(mm: f64) -> Limit {
 
 pub(super) fn whole(value: u64) -> String {
     let digits = value.to_string();
-    let place = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
-    digits.char_indices().fold(String::new(), |mut text, (i, digit)| {
-        if place(i) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
-        text
-    })
+    let groups = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy);
+    groups.collect::<Vec<_>>().join("\u{202f}")
 }
 
 pub fn percent(share: f64) -> String {
-    let text = format!("{:.2}", 100.0 * share);
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    format!("{:.2}", 100.0 * share).trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 #[cfg(test)]

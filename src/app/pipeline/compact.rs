@@ -174,8 +174,7 @@ fn compare(
     for (file, dated) in read {
         match dated {
             Ok((month, row)) => {
-                let own = months.entry(month).or_default();
-                own.new.push(NewRun { file, row });
+                months.entry(month).or_default().new.push(NewRun { file, row });
             }
             Err(reason) => {
                 progress.advance(1);

@@ -43,8 +43,7 @@ pub(super) fn pairs(outcome: &Outcome<'_>) -> Pairs {
 /// What the chosen table leaves beside the identified arm, at the held-out stations where it answers.
 fn table_and_arm(grids: &Grids) -> Option<TableAndArm> {
     // What the model leaves at a station is the same whichever step has it.
-    let rows = grids.judged.iter().filter(|row| row.of_test.is_none());
-    let held_out = rows.map(|row| &row.held_out);
+    let held_out = grids.judged.iter().filter(|row| row.of_test.is_none()).map(|row| &row.held_out);
     let by_arm = held_out.flat_map(|own| own.left.iter().zip(&own.direct));
     let by_arm: BTreeMap<usize, f64> = by_arm.map(|(left, mm)| (left.station, *mm)).collect();
     let left = &grids.deciding()?.held_out.left;
@@ -127,8 +126,7 @@ const fn frame(outcome: &Outcome<'_>, subject: &Subject) -> &'static str {
 }
 
 fn named<'o>(outcome: &'o Outcome<'_>, subject: &Subject) -> Option<&'o JoinedSession> {
-    let mut sessions = outcome.training.iter().chain(&outcome.test);
-    sessions.find(|own| own.name == subject.of_session)
+    outcome.training.iter().chain(&outcome.test).find(|own| own.name == subject.of_session)
 }
 
 /// The row of the chosen table that held-out blocks judge, or that a test session does.
@@ -136,8 +134,7 @@ fn table<'o>(outcome: &'o Outcome<'_>, subject: &Subject) -> Option<&'o Judged> 
     if subject.split != Split::Session {
         return outcome.grids.deciding();
     }
-    let mut rows = outcome.grids.judged.iter();
-    rows.find(|row| row.of_test.as_ref() == Some(&subject.of_session))
+    outcome.grids.judged.iter().find(|row| row.of_test.as_ref() == Some(&subject.of_session))
 }
 
 /// The errors before and after that the figure of an identified arm is of, with what those before are errors of.
@@ -147,10 +144,8 @@ fn of_the_arm(
     figure: &Accuracy,
 ) -> Option<(&'static str, Vec<ErrorPair>)> {
     let subject = &figure.subject;
-    let set = |is_it: &dyn Fn(&Subject) -> bool| {
-        let mut sets = outcome.residuals.iter();
-        sets.find(|set| is_it(&set.subject))
-    };
+    let set =
+        |is_it: &dyn Fn(&Subject) -> bool| outcome.residuals.iter().find(|set| is_it(&set.subject));
     let is_of_grids = outcome.training.last().is_some_and(|last| last.name == session.name);
     let (before_of, before) = if subject.split == Split::Blocks && is_of_grids {
         (of_commands(session), of_the_tool(outcome, session))

@@ -36,7 +36,7 @@ use crate::judgement::StageSettings;
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError};
 use crate::similarity::SimilaritySettings;
-use sessions::{Listed, Wanted};
+use sessions::{Candidates, Wanted};
 
 pub(super) use error::Result;
 pub use error::{ConfigurationError, ConfigurationErrorKind};
@@ -162,12 +162,13 @@ impl Configuration {
         let lake = usable(overrides.lake.as_deref(), lake)?;
         let settings = serde_json::to_value(&file).map_err(ManifestError::from)?;
         let join_settings = manifest::canonical(&join_settings(&settings))?;
-        let listed = if overrides.from_joined {
-            joined_sessions(path, &file, &robot_file, &join_settings, &lake, overrides)?
+        let candidates = if overrides.from_joined {
+            joined_sessions(path, &file, &robot_file, &join_settings, &lake)?
         } else {
             let found = found.map_or_else(|| look(path, &tree, &folder, &file), Ok)?;
-            sessions::list(&found, &folder, &file.input, overrides)?
+            Candidates { found, place: folder, wanted: file.input.session_in_words() }
         };
+        let listed = candidates.listed(&file.input, overrides)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),
@@ -195,15 +196,14 @@ impl Configuration {
     }
 }
 
-/// The work with sessions that the lake has as joined, by this robot file and these settings of ingest and join.
+/// The sessions that the lake has as joined, by this robot file and these settings of ingest and join.
 fn joined_sessions(
     path: &Path,
     file: &PipelineFile,
     robot_file: &Path,
     settings: &str,
     lake: &Place,
-    overrides: &Overrides,
-) -> Result<Listed> {
+) -> Result<Candidates> {
     if file.output.logs {
         let wanted =
             "false: decoded samples are published from logs, and --from estimate reads none";
@@ -217,7 +217,7 @@ fn joined_sessions(
     let (robot_digest, _) = manifest::digest(opened).map_err(unread)?;
     let wanted =
         Wanted { robot: file.robot.name.as_deref(), robot_digest: &robot_digest, settings };
-    sessions::list_joined(&Lake::at(lake)?, &wanted, &file.input, overrides)
+    Candidates::joined(&Lake::at(lake)?, &wanted)
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
@@ -286,8 +286,7 @@ fn reads(path: &Path, file: &PipelineFile, arm: &Arm) -> Result<Reads> {
 
 /// Whether each joint slides; empty where none does.
 fn slides(arm: &Arm) -> Vec<bool> {
-    let slides = arm.joints().iter().map(|joint| joint.slides);
-    slides.filter(|_| arm.has_slides()).collect()
+    arm.joints().iter().map(|joint| joint.slides).filter(|_| arm.has_slides()).collect()
 }
 
 fn stages(file: &PipelineFile, placed: &Placed, arm: &Arm) -> StageSettings {
@@ -337,8 +336,7 @@ fn gauges(file: &PipelineFile) -> Vec<KnownGauge> {
         place: own.place.map(|place| KnownTarget { xyz_mm: place.xyz_mm, sd_mm: place.sd_mm }),
         offset: own.offset.map(|offset| (offset.mm, offset.sd_mm)),
     });
-    let before = vec![KnownGauge::default(); file.first_length()];
-    before.into_iter().chain(known).collect()
+    vec![KnownGauge::default(); file.first_length()].into_iter().chain(known).collect()
 }
 
 /// Names of the targets of sessions with several, the main one first; empty where there is one.

@@ -3,7 +3,6 @@
 //! The corrected targets are in the session's folder (`[input] corrected_targets`), as `posegrid compensate` wrote them.
 //! The table's promise, and its tool and temperatures, are in the lake under its run.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use super::configuration::SessionFiles;
@@ -102,22 +101,21 @@ fn went(driven: &Driven, session: &JoinedSession) -> String {
     let departures_mm =
         driven.stations.iter().map(|own| (own.command - own.target - own.stated).norm());
     let departed = departures_mm.filter(|mm| *mm > NOT_THE_FILES_MM).count();
-    let mut words = format!(
+    let mut words = vec![format!(
         "{} of {} stations measured at one of its {} targets",
         driven.stations.len(),
         session.joined.stations.len(),
         by.file.targets.len()
-    );
+    )];
     let others = [
         (by.matched.far, "far from every target: in another frame, or of another program"),
         (by.matched.between, "between two targets"),
         (departed, "commanded otherwise than the file states"),
         (by.file.refused, "targets had been refused"),
     ];
-    for (count, what) in others.into_iter().filter(|(count, _)| *count > 0) {
-        write!(words, "; {count} {what}").expect("a string");
-    }
-    words
+    let others = others.into_iter().filter(|(count, _)| *count > 0);
+    words.extend(others.map(|(count, what)| format!("{count} {what}")));
+    words.join("; ")
 }
 
 /// The lake's tables of the run that made a table.
@@ -209,8 +207,7 @@ impl TableRun {
 
 /// Lowest and highest axis variable of each joint over the stations that a run learnt from, rad or mm; none without a station.
 fn ranges(outcome: &Outcome<'_>, arm: &Arm) -> Vec<[f64; 2]> {
-    let sessions = outcome.training.iter();
-    let stations = sessions.flat_map(|session| &session.joined.stations);
+    let stations = outcome.training.iter().flat_map(|session| &session.joined.stations);
     let measured = stations.filter(|station| !station.measured().is_empty());
     let axes: Vec<Vec<f64>> = measured.map(|own| arm.axes(&own.joints)).collect();
     let joints = axes.first().map_or(0, Vec::len);

@@ -78,14 +78,12 @@ impl PipelineFile {
     pub fn lengths(&self) -> Vec<LengthSource<'_>> {
         let columns = self.stations.iter().flat_map(|own| &own.lengths);
         let logged = self.tracker.mapping.iter().flat_map(|own| &own.lengths);
-        let columns = columns.map(LengthColumns::source);
-        columns.chain(logged.map(LoggedLength::source)).collect()
+        columns.map(LengthColumns::source).chain(logged.map(LoggedLength::source)).collect()
     }
 
     /// Place among the sources of the first instrument of one length: behind that of places, where there is one.
     pub fn first_length(&self) -> usize {
-        let stations = self.stations.as_ref();
-        stations.map_or(1, StationsSettings::first_length)
+        self.stations.as_ref().map_or(1, StationsSettings::first_length)
     }
 
     pub fn noise(&self) -> Noise {
@@ -301,8 +299,7 @@ pub struct TrackerSection {
 /// The keys of a section that are about a log; `None` without a `topic`, where sessions are tables.
 fn of_log<'de, D: Deserializer<'de>, T: DeserializeOwned>(from: D) -> Result<Option<T>, D::Error> {
     let keys = toml::Table::deserialize(from)?;
-    let settings = keys.contains_key("topic").then(|| keys.try_into());
-    settings.transpose().map_err(D::Error::custom)
+    keys.contains_key("topic").then(|| keys.try_into()).transpose().map_err(D::Error::custom)
 }
 
 impl TrackerSection {

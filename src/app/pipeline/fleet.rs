@@ -86,11 +86,9 @@ impl Fleet {
         let chosen: Vec<&StatedRobot> = if robots.is_empty() {
             known.stated.iter().collect()
         } else {
-            let named = robots.iter().map(|name| known.named(path, name));
-            named.collect::<Result<_, _>>()?
+            robots.iter().map(|name| known.named(path, name)).collect::<Result<_, _>>()?
         };
-        let loader = Loader { source: &source, robots: known, overrides };
-        loader.fleet(&chosen, robots.is_empty())
+        Loader { source: &source, robots: known, overrides }.fleet(&chosen, robots.is_empty())
     }
 
     pub fn pieces(&self) -> Vec<FleetPiece<'_>> {
@@ -181,8 +179,7 @@ impl Loader<'_> {
         if self.overrides.from_joined {
             return Ok((Searched::Joined, Vec::new()));
         }
-        let any = chosen.iter().map(|own| self.source.of_any(self.robots, own));
-        let any = any.reduce(Result::or);
+        let any = chosen.iter().map(|own| self.source.of_any(self.robots, own)).reduce(Result::or);
         let file =
             any.unwrap_or_else(|| self.source.of_any(self.robots, &self.robots.stated[0]))?;
         let place = self.source.sessions(&file);

@@ -129,10 +129,7 @@ pub fn history(
         return Err(HistoryError::NoLake(lake.root()));
     }
     progress.begin("sessions", robots.iter().map(|own| own.files.len() as u64).sum());
-    let of_each = || {
-        let each = robots.par_iter();
-        each.map(|own| of_robot(lake, asked, own, progress)).collect()
-    };
+    let of_each = || robots.par_iter().map(|own| of_robot(lake, asked, own, progress)).collect();
     let histories = lake.read_with(of_each);
     progress.end();
     histories

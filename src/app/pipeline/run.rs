@@ -9,6 +9,7 @@ mod error;
 mod inputs;
 mod known;
 mod mounting;
+mod page;
 pub mod publish;
 mod results;
 mod session;
@@ -261,8 +262,7 @@ fn instruments(configuration: &Configuration) -> Vec<(&'static str, String)> {
         ("Tool", stated.tool.clone()),
         ("Tracker", Some(tracker)),
     ];
-    let stated = stated.into_iter();
-    stated.filter_map(|(what, words)| Some((what, words?))).collect()
+    stated.into_iter().filter_map(|(what, words)| Some((what, words?))).collect()
 }
 
 /// Place of the page of a run; `None` where it has none, as of a version without pages.

@@ -2,8 +2,6 @@
 //!
 //! Everything else that a run finds is in `words`, for whoever asks for it.
 
-use std::fmt::Write as _;
-
 use super::configuration::Configuration;
 use super::damage;
 use super::words::{references, rounded, some_of};
@@ -181,10 +179,11 @@ const NAMED: usize = 4;
 
 /// The link parameters that are identified, the clearest of them, and those that are not identifiable.
 fn identified(parameters: &[ParameterRow]) -> Option<String> {
-    let of = |model: Model| -> Vec<&ParameterRow> {
-        let own = parameters.iter().filter(|own| own.model == model);
-        own.filter(|own| is_of_links(own)).collect()
+    let is_of_links = |own: &&ParameterRow| {
+        own.belongs_to == BelongsTo::Link && own.quantity != ParameterQuantity::CommandWeight
     };
+    let links = || parameters.iter().filter(is_of_links);
+    let of = |model: Model| links().filter(move |own| own.model == model).collect::<Vec<_>>();
     let links = Model::serving().map(of).find(|own| !own.is_empty())?;
     let (found, not): (Vec<&ParameterRow>, Vec<&ParameterRow>) =
         links.iter().partition(|own| own.identifiability == Identifiability::Identifiable);
@@ -194,22 +193,16 @@ fn identified(parameters: &[ParameterRow]) -> Option<String> {
         clearest.map(|own| value(own))
     });
     let clearest: Vec<String> = clearest.into_iter().flatten().collect();
-    let mut words =
-        format!("identified: {} of {} parameters of the links", found.len(), links.len());
-    if !clearest.is_empty() {
-        let clearest = clearest.join(" and ");
-        write!(words, ", most clearly {clearest} (± two standard errors)").expect("a string");
-    }
-    if !not.is_empty() {
+    let clearest = clearest.join(" and ");
+    let clearest = (!clearest.is_empty())
+        .then(|| format!(", most clearly {clearest} (± two standard errors)"));
+    let not = (!not.is_empty()).then(|| {
         let named = some_of(not.into_iter().map(confounded), NAMED, "more");
-        write!(words, "; not identifiable: {named}").expect("a string");
-    }
-    Some(words)
-}
-
-fn is_of_links(parameter: &ParameterRow) -> bool {
-    parameter.belongs_to == BelongsTo::Link
-        && parameter.quantity != ParameterQuantity::CommandWeight
+        format!("; not identifiable: {named}")
+    });
+    let identified = format!("identified: {} of {} parameters", found.len(), links.len());
+    let [clearest, not] = [clearest, not].map(Option::unwrap_or_default);
+    Some(format!("{identified} of the links{clearest}{not}"))
 }
 
 /// How many standard errors an offset is large; 0 without one.

@@ -166,8 +166,7 @@ fn recomputed(
         }
         Err(NoSource::Other(reason)) => return Recomputed::No(reason),
     };
-    let table = source.driven_by();
-    let added = table.map(|made| recompute::add_table(lake, &made, temporary.path()));
+    let added = source.driven_by().map(|made| recompute::add_table(lake, &made, temporary.path()));
     if let Some(Err(reason)) = added {
         return Recomputed::No(reason);
     }

@@ -84,8 +84,7 @@ fn stated_words(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
 fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
     let judges = outcome.verdict.judges();
     let line = |judge: &Judge| format!("judged by {}", judge.line());
-    let named = judges.iter().filter(|_| judges.len() > 1);
-    named.map(line).chain(left_out(outcome)).collect()
+    judges.iter().filter(|_| judges.len() > 1).map(line).chain(left_out(outcome)).collect()
 }
 
 /// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is
@@ -157,8 +156,7 @@ fn several_sources(outcome: &Outcome<'_>) -> impl Iterator<Item = String> {
             100.0 * size.share
         )
     };
-    let shown = own.into_iter().filter(|_| !is_plain);
-    shown.map(words).collect::<Vec<String>>().into_iter()
+    own.into_iter().filter(|_| !is_plain).map(words).collect::<Vec<String>>().into_iter()
 }
 
 fn part_words(full: &FullModel) -> String {

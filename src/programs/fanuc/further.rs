@@ -115,8 +115,7 @@ fn greatest(bytes: &[u8], all: &[Token]) -> u32 {
     let all = all.windows(3).filter_map(|own| {
         let is_position =
             own[0].kind == Kind::Name && bytes[own[0].span()].eq_ignore_ascii_case(b"P");
-        let number = number(Cursor::new(bytes, &own[2..]));
-        number.filter(|_| is_position && own[1].is(b'['))
+        number(Cursor::new(bytes, &own[2..])).filter(|_| is_position && own[1].is(b'['))
     });
     all.max().unwrap_or(0)
 }

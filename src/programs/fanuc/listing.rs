@@ -34,9 +34,7 @@ pub(super) struct Listing<'f> {
 
 /// The word of a line that begins a section: `/MN`.
 pub(super) fn section(bytes: &[u8], line: &[Token]) -> Option<String> {
-    let [slash, word, ..] = line else {
-        return None;
-    };
+    let [slash, word, ..] = line else { return None };
     let begins = slash.is(b'/') && slash.span().end == word.span().start;
     let word = (begins && word.kind == Kind::Name).then(|| capitals(&bytes[word.span()]))?;
     matches!(word.as_str(), "PROG" | "ATTR" | "APPL" | "MN" | "POS" | "END").then_some(word)

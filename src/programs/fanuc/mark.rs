@@ -15,9 +15,7 @@ pub(crate) fn marks(file: &File, words: &str, _: &str, edits: &[Edit]) -> Vec<Ed
     let all = tokens(bytes, &FANUC);
     let lines: Vec<&[Token]> = lines(&all).collect();
     let is_head = |line: &&[Token]| section(bytes, line).is_some_and(|own| own == "MN");
-    let Some(head) = lines.iter().position(is_head) else {
-        return Vec::new();
-    };
+    let Some(head) = lines.iter().position(is_head) else { return Vec::new() };
     let (before, behind) = lines.split_at(head + 1);
     let end = behind.iter().position(|line| section(bytes, line).is_some());
     let (statements, behind) = behind.split_at(end.unwrap_or(behind.len()));

@@ -104,9 +104,7 @@ impl Reading<'_> {
     /// A statement that is no motion and no block.
     fn plain(&mut self, here: &Here<'_>, all: Cursor<'_>, steps: &mut Vec<Step>) {
         let mut rest = all;
-        let Some(word) = rest.take_name() else {
-            return;
-        };
+        let Some(word) = rest.take_name() else { return };
         match word.as_str() {
             "UFRAME_NUM" => self.set(here, Slot::Base, rest, steps),
             "UTOOL_NUM" => self.set(here, Slot::Tool, rest, steps),

@@ -46,9 +46,7 @@ pub(super) fn value(part: Cursor<'_>) -> Value {
 }
 
 fn six(value: &Value) -> Option<[Number; 6]> {
-    let Value::List(all) = value else {
-        return None;
-    };
+    let Value::List(all) = value else { return None };
     let all: Vec<Number> = all.iter().map(|own| own.number().cloned()).collect::<Option<_>>()?;
     all.try_into().ok()
 }
@@ -160,9 +158,7 @@ enum Frame {
 
 impl<'t> Read<'t> {
     fn of(part: Cursor<'t>) -> Option<Self> {
-        let Some(own) = arguments(part, "GET_INVERSE_KIN") else {
-            return Self::pose(part);
-        };
+        let Some(own) = arguments(part, "GET_INVERSE_KIN") else { return Self::pose(part) };
         match &own[..] {
             [(_, target)] => Self::pose(*target),
             [(_, target), (name, near)] if name.is_empty() || name == "QNEAR" => {
@@ -249,9 +245,7 @@ impl Reading<'_> {
 
     /// Whether the shapes of a target's positions are all of a kind.
     fn is_all(&self, target: &Target, is: impl Fn(&Shape) -> bool) -> bool {
-        let Target::Literal { positions, .. } = target else {
-            return false;
-        };
+        let Target::Literal { positions, .. } = target else { return false };
         let mut shapes = positions.iter().map(|own| &self.common.found.positions[*own].shape);
         shapes.all(|shape| shape.as_ref().is_ok_and(&is))
     }
@@ -307,9 +301,7 @@ impl Reading<'_> {
         if let (Some(near), Target::Literal { positions, .. }) = (read.near, &target) {
             let near = self.constant(here, near).and_then(|own| shape(&own));
             // From a place that nothing here knows the controller may reach another arm configuration.
-            let Some(Shape::Joints(near)) = near else {
-                return None;
-            };
+            let Some(Shape::Joints(near)) = near else { return None };
             let near: Vec<f64> = near.iter().map(|own| own.value).collect();
             for position in positions {
                 let shape = &mut self.common.found.positions[*position].shape;

@@ -121,9 +121,7 @@ impl Reading<'_> {
                 self.common.global.entry(name).or_default().push(full);
                 continue;
             }
-            let Some((name, part, is_element)) = assignment(statement) else {
-                continue;
-            };
+            let Some((name, part, is_element)) = assignment(statement) else { continue };
             let at = self.common.files[script.file].at(line);
             let variable = self.common.names.declare(&scope, &name, "VAR");
             let value = value(part);
@@ -227,9 +225,7 @@ impl Reading<'_> {
     }
 
     fn close_function(&mut self, walked: &mut Walked<'_, '_>, thread: Option<u32>) {
-        let Some((name, steps)) = walked.bodies.pop() else {
-            return;
-        };
+        let Some((name, steps)) = walked.bodies.pop() else { return };
         let full = format!("{}/{name}", self.scopes(walked.script.file, None)[0]);
         if let Some(line) = thread {
             let at = self.common.files[walked.script.file].at(line);

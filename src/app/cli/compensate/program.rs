@@ -255,9 +255,7 @@ fn run(args: &CompensateArgs) -> Result<(Report, Recording, Source), CompensateC
     if !not_stated.is_empty() {
         return Err(ProgramError::NotStated(not_stated).into());
     }
-    let Source::Arm(arm) = &source else {
-        return Err(ProgramError::Table.into());
-    };
+    let Source::Arm(arm) = &source else { return Err(ProgramError::Table.into()) };
     let recorded = Recorded::around(&named.path, &source)?;
     for file in &files {
         recorded.check_digest(Path::new(&file.name), &digest(&file.bytes))?;
@@ -407,9 +405,7 @@ impl CompensateArgs {
     }
 
     fn cell(&self) -> Result<Cell, ProgramError> {
-        let Some(path) = &self.program.cell else {
-            return Ok(Cell::default());
-        };
+        let Some(path) = &self.program.cell else { return Ok(Cell::default()) };
         let text = read(path)?;
         let text = String::from_utf8_lossy(&text);
         let cell: Cell = toml::from_str(&text)
@@ -463,7 +459,6 @@ impl CompensateArgs {
 fn read(path: &Path) -> Result<Vec<u8>, ProgramError> {
     let wrong = |source| ProgramError::Read(At::new(path.display(), source));
     let mut bytes = Vec::new();
-    let mut file = input::open(path, Bound::TARGETS).map_err(wrong)?;
-    file.read_to_end(&mut bytes).map_err(wrong)?;
+    input::open(path, Bound::TARGETS).map_err(wrong)?.read_to_end(&mut bytes).map_err(wrong)?;
     Ok(bytes)
 }

@@ -84,10 +84,7 @@ impl Recorded {
 
     /// Checks that the file is none that was written as corrected.
     pub(super) fn check_file(&self, targets: &Path) -> Result<()> {
-        if self.records.is_empty() {
-            return Ok(());
-        }
-        self.check_digest(targets, &digest(targets)?)
+        if self.records.is_empty() { Ok(()) } else { self.check_digest(targets, &digest(targets)?) }
     }
 
     /// Checks that a file of this digest is none that was written as corrected.
@@ -122,9 +119,7 @@ impl Recorded {
         by: CorrectedBy<'_>,
         no_record: bool,
     ) -> Result<Recording> {
-        let Some(lake) = &self.lake else {
-            return Ok(Recording::NoLake);
-        };
+        let Some(lake) = &self.lake else { return Ok(Recording::NoLake) };
         // A command that equals its target, within the tolerance, is not recorded.
         let is_moved = |done: &&&Corrected| done.correction.amax() > 2.0 * SAME_MM;
         let moved: Vec<&Corrected> = made.corrected.iter().filter(is_moved).copied().collect();
@@ -225,9 +220,7 @@ impl<'r> Near<'r> {
     }
 
     fn has(&self, wanted: &[f64]) -> bool {
-        let Some(first) = wanted.first() else {
-            return false;
-        };
+        let Some(first) = wanted.first() else { return false };
         let from = self.sorted.partition_point(|list| list[0] < first - self.apart);
         let near = self.sorted[from..].iter();
         near.take_while(|list| list[0] <= first + self.apart).any(|list| {

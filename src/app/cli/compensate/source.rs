@@ -232,6 +232,5 @@ fn ranges(spans: &[[f64; 2]], units: &JointUnits) -> String {
         }
         format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees())
     };
-    let ranges = spans.iter().enumerate().map(range);
-    ranges.collect::<Vec<_>>().join(", ")
+    spans.iter().enumerate().map(range).collect::<Vec<_>>().join(", ")
 }

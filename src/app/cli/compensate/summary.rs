@@ -11,63 +11,44 @@ const REFUSALS_SHOWN: usize = 20;
 
 impl fmt::Display for Compensated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let by = self.source.by(&[]);
-        if let Some(words) = &self.named.words {
-            writeln!(f, "{words}")?;
-        }
-        writeln!(
-            f,
-            "{} {:?} of robot {:?}, session {:?}; {}",
-            self.source.what(),
-            by.table_id,
-            by.key.robot,
-            by.key.session,
-            valid_for(self.source.validity())
-        )?;
-        for line in self.source.frame() {
-            writeln!(f, "{line}")?;
-        }
-        writeln!(f, "{}", self.source.measured())?;
-        if let Some(words) = self.source.table_and_arm() {
-            writeln!(f, "{words}")?;
-        }
-        for line in checked(&self.held) {
-            writeln!(f, "{line}")?;
-        }
-        self.write_warnings(f)?;
-        if let Some(words) = self.recording.words() {
-            writeln!(f, "{words}")?;
-        }
-        for refused in self.refused().take(REFUSALS_SHOWN) {
-            writeln!(f, "{refused}")?;
-        }
+        let (source, by) = (&self.source, self.source.by(&[]));
+        let (robot, session) = (&by.key.robot, &by.key.session);
+        let (what, table, valid) = (source.what(), by.table_id, valid_for(source.validity()));
+        let mut lines = Vec::from_iter(self.named.words.clone());
+        lines.push(format!("{what} {table:?} of robot {robot:?}, session {session:?}; {valid}"));
+        lines.extend(source.frame());
+        lines.push(source.measured());
+        lines.extend(source.table_and_arm().map(str::to_owned));
+        lines.extend(checked(&self.held));
+        lines.extend(self.warnings());
+        lines.extend(self.recording.words().map(str::to_owned));
+        lines.extend(self.refused().take(REFUSALS_SHOWN).map(ToString::to_string));
         let (all, corrected) = (self.outcomes.len(), self.corrected().count());
-        write!(f, "{all} targets: {corrected} corrected, refused: {}", self.refusals())?;
-        let largest =
-            self.corrected().map(|corrected| corrected.correction.norm()).fold(0.0, f64::max);
-        write!(f, "; largest correction {largest:.3} mm")
+        let largest = self.corrected().map(|own| own.correction.norm()).fold(0.0, f64::max);
+        lines.push(format!(
+            "{all} targets: {corrected} corrected, refused: {}; largest correction {largest:.3} mm",
+            self.refusals()
+        ));
+        f.write_str(&lines.join("\n"))
     }
 }
 
 impl Compensated {
-    fn write_warnings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for warning in self.source.warnings(&self.targets.targets) {
-            writeln!(f, "{warning}")?;
-        }
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.source.warnings(&self.targets.targets);
         let mut allowed = BTreeMap::<&str, usize>::new();
         let needed = self.corrected().flat_map(|done| &done.allowed);
         needed.for_each(|exception| *allowed.entry(exception.word()).or_default() += 1);
-        for (name, count) in allowed {
-            writeln!(
-                f,
+        warnings.extend(allowed.into_iter().map(|(name, count)| {
+            format!(
                 "{count} targets were corrected by an exception, {name} allowed: see column allowed"
-            )?;
-        }
+            )
+        }));
         if !self.targets.unused.is_empty() {
             let unused = self.targets.unused.join(", ");
-            writeln!(f, "columns without effect on a correction: {unused}")?;
+            warnings.push(format!("columns without effect on a correction: {unused}"));
         }
-        Ok(())
+        warnings
     }
 
     fn refusals(&self) -> String {

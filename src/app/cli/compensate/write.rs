@@ -14,10 +14,7 @@ impl CompensateArgs {
             return Ok(if form == Form::Json { form } else { Form::Csv });
         };
         let wanted = Form::of(out)?;
-        if out.exists() {
-            return Err(CompensateCommandError::Exists(out.clone()));
-        }
-        Ok(wanted)
+        if out.exists() { Err(CompensateCommandError::Exists(out.clone())) } else { Ok(wanted) }
     }
 
     pub(super) fn write(&self, bytes: &[u8], mut stdout: impl Write) -> Result<()> {

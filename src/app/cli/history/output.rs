@@ -103,8 +103,7 @@ fn rows<'h>(
     robots: &'h [RobotHistory],
     all: &'h [Vec<Vec<Figure>>],
 ) -> Vec<(&'h PastSession, &'h Figure)> {
-    let sessions = robots.iter().flat_map(|robot| &robot.sessions);
-    let figures = sessions.zip(all.iter().flatten());
+    let figures = robots.iter().flat_map(|robot| &robot.sessions).zip(all.iter().flatten());
     figures.flat_map(|(session, own)| own.iter().map(move |figure| (session, figure))).collect()
 }
 

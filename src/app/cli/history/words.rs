@@ -66,8 +66,7 @@ type Changed<'h> = (&'h PastSession, Option<bool>);
 fn changes(robot: &RobotHistory) -> Vec<String> {
     let lasting = PastSession::lasting(&robot.sessions);
     let has_moved = |(session, _): &Changed<'_>| session.judged.in_words().is_some();
-    let with_lasting = robot.sessions.iter().zip(lasting);
-    let changed: Vec<Changed<'_>> = with_lasting.filter(has_moved).collect();
+    let changed: Vec<Changed<'_>> = robot.sessions.iter().zip(lasting).filter(has_moved).collect();
     let is_out = |session: &&PastSession| session.judged.out_of_control().next().is_some();
     let out = robot.sessions.iter().filter(is_out).count();
     let segments = robot.sessions.last().map_or(0, |last| last.judged.segment);

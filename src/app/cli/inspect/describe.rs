@@ -1,5 +1,4 @@
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use super::{escaped, shown};
 use crate::ingest::LogReject;
@@ -142,20 +141,18 @@ fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
 fn of_clock(name: &str, clock: &ClockSummary) -> String {
     let (first, last) = (moment(clock.first), moment(clock.last));
     let gap_s = seconds(clock.largest_gap);
-    let mut text = format!("{name:<7} {first} … {last}, largest gap {gap_s:.3} s");
     let usual = clock.span_s() / (clock.count - 1).max(1) as f64;
-    if seconds(clock.largest_gap) > LONG_GAP * usual {
-        write!(text, " after {}", moment(clock.gap_start)).expect("writing to a string");
-    }
+    let after = (gap_s > LONG_GAP * usual).then(|| format!(" after {}", moment(clock.gap_start)));
+    let after = after.unwrap_or_default();
+    let mut parts = vec![format!("{name:<7} {first} … {last}, largest gap {gap_s:.3} s{after}")];
     if clock.backward > 0 {
         let largest = seconds(clock.largest_step_back);
-        write!(text, ", {} steps back (by {largest:.3} s at most)", clock.backward)
-            .expect("writing to a string");
+        parts.push(format!("{} steps back (by {largest:.3} s at most)", clock.backward));
     }
     if clock.duplicate > 0 {
-        write!(text, ", {} duplicates", clock.duplicate).expect("writing to a string");
+        parts.push(format!("{} duplicates", clock.duplicate));
     }
-    text
+    parts.join(", ")
 }
 
 /// A time in seconds with all its digits.
@@ -191,21 +188,18 @@ fn damage(read_summary: &ReadSummary) -> String {
         return "\n  no damage".to_owned();
     }
     let (lost, bytes) = (read_summary.bytes_lost(), read_summary.bytes.max(1));
-    let mut text = format!(
+    let mut lines = vec![format!(
         "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %){}; [input] max_lost_share sets how much may be",
         rejects.len(),
         read_summary.bytes,
         100.0 * lost as f64 / bytes as f64,
         messages_lost(read_summary)
-    );
-    for reject in rejects.iter().take(MOST_PRINTED) {
-        text.extend(["\n    ", &of_reject(reject)]);
-    }
+    )];
+    lines.extend(rejects.iter().take(MOST_PRINTED).map(of_reject));
     if rejects.len() > MOST_PRINTED {
-        let more = rejects.len() - MOST_PRINTED;
-        write!(text, "\n    and {more} more").expect("writing to a string");
+        lines.push(format!("and {} more", rejects.len() - MOST_PRINTED));
     }
-    text
+    lines.join("\n    ")
 }
 
 /// The number of messages known to be lost, after a comma; empty where none is.
@@ -220,19 +214,13 @@ fn messages_lost(read_summary: &ReadSummary) -> String {
 }
 
 fn of_reject(reject: &LogReject) -> String {
-    let mut text = format!("bytes {}..{}", reject.byte_start, reject.byte_end);
-    if let Some(messages) = reject.messages {
-        write!(text, ", {messages} messages").expect("writing to a string");
-    }
-    if let Some(topic) = &reject.topic {
-        write!(text, " of {}", shown(topic)).expect("writing to a string");
-    }
-    if let Some((first, last)) = reject.time_span_ns {
-        let (first, last) = (moment(first), moment(last));
-        write!(text, ", log time {first} … {last}").expect("writing to a string");
-    }
-    write!(text, ": {}", escaped(&reject.reason)).expect("writing to a string");
-    text
+    let mut parts = vec![format!("bytes {}..{}", reject.byte_start, reject.byte_end)];
+    parts.extend(reject.messages.map(|messages| format!(", {messages} messages")));
+    parts.extend(reject.topic.as_ref().map(|topic| format!(" of {}", shown(topic))));
+    let span = reject.time_span_ns.map(|(first, last)| (moment(first), moment(last)));
+    parts.extend(span.map(|(first, last)| format!(", log time {first} … {last}")));
+    parts.push(format!(": {}", escaped(&reject.reason)));
+    parts.concat()
 }
 
 fn or_none(text: &str) -> String {

@@ -1,6 +1,5 @@
 //! The sections of a pipeline file that would read the logs; values that no log states are comments to fill in.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use super::{Form, escaped, shown, toml_text};
@@ -132,29 +131,26 @@ fn of_section(
         Some(unit) => (unit, format!("by values up to {:.4}", channel.traffic.sizes.largest)),
         None => (usual, "by ROS convention".to_owned()),
     };
-    let mut text = format!(
-        "[{}]\ntopic = {}\ntime = \"{}\"\nunit = \"{unit}\"  # {choices}: guessed {guessed}\n",
-        section.name(),
+    let mut lines = vec![format!("[{}]", section.name())];
+    lines.push(format!(
+        "topic = {}\ntime = \"{}\"",
         toml_text(&channel.topic),
         channel.best_time()
-    );
+    ));
+    lines.push(format!("unit = \"{unit}\"  # {choices}: guessed {guessed}"));
     let fields = channel.suggestion.as_ref().and_then(|found| found.fields.as_ref());
-    if let Some(fields) = fields {
-        writeln!(text, "{fields}  # guessed by their names: check them")
-            .expect("writing to a string");
-    }
+    lines.extend(fields.map(|fields| format!("{fields}  # guessed by their names: check them")));
     let joints = &channel.traffic.joints;
     if section == Section::Controller && !joints.is_empty() {
         let names: Vec<_> = joints.iter().map(|name| escaped(name)).collect();
         let names = names.join(", ");
-        writeln!(text, "# the robot file has to name these joints: {names}")
-            .expect("writing to a string");
+        lines.push(format!("# the robot file has to name these joints: {names}"));
     }
     let temperature = most(found, &|_, channel| layout(channel) == Some(Layout::Temperature));
     if let (Some(temperature), Section::Tracker) = (temperature, section) {
-        writeln!(text, "temperature = {}", toml_text(&temperature.topic))
-            .expect("writing to a string");
+        lines.push(format!("temperature = {}", toml_text(&temperature.topic)));
     }
+    let mut text = lines.join("\n") + "\n";
     text += &section.to_fill_in(form);
     if names_targets(channel) {
         text += "\n[[tracker.targets]]\nname = \"tool\"\n# is = \"…\"  # the reflector's name in the messages\n";
@@ -179,20 +175,15 @@ fn left_out(section: &str) -> String {
 pub fn files(found: &[Inspection]) -> String {
     let mut text = String::new();
     for (key, section) in [("controller", Section::Controller), ("tracker", Section::Tracker)] {
-        let Some(topic) =
-            most(found, &|beside_joints, channel| section.suits(beside_joints, channel))
-                .map(|c| &c.topic)
-        else {
-            continue;
-        };
-        let parts = parts(found, topic);
+        let suits = |beside_joints, channel: &_| section.suits(beside_joints, channel);
+        let Some(channel) = most(found, &suits) else { continue };
+        let parts = parts(found, &channel.topic);
         let names: Vec<_> = parts.iter().map(|part| toml_text(&part.name)).collect();
-        match &names[..] {
-            [one] => writeln!(text, "{key} = {one}"),
-            several => writeln!(text, "{key} = [{}]", several.join(", ")),
-        }
-        .expect("writing to a string");
-        text += &joints_of(&parts);
+        let names = match &names[..] {
+            [one] => one.clone(),
+            several => format!("[{}]", several.join(", ")),
+        };
+        text.extend([key, " = ", &names, "\n", &joints_of(&parts)]);
     }
     text + "\n"
 }

@@ -1,7 +1,6 @@
 pub mod arm;
 mod section;
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
@@ -178,9 +177,7 @@ fn residual(tried: &Tried, words: &str) -> String {
     } else {
         "over 1 km".to_owned()
     };
-    let mut text = String::new();
-    write!(text, "  {size:>10} mm  {}", escaped(words)).expect("writing to a string");
-    text
+    format!("  {size:>10} mm  {}", escaped(words))
 }
 
 fn difference(guess: &Guess, differs: Differs, tried: &Tried) -> String {

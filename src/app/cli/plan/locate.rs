@@ -1,6 +1,5 @@
 //! `posegrid plan --locate`: the poses that find base and reflector after a remount, as words and as CSV.
 
-use std::fmt::Write as _;
 use std::io::Write;
 
 use super::{PlanArgs, PlanCommandError, WriteCause, new_csv};
@@ -25,13 +24,13 @@ pub(super) fn located(args: &PlanArgs, count: usize) -> Result<(bool, String), P
 fn words(located: &Located, args: &PlanArgs) -> String {
     let (plan, key) = (&located.plan, &located.identified_by);
     let what = if located.with_target { "base and reflector" } else { "base" };
-    let mut text = format!(
-        "{} poses that find {what} of robot {:?}, whose arm run {} of session {} identified\n",
+    let mut lines = vec![format!(
+        "{} poses that find {what} of robot {:?}, whose arm run {} of session {} identified",
         plan.poses.len(),
         key.robot,
         key.run,
         key.session
-    );
+    )];
     for (place, pose) in plan.poses.iter().enumerate() {
         let joints = pose.joints.iter().zip(located.arm.joints());
         let value = |(q, joint): (&f64, &Joint)| {
@@ -39,30 +38,25 @@ fn words(located: &Located, args: &PlanArgs) -> String {
             format!("{:.3}{unit}", joint.shown(*q))
         };
         let joints: Vec<String> = joints.map(value).collect();
-        writeln!(text, "  p{place:<3} joints {}°", joints.join(" ")).expect("a string");
+        lines.push(format!("  p{place:<3} joints {}°", joints.join(" ")));
     }
     let share = 100.0 * located.settings.tolerance.share;
     let line = |expected: &Expected| {
         format!("mean {:.3} mm, {share} % within {:.3} mm", expected.mean_mm, expected.share_mm)
     };
     let promise = line(&plan.promise);
-    writeln!(text, "expected errors over the box, drift still to come included: {promise}")
-        .expect("a string");
-    for (poses, expected) in &plan.others {
-        writeln!(text, "  with {poses} poses: {}", line(expected)).expect("a string");
-    }
+    lines.push(format!("expected errors over the box, drift still to come included: {promise}"));
+    let others = plan.others.iter();
+    lines.extend(others.map(|(poses, own)| format!("  with {poses} poses: {}", line(own))));
     let alone = line(&plan.arm_alone);
-    writeln!(text, "  with the whole box measured: {alone}, which only a better arm improves")
-        .expect("a string");
+    lines.push(format!("  with the whole box measured: {alone}, which only a better arm improves"));
     let is_met = if plan.is_met(&located.settings) { "expected" } else { "not expected" };
     let tolerance_mm = located.settings.tolerance.mm;
-    writeln!(text, "tolerance {tolerance_mm} mm: {share} % of errors {is_met} within it")
-        .expect("a string");
-    text += "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test\n";
-    if let Some(csv) = &args.out {
-        writeln!(text, "poses: {}", csv.display()).expect("a string");
-    }
-    text
+    lines.push(format!("tolerance {tolerance_mm} mm: {share} % of errors {is_met} within it"));
+    let judge = "to judge a session so: [report] locate = { by = \"chosen\", stations = N, target = \"own\" }, and the session under [input] test";
+    lines.push(judge.to_owned());
+    lines.extend(args.out.as_ref().map(|csv| format!("poses: {}", csv.display())));
+    lines.join("\n") + "\n"
 }
 
 /// The poses in their order: names, joint angles in degrees, and the reflector's nominal pose in the base frame.

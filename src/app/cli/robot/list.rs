@@ -28,8 +28,7 @@ fn reach_mm(arm: &Arm) -> f64 {
     let zero = arm.joints().iter().map(|j| 0.0_f64.clamp(j.lower, j.upper));
     let home = arm.home().map(<[f64]>::to_vec);
     let starts = [Some(middle.collect()), Some(zero.collect()), home];
-    let reaches = starts.into_iter().flatten().map(|start| from(arm, start));
-    reaches.fold(0.0, f64::max)
+    starts.into_iter().flatten().map(|start| from(arm, start)).fold(0.0, f64::max)
 }
 
 fn from(arm: &Arm, mut q: Vec<f64>) -> f64 {

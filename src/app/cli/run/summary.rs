@@ -1,8 +1,6 @@
 //! The summary of a batch. A line begins with how the session ended, in one word and always in the same columns, so
 //! that `grep '^failed'` finds what it says. Sessions stand in the order of the configuration.
 
-use std::fmt::Write as _;
-
 use serde::Serialize;
 
 use super::stop::Stop;
@@ -23,20 +21,13 @@ pub fn work(fleet: &Fleet) -> String {
         let names: Vec<_> = sessions.iter().map(|s| Printable(&s.name).to_string()).collect();
         names.join(", ")
     };
-    let mut text = String::new();
-    for own in fleet.pieces() {
-        let (piece, label) = (own.piece, own.label());
-        let session = Printable(&label);
-        write!(text, "{session}: learns from {}", names(&piece.training)).expect("a string");
-        if !piece.test.is_empty() {
-            write!(text, "; judged on {}", names(&piece.test)).expect("a string");
-        }
-        text.push('\n');
-    }
-    for aside in &fleet.set_aside {
-        text += &aside_line(aside);
-    }
-    text
+    let line = |own: FleetPiece<'_>| {
+        let (label, training, test) = (own.label(), names(&own.piece.training), &own.piece.test);
+        let judged = (!test.is_empty()).then(|| format!("; judged on {}", names(test)));
+        let judged = judged.unwrap_or_default();
+        format!("{}: learns from {training}{judged}\n", Printable(&label))
+    };
+    fleet.pieces().into_iter().map(line).chain(fleet.set_aside.iter().map(aside_line)).collect()
 }
 
 /// Lines, summaries and totals, with all words where it is `verbose`; set aside are the configuration's own, and those that pools had to do without.
@@ -123,21 +114,14 @@ fn state_line(state: &str, session: &str, words: &str) -> String {
 }
 
 fn outcome(done: &Done) -> String {
-    let mut text = verdict(&done.verdict).to_owned();
-    if let Some(of) = done.verdict_of {
-        write!(text, " by the {}", of.words()).expect("a string");
-    }
-    if let Some(reason) = &done.reason {
-        write!(text, ": {reason}").expect("a string");
-    }
-    write!(text, ", run {}", done.key.run).expect("a string");
-    for line in &done.rejected {
-        write!(text, ", too much rejected: {line}").expect("a string");
-    }
-    if let (true, Some(page)) = (done.already_there, &done.page) {
-        write!(text, ", page {}", near(page)).expect("a string");
-    }
-    text
+    let mut parts = vec![verdict(&done.verdict).to_owned()];
+    parts.extend(done.verdict_of.map(|of| format!(" by the {}", of.words())));
+    parts.extend(done.reason.as_ref().map(|reason| format!(": {reason}")));
+    parts.push(format!(", run {}", done.key.run));
+    parts.extend(done.rejected.iter().map(|line| format!(", too much rejected: {line}")));
+    let page = done.page.as_ref().filter(|_| done.already_there);
+    parts.extend(page.map(|page| format!(", page {}", near(page))));
+    parts.concat()
 }
 
 /// The line of a result that was there before is enough, unless it took the place of another.
@@ -162,12 +146,9 @@ fn paragraph(label: &str, ending: &Ending, verbose: bool) -> String {
     } else {
         format!("{}: ", Printable(label))
     };
-    let mut text = format!("{pool}{}\n", Printable(&summary.read));
-    for line in &lines {
-        writeln!(text, "  {}", Printable(line)).expect("a string");
-    }
-    text.push('\n');
-    text
+    let line = |line: &String| format!("  {}\n", Printable(line));
+    let lines: String = lines.iter().map(line).collect();
+    format!("{pool}{}\n{lines}\n", Printable(&summary.read))
 }
 
 fn warning((first, others): &(&str, Vec<&str>)) -> String {
@@ -251,7 +232,8 @@ impl Totals {
         let all = results + failed + stopped;
         let tolerance = tolerance_mm
             .map_or_else(|| "their robot's tolerance".to_owned(), |mm| format!("{mm} mm"));
-        let mut text = match until {
+        let stopped = if *stopped > 0 { format!(", {stopped} stopped") } else { String::new() };
+        let text = match until {
             None => format!(
                 "{met} of {all} within {tolerance}, {failed} without a result: {new} done, {before} done before, \
                  {not_met} not met, {failed} failed, {waiting} waiting"
@@ -261,10 +243,7 @@ impl Totals {
                 until.stage().names[1]
             ),
         };
-        if *stopped > 0 {
-            write!(text, ", {stopped} stopped").expect("a string");
-        }
-        text + "\n"
+        text + &stopped + "\n"
     }
 }
 

@@ -10,7 +10,7 @@ use crate::simulate::settings::{CameraSettings, Instrument, ScannerSettings, Sim
 pub(super) struct InstrumentFlags {
     /// A stationary scanner (structured light, a laser line) that reads points and states their covariances: standard deviations along and
     /// across the line of sight at 1 m, mm; the first grows with the square of the distance, the other with the distance
-    #[arg(long, value_name = "ALONG,ACROSS", value_parser = scanner, group = "instrument", conflicts_with_all = OF_TRACKERS)]
+    #[arg(long, value_name = "ALONG,ACROSS", value_parser = |text: &str| numbers::<2>(text, "2"), group = "instrument", conflicts_with_all = OF_TRACKERS)]
     scanner: Option<[f64; 2]>,
     /// A camera that sees a flat, square target and states its pose's covariance: focal length and noise of a corner, pixels, edge of the
     /// target, mm, and corners along it
@@ -59,11 +59,6 @@ impl InstrumentFlags {
         settings.cell.six_dof = self.camera.is_some();
         settings.tracker.outlier_share = 0.0;
     }
-}
-
-/// Standard deviations of a scanner along and across the line of sight at 1 m, mm.
-fn scanner(text: &str) -> Result<[f64; 2], String> {
-    numbers(text, "2")
 }
 
 /// Focal length, noise and edge of a camera, px, px and mm, and the corners along the edge.

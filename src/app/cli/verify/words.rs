@@ -1,7 +1,6 @@
 //! The outcome of a verification, as lines of text.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 use crate::cli::messages::Printable;
 use crate::files::table::compare::{ColumnDifference, Comparison, OneSided};
@@ -99,23 +98,20 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected, asked: bool) ->
     }
     let counts: Vec<String> = words.iter().map(|(word, count)| format!("{count} {word}")).collect();
     let runs = if verdicts.len() == 1 { "run" } else { "runs" };
-    let mut text = format!("\n{} {runs}", verdicts.len());
-    if !counts.is_empty() {
-        write!(text, ": {}", counts.join(", ")).expect("a string");
-    }
+    let counts = if counts.is_empty() { String::new() } else { format!(": {}", counts.join(", ")) };
+    let mut parts = vec![format!("\n{} {runs}{counts}", verdicts.len())];
     let open = verdicts.iter().filter(|verdict| verdict.is_open()).count();
     if !asked && open > 0 {
-        write!(text, "; only the digests of these {open} were compared: recompute with --pipeline")
-            .expect("a string");
+        let open = format!("only the digests of these {open} were compared");
+        parts.push(format!("{open}: recompute with --pipeline"));
     }
     if selected.not_drawn > 0 {
-        write!(text, "; {} not drawn", selected.not_drawn).expect("a string");
+        parts.push(format!("{} not drawn", selected.not_drawn));
     }
-    for (pipeline, count) in &selected.by_others {
-        let pipeline = Printable(pipeline);
-        write!(text, "; {count} by the pipeline file {pipeline} not looked at").expect("a string");
-    }
-    text
+    parts.extend(selected.by_others.iter().map(|(pipeline, count)| {
+        format!("{count} by the pipeline file {} not looked at", Printable(pipeline))
+    }));
+    parts.join("; ")
 }
 
 /// All findings about a run, one per line.
@@ -217,8 +213,7 @@ fn input(input: &ChangedInput) -> String {
         Ok(found) => file(found),
         Err(reason) => reason.clone(),
     };
-    let claimed = input.claimed.as_ref();
-    let claimed = claimed.map_or_else(|| "no such input".to_owned(), file);
+    let claimed = input.claimed.as_ref().map_or_else(|| "no such input".to_owned(), file);
     format!("input {}: {found}; the row states {claimed}", input.name)
 }
 
@@ -264,20 +259,17 @@ fn values(name: &str, comparison: &Comparison) -> Vec<String> {
 }
 
 fn difference(column: &ColumnDifference) -> String {
-    let mut text =
-        format!("column {}: {} of {} cells differ", column.column, column.cells, column.compared);
-    if let Some(largest) = &column.largest {
-        write!(
-            text,
-            ", by at most {:.3e} (relative {:.3e}: {:?} published, {:?} computed, at {})",
+    let ColumnDifference { column: name, cells, compared, .. } = column;
+    let mut parts = vec![format!("column {name}: {cells} of {compared} cells differ")];
+    parts.extend(column.largest.as_ref().map(|largest| {
+        format!(
+            "by at most {:.3e} (relative {:.3e}: {:?} published, {:?} computed, at {})",
             largest.absolute, largest.relative, largest.published, largest.computed, largest.row
         )
-        .expect("a string");
-    }
-    if let Some(unlike) = &column.unlike {
+    }));
+    parts.extend(column.unlike.as_ref().map(|unlike| {
         let (published, computed, row) = (&unlike.published, &unlike.computed, &unlike.row);
-        write!(text, ", first {published:?} published, {computed:?} computed, at {row}")
-            .expect("a string");
-    }
-    text
+        format!("first {published:?} published, {computed:?} computed, at {row}")
+    }));
+    parts.join(", ")
 }

@@ -76,9 +76,7 @@ fn measured(of: &Report<'_>) -> String {
 
 /// U beside the smallest AP that was measured over all poses.
 fn uncertainty(of: &Report<'_>) -> String {
-    let Some(u_mm) = of.expanded_uncertainty_mm() else {
-        return NOT_STATED.to_owned();
-    };
+    let Some(u_mm) = of.expanded_uncertainty_mm() else { return NOT_STATED.to_owned() };
     let u = format!("U = {} mm (k = 2) of one position", words::fixed(u_mm, 3));
     let measured = figures(of, Characteristic::ApP).filter(|own| own.evidence != Moment::After);
     let accuracies = measured.filter(|own| own.pose.is_none()).filter_map(|own| own.value);

@@ -14,8 +14,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     }
     ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
     let of = |own: TableVerdict| {
-        let places = ratios.iter().enumerate();
-        let points = places.filter(|(_, (_, verdict))| *verdict == own);
+        let points = ratios.iter().enumerate().filter(|(_, (_, verdict))| *verdict == own);
         let points: Vec<[f64; 2]> =
             points.map(|(place, (ratio, _))| [place as f64 + 1.0, *ratio]).collect();
         (!points.is_empty()).then(|| Series::new(verdict(own), vec![Marks::Points(points)]))

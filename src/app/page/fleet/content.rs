@@ -49,8 +49,7 @@ impl Content {
     }
 
     pub(super) fn measured(&self) -> impl Iterator<Item = (&Robot, &Newest)> {
-        let robots = self.robots.iter();
-        robots.filter_map(|robot| Some((robot, robot.newest.as_ref()?)))
+        self.robots.iter().filter_map(|robot| Some((robot, robot.newest.as_ref()?)))
     }
 
     /// Days from the start of a session to the time that the page is of, none of them negative; `None` where one is not known.

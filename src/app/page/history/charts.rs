@@ -102,8 +102,7 @@ fn banded(series: &Series, scale: f64) -> Drawn {
 pub(super) fn control(content: &Content) -> Markup {
     let groups = [(true, "Accuracy figures"), (false, "Base, target and joint offsets")];
     let figures = groups.map(|(is_accuracy, caption)| {
-        let own = content.series.iter();
-        let own = own.filter(|series| series.is_accuracy == is_accuracy);
+        let own = content.series.iter().filter(|series| series.is_accuracy == is_accuracy);
         let averages = own.map(|series| Drawn::line(&named(&series.name), averages(series)));
         figure(caption, averages.collect())
     });

@@ -26,7 +26,6 @@ impl Content {
 
     /// The rows of one study, in the table's order.
     pub(super) fn of_study(&self, study: FigureStudy) -> Vec<&FigureRow> {
-        let own = self.figures.iter().filter(|row| row.study == study);
-        own.collect()
+        self.figures.iter().filter(|row| row.study == study).collect()
     }
 }

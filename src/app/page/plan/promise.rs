@@ -21,8 +21,7 @@ fn verdict(content: &Content) -> TableVerdict {
 }
 
 fn found(content: &Content) -> Option<&FigureRow> {
-    let mut rows = content.figures.iter();
-    rows.find(|row| row.study == FigureStudy::Promise)
+    content.figures.iter().find(|row| row.study == FigureStudy::Promise)
 }
 
 pub(super) fn header(content: &Content) -> Markup {

@@ -103,14 +103,12 @@ fn counts(content: &Content) -> Markup {
 
 /// Whether a joint (from 0) slides, so that its values are in mm.
 fn slides(content: &Content, joint: usize) -> bool {
-    let units = content.visits.first();
-    let units = units.and_then(|visit| visit.joint_units.as_ref());
+    let units = content.visits.first().and_then(|visit| visit.joint_units.as_ref());
     units.is_some_and(|units| units.get(joint).is_some_and(|unit| unit == "mm"))
 }
 
 fn rows(content: &Content) -> Markup {
-    let joints = content.visits.iter().take(1);
-    let joints = joints.flat_map(|first| first.joint_names.iter());
+    let joints = content.visits.iter().take(1).flat_map(|first| first.joint_names.iter());
     let head = html! {
         th { "Target" } th.word { "Purpose" }
         @for (place, joint) in joints.enumerate() { th { (joint) @if slides(content, place) { ", mm" } @else { ", °" } } }

@@ -163,8 +163,7 @@ impl NewRun {
         let files = claim.files.iter().filter(|file| file.table == "accuracy");
         let read = files.map(|file| {
             let key = claim.key.of_session(&file.session);
-            let table = lake.read_written(&file.table, &key, &file.digest);
-            table.map_err(|error| error.to_string())
+            lake.read_written(&file.table, &key, &file.digest).map_err(|error| error.to_string())
         });
         match read.collect::<Result<Vec<Table>, String>>() {
             Ok(accuracy) => Ok([vec![row], accuracy, Vec::new()]),
@@ -201,8 +200,7 @@ pub(super) fn of(row: &Table) -> String {
     let started = if row.schema().table == ASKED {
         AskedRow::read(row).first().map(|row| row.asked_at)
     } else {
-        let mut rows = RunRow::read(row).into_iter();
-        rows.find_map(|row| row.ending.session_started)
+        RunRow::read(row).into_iter().find_map(|row| row.ending.session_started)
     };
     // Its text begins with year and month: 2020-11-09 12:34:56.
     started.map_or_else(|| UNDATED.to_owned(), |time| time.to_string().chars().take(7).collect())

@@ -204,12 +204,8 @@ fn columns(stations: &StationsSettings, joints: usize) -> Check {
         "the targets that are measured, the main one first",
     )?;
     let twice = names.iter().enumerate().find(|(place, name)| names[..*place].contains(name));
-    wrong_unless(
-        twice.is_none(),
-        "[stations] targets",
-        twice.map_or_else(String::new, |(_, name)| format!("{name:?} twice")),
-        "names, each of one target",
-    )?;
+    let twice = twice.map(|(_, name)| format!("{name:?} twice"));
+    wrong_if(twice, "[stations] targets", "names, each of one target")?;
     wrong_unless(
         is_long || stations.targets.is_empty(),
         "[stations] targets",
@@ -267,9 +263,8 @@ pub(super) fn paths(key: &str, paths: &[&str]) -> Check {
 fn grid(grid: &GridSettings) -> Check {
     let steps = &grid.steps_mm;
     let twice = |place: &usize| steps[..*place].contains(&steps[*place]);
-    if let Some(place) = (0..steps.len()).find(twice) {
-        return Err(ConfigurationErrorKind::setting("[grid] steps_mm", steps[place], "given once"));
-    }
+    let twice = (0..steps.len()).find(twice).map(|place| steps[place]);
+    wrong_if(twice, "[grid] steps_mm", "given once")?;
     if let Some(bounds) = &grid.bounds {
         work_box(bounds)?;
     }
@@ -299,5 +294,14 @@ pub(in crate::pipeline) fn wrong_unless(
     found: impl Display,
     wanted: impl Display,
 ) -> Check {
-    if holds { Ok(()) } else { Err(ConfigurationErrorKind::setting(key, found, wanted)) }
+    wrong_if((!holds).then_some(found), key, wanted)
+}
+
+/// An error where there is something to be found.
+pub(super) fn wrong_if(
+    found: Option<impl Display>,
+    key: impl Display,
+    wanted: impl Display,
+) -> Check {
+    found.map_or(Ok(()), |found| Err(ConfigurationErrorKind::setting(key, found, wanted)))
 }

@@ -68,8 +68,7 @@ impl Source {
     pub fn of(&self, robots: &Robots, robot: &StatedRobot) -> Result<Files> {
         let text = robots.file_of(&robot.entry).to_string();
         let file = self.keys(&text, false).and_then(|()| self.made(&text));
-        let files = file.and_then(|file| self.checked(file));
-        files.map_err(|source| robot.fault(source))
+        file.and_then(|file| self.checked(file)).map_err(|source| robot.fault(source))
     }
 
     /// The pipeline file of a robot that stands for all of them: its sessions are those of every robot.

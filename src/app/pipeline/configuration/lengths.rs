@@ -1,6 +1,6 @@
 //! `[[stations.lengths]]` and `[[tracker.lengths]]`: what can be wrong with instruments of one length before a file is opened.
 
-use super::checks::{Check, paths, wrong_unless};
+use super::checks::{Check, paths, wrong_if, wrong_unless};
 use crate::ingest::{
     LengthColumns, LengthRead, LengthSource, LoggedLength, StandsOn, StationsSettings,
     TrackerSettings,
@@ -13,12 +13,10 @@ pub(super) fn columns(stations: &StationsSettings, targets: &[String]) -> Check 
         targets.iter().any(|own| own == name) || references.any(|own| own.name == name)
     };
     let shared = stations.lengths.iter().find(|length| named(&length.name));
-    wrong_unless(
-        stations.target.is_none() || shared.is_none(),
+    let shared = shared.filter(|_| stations.target.is_some());
+    wrong_if(
+        shared.map(|own| format!("{:?}, which is a target's or a reference's", own.name)),
         "[[stations.lengths]] name",
-        shared.map_or_else(String::new, |length| {
-            format!("{:?}, which is a target's or a reference's", length.name)
-        }),
         "a name of its own: rows of single readings name the instrument in the column of [stations] target",
     )?;
     let own: Vec<LengthSource<'_>> = stations.lengths.iter().map(LengthColumns::source).collect();
@@ -35,8 +33,7 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
         "left out: they read a target at the flange, and such a camera's is in the cell",
     )?;
     let others = tracker.topics();
-    let others = others.into_iter().chain(tracker.temperature.as_deref());
-    let others: Vec<&str> = others.collect();
+    let others: Vec<&str> = others.into_iter().chain(tracker.temperature.as_deref()).collect();
     tracker.lengths.iter().try_for_each(|own| {
         wrong_unless(
             !others.contains(&own.topic.as_str()),
@@ -52,10 +49,9 @@ pub(super) fn logged(tracker: &TrackerSettings, is_eye_in_hand: bool) -> Check {
         let mut alike = tracker.lengths.iter().filter(|other| other.topic == own.topic);
         let differs = alike
             .find(|other| other.stamp != own.stamp || (other.field.is_none() && *other != own));
-        wrong_unless(
-            differs.is_none(),
+        wrong_if(
+            differs.map(|_| format!("{:?} of several instruments", own.topic)),
             "[[tracker.lengths]] topic",
-            format!("{:?} of several instruments", own.topic),
             "a `field` of each where several share a topic, and one `stamp`",
         )
     })?;
@@ -75,12 +71,8 @@ fn sources(
     let mut twice = own.iter().enumerate();
     let twice =
         twice.find(|(place, length)| own[..*place].iter().any(|other| other.name == length.name));
-    wrong_unless(
-        twice.is_none(),
-        key("name"),
-        twice.map_or_else(String::new, |(_, length)| format!("{:?} twice", length.name)),
-        "names, each of one instrument",
-    )?;
+    let twice = twice.map(|(_, length)| format!("{:?} twice", length.name));
+    wrong_if(twice, key("name"), "names, each of one instrument")?;
     own.iter().try_for_each(|length| {
         let name = length.name;
         let is_anchored = length.place.is_some() || length.offset.is_some();
@@ -91,12 +83,10 @@ fn sources(
             "left out: only distances have an anchor",
         )
     })?;
-    let mut stray = own.iter().filter(|own| own.target_among(targets).is_none());
-    let stray = stray.next();
-    wrong_unless(
-        stray.is_none(),
+    let stray = own.iter().find(|own| own.target_among(targets).is_none());
+    wrong_if(
+        stray.map(|length| format!("{:?}", length.target)),
         key("target"),
-        stray.map_or_else(String::new, |length| format!("{:?}", length.target)),
         if targets.is_empty() {
             "left out: the log has one target, which has no name".to_owned()
         } else {
@@ -116,13 +106,13 @@ fn stand_with_references(
     let is_followed = references.contains(&StandsOn::Base);
     let mut own = own.iter();
     let moved = own.find(|own| is_followed && own.on != Some(StandsOn::Base));
-    wrong_unless(
-        moved.is_none(),
+    let moved = moved.map(|own| {
+        let on = own.on.map_or("nothing", StandsOn::word);
+        format!("{on:?} of {:?} beside references on the base", own.name)
+    });
+    wrong_if(
+        moved,
         format!("{section} on"),
-        moved.map_or_else(String::new, |own| {
-            let on = own.on.map_or("nothing", StandsOn::word);
-            format!("{on:?} of {:?} beside references on the base", own.name)
-        }),
         "\"base\" where its anchor or plane stands on the base; one on the floor changes its place in the base's frame when the base \
          moves, which is not followed: leave out that instrument, or the references on the base",
     )

@@ -113,9 +113,7 @@ fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf
     if tree.is_file(&whole) {
         return Ok(vec![whole]);
     }
-    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
-        return Ok(Vec::new());
-    };
+    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else { return Ok(vec![]) };
     let last = letters(&last.to_string_lossy());
     if !last.contains(&'*') && !last.contains(&'?') {
         return Ok(Vec::new());
@@ -133,14 +131,11 @@ pub(in crate::pipeline) fn named(
     place: &str,
 ) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
-    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
-        return Ok(Vec::new());
-    };
+    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else { return Ok(vec![]) };
     let last = last.to_string_lossy();
     let (before, after) = last.split_once(place).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));
-    let found = files(tree, parent)?.into_iter();
-    let own = found.filter(|(name, _)| shown(name, &before));
+    let own = files(tree, parent)?.into_iter().filter(|(name, _)| shown(name, &before));
     Ok(own.filter_map(|(name, path)| Some((between(&before, &after, &name)?, path))).collect())
 }
 

@@ -121,8 +121,7 @@ impl Robots {
     /// Patterns with `{robot}` of `[input]`: those of the logs or the table of a session.
     pub fn patterns(&self) -> Vec<&str> {
         let input = self.common.get("input").and_then(Value::as_table);
-        let named = FILES[..3].iter().filter_map(|key| input?.get(*key));
-        named.flat_map(texts).collect()
+        FILES[..3].iter().filter_map(|key| input?.get(*key)).flat_map(texts).collect()
     }
 
     /// Whether `[input]` names the files of a session: both logs, or a table.
@@ -189,8 +188,7 @@ fn of_two<'n>(pattern: &str, names: &[&'n str]) -> Option<(&'n str, &'n str)> {
             || rest_before.is_some_and(|(text, rest)| format!("{text}{rest}").ends_with(text))
     };
     let of_one = |one: &&'n str| {
-        let mut others = names.iter().filter(|other| *other != one);
-        let other = others.find(|other| alike(one, other));
+        let other = names.iter().filter(|other| *other != one).find(|other| alike(one, other));
         other.map(|other| (*one, *other))
     };
     names.iter().find_map(of_one)
@@ -247,8 +245,8 @@ fn of_file(own: &Value) -> Result<Vec<StatedRobot>, String> {
     let stated = |(number, value): (usize, &Value)| {
         let place = format!("[[robots]] {}", number + 1);
         let table = value.as_table().cloned().ok_or("it is no table".to_owned());
-        let entry = table.and_then(RobotEntry::of);
-        let entry = entry.map_err(|reason| format!("{place}: {reason}"))?;
+        let entry =
+            table.and_then(RobotEntry::of).map_err(|reason| format!("{place}: {reason}"))?;
         Ok(StatedRobot { entry, place })
     };
     robots.iter().enumerate().map(stated).collect()

@@ -220,37 +220,23 @@ impl FoundSessions {
     }
 }
 
-pub(super) fn list(
-    found: &FoundSessions,
-    folder: &Path,
-    input: &InputSection,
-    overrides: &Overrides,
-) -> Result<Listed> {
-    let (place, wanted) = (folder.to_owned(), input.session_in_words());
-    Candidates { found, place, wanted }.listed(input, overrides)
-}
-
-pub(super) fn list_joined(
-    lake: &Lake,
-    wanted: &Wanted<'_>,
-    input: &InputSection,
-    overrides: &Overrides,
-) -> Result<Listed> {
-    let found = &joined::sessions(lake, wanted)?;
-    let wanted = "a row of joined_sessions, which `posegrid run --until session` writes".to_owned();
-    Candidates { found, place: lake.root().named(), wanted }.listed(input, overrides)
-}
-
 /// Sessions that there may be work with.
-struct Candidates<'a> {
-    found: &'a FoundSessions,
+pub(super) struct Candidates {
+    pub(super) found: FoundSessions,
     /// Where they were looked for.
-    place: PathBuf,
-    wanted: String,
+    pub(super) place: PathBuf,
+    pub(super) wanted: String,
 }
 
-impl Candidates<'_> {
-    fn listed(&self, input: &InputSection, overrides: &Overrides) -> Result<Listed> {
+impl Candidates {
+    /// The sessions that a lake has as joined.
+    pub(super) fn joined(lake: &Lake, wanted: &Wanted<'_>) -> Result<Self> {
+        let found = joined::sessions(lake, wanted)?;
+        let wanted = "a row of joined_sessions, which `posegrid run --until session` writes";
+        Ok(Self { found, place: lake.root().named(), wanted: wanted.to_owned() })
+    }
+
+    pub(super) fn listed(&self, input: &InputSection, overrides: &Overrides) -> Result<Listed> {
         let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
         let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
         let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
@@ -260,8 +246,7 @@ impl Candidates<'_> {
         let training: Vec<Session> = if let Some(names) = &named {
             names.iter().map(of_name).collect()
         } else {
-            let others = self.found.sessions.iter().filter(|own| !test.contains(&own.name));
-            others.cloned().collect()
+            self.found.sessions.iter().filter(|own| !test.contains(&own.name)).cloned().collect()
         };
         let judges: Vec<Session> = test.iter().map(of_name).collect();
         let latest = input.pool_latest.unwrap_or(usize::MAX);

@@ -122,8 +122,7 @@ pub struct Within<'a> {
 
 impl Within<'_> {
     pub fn folders_of_no_robot(&self) -> Result<Vec<(String, Why)>> {
-        let entries = self.tree.entries(self.folder);
-        let entries = entries.map_err(|source| self.unread(source))?;
+        let entries = self.tree.entries(self.folder).map_err(|source| self.unread(source))?;
         let known = self.robots.stated.iter().map(|stated| {
             let folder = stated.entry.folder.as_ref().unwrap_or(&stated.entry.name);
             folder.split('/').next().unwrap_or_default()

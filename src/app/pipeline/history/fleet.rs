@@ -19,8 +19,7 @@ pub fn fleet(robots: &[RobotHistory], pages: &[String], as_of: Option<WallTime>)
 }
 
 fn robot(own: &RobotHistory, page: &str) -> Robot {
-    let unreadable = own.left_out.iter();
-    let unreadable = unreadable.filter(|own| matches!(own.reason, Reason::Unreadable(_)));
+    let unreadable = own.left_out.iter().filter(|own| matches!(own.reason, Reason::Unreadable(_)));
     let newest = own.sessions.last().zip(own.results.last());
     Robot {
         name: own.robot.clone(),

@@ -108,8 +108,7 @@ impl RobotRows {
 
     /// Every row, in the order of session and run.
     pub(super) fn read(&self, lake: &Lake, summary: &Summary) -> Vec<Row> {
-        let files = self.files.par_iter();
-        files.map(|file| row(lake, file, summary)).collect()
+        self.files.par_iter().map(|file| row(lake, file, summary)).collect()
     }
 }
 
@@ -132,8 +131,7 @@ fn read(lake: &Lake, listed: &Listed, place: &Path, summary: &Summary) -> Result
     let mut file = lake.open_listed(listed).map_err(|error| error.to_string())?;
     let mut bytes = Vec::new();
     let most = Bound::TABLE.bytes;
-    let read = (&file).take(most).read_to_end(&mut bytes);
-    read.map_err(|error| error.to_string())?;
+    (&file).take(most).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     let digest = blake3::hash(&bytes).to_hex().to_string();
     let known = summary.facts.get(&digest);
     if let Some(fact) = known.filter(|fact| fact.measured_at_ns.is_some()) {
@@ -148,8 +146,7 @@ fn facts(lake: &Lake, file: std::fs::File, place: &Path) -> Result<Fact, String>
     let schema = schema::find("runs").map_err(|error| error.to_string())?;
     let row = table::read_open(file, place, schema).map_err(|error| error.to_string())?;
     let claim = Claim::of(&row).map_err(told)?;
-    let expected = lake.place("runs", &claim.key);
-    let expected = expected.map_err(|error| error.to_string())?;
+    let expected = lake.place("runs", &claim.key).map_err(|error| error.to_string())?;
     if expected.named() != place {
         let reason = format!("its content is that of {}", expected.display());
         return Err(told(reason));
@@ -177,8 +174,7 @@ fn fact(lake: &Lake, claim: Claim) -> Result<Fact, String> {
     let kind = kind(&claim);
     let digest = |table: &str| {
         let is_own = |file: &&Written| file.table == table && file.session == claim.key.session;
-        let own = claim.files.iter().find(is_own);
-        own.map_or_else(String::new, |file| file.digest.clone())
+        claim.files.iter().find(is_own).map_or_else(String::new, |file| file.digest.clone())
     };
     let tables = session::OF.map(digest);
     let robot_file = claim.inputs.iter().find(|input| input.name == "robot");

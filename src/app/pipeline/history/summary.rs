@@ -48,8 +48,7 @@ enum Line {
 impl Summary {
     /// The summary of the robot whose rows are in `folder`; an empty one where none can be used.
     pub(super) fn read(lake: &Lake, folder: &str) -> Self {
-        let kept = lake.kept(&summary_key(folder));
-        kept.and_then(|text| Self::parse(&text)).unwrap_or_default()
+        lake.kept(&summary_key(folder)).and_then(|text| Self::parse(&text)).unwrap_or_default()
     }
 
     /// The digest and the facts of a row that has the tag it had.

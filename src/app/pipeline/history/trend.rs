@@ -51,8 +51,7 @@ fn sessions(robot: &RobotHistory, linked: Option<&Lake>) -> Result<Vec<Session>,
             out_of_control: past.judged.out_of_control().map(str::to_owned).collect(),
         })
     };
-    let sessions = robot.sessions.iter().zip(&robot.results);
-    sessions.zip(lasting).map(session).collect()
+    robot.sessions.iter().zip(&robot.results).zip(lasting).map(session).collect()
 }
 
 fn series(figures: &[Vec<Figure>]) -> Vec<Series> {

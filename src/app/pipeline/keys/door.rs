@@ -218,8 +218,7 @@ fn places<'t, 'i>(at: usize, value: &'t Spanned<DeValue<'i>>) -> Vec<Place<'t, '
 
 /// The byte where a key begins, and its value.
 fn value_of<'t, 'i>(table: &'t DeTable<'i>, name: &str) -> Option<(usize, &'t DeValue<'i>)> {
-    let own = table.get_key_value(name);
-    own.map(|(key, value)| (key.span().start, value.get_ref()))
+    table.get_key_value(name).map(|(key, value)| (key.span().start, value.get_ref()))
 }
 
 fn text_of<'t>(table: &'t DeTable<'_>, name: &str) -> Option<&'t str> {

@@ -169,8 +169,7 @@ impl<'p> Placed<'p> {
 /// The geometric fit of planned sessions, whose target is the main one of the pipeline file.
 fn of_main_target(file: &PipelineFile) -> FitSettings {
     let fit = &file.fit.geometric;
-    let names = several_targets(file);
-    let main = names.first().and_then(|name| fit.targets.get(name).copied());
+    let main = several_targets(file).first().and_then(|name| fit.targets.get(name).copied());
     FitSettings {
         target: fit.target.or(main),
         targets: BTreeMap::new(),

@@ -143,13 +143,11 @@ fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownEr
 /// The file of table `calibrations` of a run.
 pub(super) fn local(lake: &Lake, key: &RunKey) -> Result<PathBuf, KnownError> {
     let table = lake.place("calibrations", key)?;
-    let path = table.as_path().map(Path::to_owned);
-    path.ok_or(KnownError::Remote { table })
+    table.as_path().map(Path::to_owned).ok_or(KnownError::Remote { table })
 }
 
 pub(super) fn full<'p>(path: &Path, past: &'p IdentifiedArm) -> Result<&'p FullModel, KnownError> {
-    let model = past.model.is::<FullModel>();
-    model.ok_or_else(|| KnownError::GeometryAlone(path.to_owned()))
+    past.model.is::<FullModel>().ok_or_else(|| KnownError::GeometryAlone(path.to_owned()))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {

@@ -26,8 +26,7 @@ impl Done {
             RunRow::read(&row.ok()?).pop()
         };
         let rows = row(&before).zip(row(run));
-        let changes = rows.map_or_else(Vec::new, |(before, now)| changes(&before, &now));
-        let changes = changes.join("; ");
+        let changes = rows.map_or_else(Vec::new, |(before, now)| changes(&before, &now)).join("; ");
         self.took_place = Some(format!("run {run} {how} run {before}: {changes}"));
         Ok(self)
     }

@@ -70,8 +70,7 @@ fn table_input(configuration: &Configuration, table: &SessionTable, name: &str) 
 
 /// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
 fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>> {
-    let inputs = paths.iter().map(|path| input(path, name));
-    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+    let mut inputs = paths.iter().map(|path| input(path, name)).collect::<Result<Vec<_>, _>>()?;
     if inputs.len() < 2 {
         return Ok(inputs);
     }
@@ -114,8 +113,7 @@ fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String
         return Ok(before.key.robot.clone());
     }
     let logs = files.recorded.logs().ok_or_else(none)?;
-    let mut metadata = read_metadata(logs, configuration.file.limits)?;
-    metadata.remove("session.robot").ok_or_else(none)
+    read_metadata(logs, configuration.file.limits)?.remove("session.robot").ok_or_else(none)
 }
 
 #[cfg(test)]

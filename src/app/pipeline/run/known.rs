@@ -163,8 +163,7 @@ impl Known {
             let told = serde_json::from_str(&text?).ok()?;
             Some((state, told))
         });
-        let mut gathered = self.gathered.lock().unwrap_or_else(PoisonError::into_inner);
-        gathered.extend(told);
+        self.gathered.lock().unwrap_or_else(PoisonError::into_inner).extend(told);
     }
 
     /// Time and memory that runs of a robot took, or those of all robots where it has none.
@@ -196,8 +195,7 @@ impl Known {
             return Some(told.clone());
         }
         drop(gathered);
-        let listed = self.listed.as_ref();
-        let may_be_there = listed.is_none_or(|held| held.alone.contains_key(state));
+        let may_be_there = self.listed.as_ref().is_none_or(|held| held.alone.contains_key(state));
         let text = may_be_there.then(|| self.lake.kept(&alone_key(state)))??;
         serde_json::from_str(&text).ok()
     }
@@ -236,8 +234,7 @@ impl Known {
     }
 
     fn add(&self, state: &str, told: Told) {
-        let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
-        now.insert(state.to_owned(), told);
+        self.now.lock().unwrap_or_else(PoisonError::into_inner).insert(state.to_owned(), told);
     }
 
     /// Writes the index where it changed: what was told now, and before of runs that nothing was told of now.
@@ -248,10 +245,7 @@ impl Known {
         let before = self.before.iter();
         let others = before.filter(|(_, own)| !told.contains(&own.key) && self.is_current(own));
         all.extend(others.map(|(state, own)| (state.clone(), own.clone())));
-        if all == self.before {
-            return Ok(());
-        }
-        keep(&self.lake, INDEX, &all)
+        if all == self.before { Ok(()) } else { keep(&self.lake, INDEX, &all) }
     }
 
     /// The digest of a robot file, which is read once.

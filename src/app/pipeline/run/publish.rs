@@ -1,15 +1,13 @@
 //! The results of a piece of work → its tables, its page and its row of `runs`, which makes the run exist.
 
-use crate::grid::Table;
+use super::page::content;
 use crate::io::lake::{Commit, OpenRun};
-use crate::io::tables::counts::counts;
 use crate::io::tables::runs::{self, Ending};
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::judgement::Outcome;
 use crate::manifest::Work;
-use crate::page::{self, About, Statements};
+use crate::page::{self, Statements};
 use crate::pipeline::history::session::Kept;
-use crate::pipeline::summary::stated;
 
 /// Writes every table of a run, its page, what the history keeps of it, and then its row of `runs`. Its table `logs`, if any, was written and kept
 /// before.
@@ -33,35 +31,15 @@ pub fn publish(
     }
     let of_sessions = sessions.iter().flat_map(SessionRows::tables);
     let kept = Kept::of_run(work, of_sessions.chain(rows.tables()), run.written());
-    let counts = counts(outcome);
-    let about = About {
-        stated: stated(outcome, context.arm),
-        work,
-        tolerance: context.tolerance,
-        choice: &outcome.grids.choice.words,
-        verdict: &outcome.verdict,
-        frame: &outcome.frame,
-        bounds: outcome.grids.table.as_ref().map(corners),
-        counts: &counts,
-        written: run.written(),
-        said,
-    };
-    let html = page::html(&page::content(rows, sessions, &about));
-    run.publish_page(&html)?;
+    let content = content(outcome, rows, sessions, context, work, run.written(), said);
+    run.publish_page(&page::html(&content))?;
     let warnings = Some(said.all_warnings());
     let ending = Ending { warnings, ..ending(outcome, context) };
-    let row = runs::table(work, &counts, run.written(), &ending)?;
+    let row = runs::table(work, &content.counts, run.written(), &ending)?;
     if let Some(kept) = kept {
         kept.write(run.lake, &key)?;
     }
     Ok(run.commit(&row)?)
-}
-
-/// Least and largest coordinates of a table's nodes, base frame, mm.
-fn corners(table: &Table) -> [[f64; 3]; 2] {
-    let lattice = &table.lattice;
-    let last = lattice.node_count().saturating_sub(1);
-    [0, last].map(|node| lattice.position(node).into())
 }
 
 #[cfg(test)]

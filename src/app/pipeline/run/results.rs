@@ -60,10 +60,8 @@ impl<'a> Results<'a> {
             made_of.push(found.key);
             Ok(found.value)
         };
-        let training = piece.training.iter().map(&mut joined);
-        let training = training.collect::<Result<Vec<_>>>()?;
-        let test = piece.test.iter().map(&mut joined);
-        let test = test.collect::<Result<Vec<_>>>()?;
+        let training = piece.training.iter().map(&mut joined).collect::<Result<Vec<_>>>()?;
+        let test = piece.test.iter().map(&mut joined).collect::<Result<Vec<_>>>()?;
         Ok(Sessions { training, test, made_of })
     }
 

@@ -231,9 +231,7 @@ impl OwnLogs<'_> {
             error,
             RunError::SetUp { .. } | RunError::Join { .. } | RunError::Unexplained { .. }
         );
-        let (true, Some(stated)) = (is_of_set_up, self.source.mounted()) else {
-            return error;
-        };
+        let (true, Some(stated)) = (is_of_set_up, self.source.mounted()) else { return error };
         let mut mapping = self.mapping.clone();
         mapping.tracker.eye_in_hand = !mapping.tracker.eye_in_hand;
         let other = OwnLogs { mapping: &mapping, ..*self };
@@ -275,8 +273,7 @@ fn with_references(
     if input.references.is_empty() {
         return counts;
     }
-    let read = input.references.iter();
-    let read: u64 = read.map(|own| own.readings.count() as u64).sum();
+    let read: u64 = input.references.iter().map(|own| own.readings.count() as u64).sum();
     let rejects = joined.rejects.iter().filter(|own| own.is_of_reference);
     let rejected: u64 = rejects.map(|own| own.readings).sum();
     let numbers =
@@ -289,10 +286,8 @@ fn with_references(
 
 /// Rows read, kept and rejected, as the messages of a log are counted.
 fn row_counts(read: u64, covariances: CovarianceCounts, joined: &Joined) -> BTreeMap<String, u64> {
-    let rejected = |kind: RowItem| {
-        let rejects = joined.row_rejects.iter();
-        rejects.filter(|own| own.kind == kind).count() as u64
-    };
+    let rejected =
+        |kind: RowItem| joined.row_rejects.iter().filter(|own| own.kind == kind).count() as u64;
     let rows = ("rows", read.saturating_sub(rejected(RowItem::Row)), rejected(RowItem::Row));
     let used = joined.references.iter().flat_map(|course| &course.followed.places);
     let used: u64 = used.map(|place| place.readings as u64).sum();
@@ -306,7 +301,6 @@ fn row_counts(read: u64, covariances: CovarianceCounts, joined: &Joined) -> BTre
             (format!("{name}.rejected"), rejected),
         ]
     });
-    let stated = covariances.named();
-    let stated = stated.map(|(name, count)| (format!("readings.{name}"), count));
+    let stated = covariances.named().map(|(name, count)| (format!("readings.{name}"), count));
     counts.chain(stated).collect()
 }

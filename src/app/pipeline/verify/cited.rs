@@ -71,8 +71,7 @@ impl Citation {
 
 fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
     let Some(cited) = register.run(run) else { return Left::Nothing };
-    let files = cited.files.iter();
-    let of_role = files.filter(|file| role.tables().contains(&&*file.table));
+    let of_role = cited.files.iter().filter(|file| role.tables().contains(&&*file.table));
     let gone = of_role.filter(|file| is_gone(&cited.key, file, lake));
     let gone: Vec<String> = gone.map(Written::name).collect();
     if gone.is_empty() {
@@ -115,8 +114,7 @@ fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
     let keys = files.map(|file| claim.key.of_session(&file.session));
     let tables = keys.filter_map(|key| lake.read_as_it_is("stations", &key).ok());
     let stations = tables.flat_map(|opened| StationRow::read(&opened.table));
-    let ids = stations.filter_map(|station| station.table_id);
-    ids.map(|id| id.to_string()).collect()
+    stations.filter_map(|station| station.table_id).map(|id| id.to_string()).collect()
 }
 
 /// The plan that the settings name; `None` without one.
@@ -128,8 +126,7 @@ fn planned(claim: &Claim) -> Option<String> {
 
 /// The session's key of the run whose `calibrations` a plan starts from, where it is one of the lake.
 pub(super) fn known_arm(claim: &Claim, register: &Register) -> Option<RunKey> {
-    let mut inputs = claim.inputs.iter();
-    let input = inputs.find(|input| input.name == KNOWN_ARM)?;
+    let input = claim.inputs.iter().find(|input| input.name == KNOWN_ARM)?;
     let (run, file) = register.with_file(KNOWN_ARM, &input.digest)?;
     Some(run.key.of_session(&file.session))
 }

@@ -179,8 +179,7 @@ impl Sides<'_> {
     /// The digest of the published file; `None` where it is missing.
     fn found(&self, file: &Written) -> Option<&String> {
         let name = file.name();
-        let mut outputs = self.verified.outputs.iter();
-        outputs.find(|output| output.name == name)?.digest()
+        self.verified.outputs.iter().find(|output| output.name == name)?.digest()
     }
 
     /// Values of two tables; runs of two versions have two names.

@@ -94,8 +94,7 @@ fn farthest(followed: &Followed) -> (f64, f64) {
         let mut events = followed.events.iter();
         events.any(|event| matches!(event, Event::Shock { look: own, .. } if *own == look))
     };
-    let motions = followed.motions.iter().enumerate();
-    let motions = motions.filter(|(look, _)| !is_shock(*look));
+    let motions = followed.motions.iter().enumerate().filter(|(look, _)| !is_shock(*look));
     let of = |motion: &Motion| {
         let shift = motion.moved.transform_point(&motion.middle) - motion.middle;
         (shift.norm(), motion.moved.rotation.angle())

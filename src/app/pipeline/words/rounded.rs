@@ -28,9 +28,7 @@ fn words(found: &Rounded, slides: &[bool]) -> String {
 fn steps(steps: &[Option<f64>], slides: &[bool]) -> String {
     let mut named: Vec<(String, Vec<String>)> = Vec::new();
     for (joint, (step, slides)) in steps.iter().zip(slides).enumerate() {
-        let Some(step) = step else {
-            continue;
-        };
+        let Some(step) = step else { continue };
         let size = if *slides {
             format!("{} mm", three_digits(*step))
         } else {
@@ -48,8 +46,7 @@ fn steps(steps: &[Option<f64>], slides: &[bool]) -> String {
 
 /// A number with three significant digits, without zeros at its end.
 fn three_digits(number: f64) -> f64 {
-    let digits = format!("{number:.2e}");
-    digits.parse().unwrap_or(number)
+    format!("{number:.2e}").parse().unwrap_or(number)
 }
 
 #[cfg(test)]

@@ -147,9 +147,7 @@ impl Solver<'_> {
         number: u32,
         shares: u32,
     ) -> Option<Asked> {
-        let Wanted::Pose { base_from_frame, .. } = to.0.wanted else {
-            return None;
-        };
+        let Wanted::Pose { base_from_frame, .. } = to.0.wanted else { return None };
         let pose = self.on(course, f64::from(number) / f64::from(shares))?;
         let branches = vec![Branch::Joints(from.1.joints.as_ref()?[0].clone())];
         let wanted =
@@ -188,9 +186,7 @@ impl Solver<'_> {
 
 /// How many shares a way may be cut into.
 fn most_shares(course: &Course, stops: &[Stop<'_>]) -> Result<f64, NotStated> {
-    let Course::Tool([from, to], Some(circle)) = course else {
-        return Ok(MOST);
-    };
+    let Course::Tool([from, to], Some(circle)) = course else { return Ok(MOST) };
     let Wanted::Pose { base_from_tool: helper, .. } = &stops[1].0.wanted else {
         return Err("its helper point is in joint angles");
     };

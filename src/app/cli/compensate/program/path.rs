@@ -76,8 +76,7 @@ impl Solver<'_> {
         let sampled = paths.par_iter().map(|path| self.sampled(path, stop));
         let sampled: Vec<Result<Vec<Place>, NotStated>> = sampled.collect();
         let joints = sampled.iter().flatten().flatten().map(|place| place.joints.as_slice());
-        let attained = self.arm.attained(&joints.collect::<Vec<_>>(), self.allow);
-        let mut attained = attained.into_iter();
+        let mut attained = self.arm.attained(&joints.collect::<Vec<_>>(), self.allow).into_iter();
         let mut deviation = |places: Vec<Place>| {
             let here: Vec<_> = attained.by_ref().take(places.len()).collect();
             here.into_iter().zip(places).try_fold(0.0_f64, |largest, (attained, place)| {
@@ -193,9 +192,7 @@ impl Solver<'_> {
         commanded: &Course,
         stops: &[Stop<'_>],
     ) -> Option<Vec<Place>> {
-        let [first, .., last] = stops else {
-            return None;
-        };
+        let [first, .., last] = stops else { return None };
         let own_from_tool = self.own_tool_in(&last.0.flange_from_tool).inverse();
         let tool_from_own = self.own_tool_in(&last.0.stated_tool);
         let mut joints = self.stand(first, true)?.1;

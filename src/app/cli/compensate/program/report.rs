@@ -78,20 +78,17 @@ impl Report {
         taught_frames: Vec<FoundFrame>,
     ) -> Self {
         let name = |file: usize| programs.files[file].name.clone();
-        let computed = programs.computed.iter().map(|own| Entry {
-            file: name(own.file),
-            line: own.line,
-            position: format!("{} {}", own.word, own.text),
-            beside: false,
-            outcome: Outcome::Computed,
+        let entry = |(file, line), position, beside, outcome| {
+            let file = name(file);
+            Entry { file, line, position, beside, outcome }
+        };
+        let computed = programs.computed.iter().map(|own| {
+            let position = format!("{} {}", own.word, own.text);
+            entry((own.file, own.line), position, false, Outcome::Computed)
         });
-        let positions = programs.positions.iter().zip(outcomes);
-        let positions = positions.map(|(position, outcome)| Entry {
-            file: name(position.file),
-            line: position.line,
-            position: position.name.clone(),
-            beside: position.uses.iter().any(|own| own.is_beside),
-            outcome,
+        let positions = programs.positions.iter().zip(outcomes).map(|(own, outcome)| {
+            let beside = own.uses.iter().any(|own| own.is_beside);
+            entry((own.file, own.line), own.name.clone(), beside, outcome)
         });
         let lines: Vec<Entry> = computed.chain(positions).collect();
         let motions = programs.paths.iter().zip(deviations);
@@ -208,20 +205,18 @@ impl fmt::Display for Report {
                 )?;
             }
         }
-        for frame in &self.taught_frames {
-            writeln!(f, "{frame}")?;
-        }
+        self.taught_frames.iter().try_for_each(|frame| writeln!(f, "{frame}"))?;
         self.write_motions(f)?;
+        let Self { positions, corrected, refused, computed, crossed, .. } = self;
+        let largest_mm = self.largest_correction_mm;
         write!(
             f,
-            "{} positions that motions use: {} corrected, {} refused, {} computed; largest correction {:.3} mm",
-            self.positions, self.corrected, self.refused, self.computed, self.largest_correction_mm
+            "{positions} positions that motions use: {corrected} corrected, {refused} refused, {computed} computed; largest correction {largest_mm:.3} mm"
         )?;
-        if self.crossed > 0 {
+        if *crossed > 0 {
             write!(
                 f,
-                "; {} joints crossed a border of their turns, which are written anew",
-                self.crossed
+                "; {crossed} joints crossed a border of their turns, which are written anew"
             )?;
         }
         let beside = self.lines.iter().filter(|own| own.beside).count();

@@ -205,8 +205,7 @@ impl<'a> Solver<'a> {
         targets: Vec<Result<Target, String>>,
     ) -> Vec<(Option<Target>, Result<Corrected, String>)> {
         let all: Vec<Target> = targets.iter().flatten().cloned().collect();
-        let outcomes = self.arm.compensate(&all, self.allow, Covariances::Omitted);
-        let mut outcomes = outcomes.into_iter();
+        let mut outcomes = self.arm.compensate(&all, self.allow, Covariances::Omitted).into_iter();
         let command = |target: Result<Target, String>| match target {
             Err(why) => (None, Err(why)),
             Ok(target) => {
@@ -370,8 +369,7 @@ impl<'a> Solver<'a> {
     }
 
     pub(super) fn shown(&self, joints: &[f64]) -> Vec<f64> {
-        let pairs = self.arm.arm.joints().iter().zip(joints);
-        pairs.map(|(joint, value)| joint.shown(*value)).collect()
+        self.arm.arm.joints().iter().zip(joints).map(|(joint, value)| joint.shown(*value)).collect()
     }
 
     fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
@@ -438,9 +436,7 @@ impl<'a> Solver<'a> {
         target: &Target,
         done: &Corrected,
     ) -> Result<Option<Target>, String> {
-        let Wanted::Pose { branches, .. } = &asked.wanted else {
-            return Ok(None);
-        };
+        let Wanted::Pose { branches, .. } = &asked.wanted else { return Ok(None) };
         let wanted = done.joints.as_ref().map(|joints| joints.target.clone()).unwrap_or_default();
         let own = self.programmed(asked, &wanted)?;
         let mut all = branches.iter();

@@ -70,9 +70,7 @@ impl CompensateArgs {
         for frame in programs.taught(cell) {
             let taught =
                 cell.frame(&frame.name).and_then(|own| Some((own, own.taught_with.clone()?)));
-            let Some((own, path)) = taught else {
-                continue;
-            };
+            let Some((own, path)) = taught else { continue };
             let path = folder.join(path);
             if !arms.contains_key(&path) {
                 arms.insert(path.clone(), self.arm_of(&path)?);
@@ -135,8 +133,7 @@ impl<'a> Teaching<'a> {
             return Err("give its points: joints_deg of each, or pose".to_owned());
         }
         let tip = self.tip(frame)?;
-        let points = self.frame.points.iter();
-        let asked = points.map(|point| asked_at(point, &tip, frame.kind));
+        let asked = self.frame.points.iter().map(|point| asked_at(point, &tip, frame.kind));
         let asked: Vec<Asked> = asked.collect::<Result<_, _>>()?;
         let attained = self.attained(&asked)?;
         let pairs = asked.iter().zip(&attained);

@@ -69,8 +69,7 @@ pub(super) fn record(
 }
 
 fn form(file: &File) -> CorrectedForm {
-    let word = file.dialect_name().and_then(CorrectedForm::of_word);
-    word.expect("a dialect is named as its form")
+    file.dialect_name().and_then(CorrectedForm::of_word).expect("a dialect is named as its form")
 }
 
 /// Writes the files that change, each at its name in the folder, and the record of what changed.

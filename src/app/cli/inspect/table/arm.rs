@@ -6,9 +6,9 @@ use std::path::Path;
 use thiserror::Error;
 
 use crate::at::At;
+use crate::cli::robot::file_or_ready;
 use crate::io::inspect::table::Arms;
-use crate::io::robot::ready::ReadyRobot;
-use crate::io::robot::{self, Selection};
+use crate::io::robot::Selection;
 use crate::pipeline::robot_file::{self, NoRobotFile};
 
 #[derive(Debug, Error)]
@@ -22,13 +22,7 @@ pub enum NoArm {
 /// The arm that was named, or the ready ones.
 pub fn arms(robot: Option<&Path>, selection: &Selection) -> Result<Arms, NoArm> {
     let Some(path) = robot else { return Ok(Arms::ready()) };
-    let ready = path.to_str().and_then(ReadyRobot::find);
-    let (file, text) = match (robot::text(path), ready) {
-        (Ok(text), _) => (path.display().to_string(), text),
-        (Err(error), Some(robot)) if error.kind() == io::ErrorKind::NotFound => {
-            (robot.file.to_owned(), robot.printed().to_owned())
-        }
-        (Err(source), _) => return Err(NoArm::Read(At::new(path.display(), source))),
-    };
+    let (file, text) =
+        file_or_ready(path).map_err(|source| NoArm::Read(At::new(path.display(), source)))?;
     Ok(Arms::named(file, robot_file::arm(path, &text, selection)?))
 }

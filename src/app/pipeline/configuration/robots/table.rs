@@ -44,8 +44,7 @@ pub fn read(path: &Path) -> Result<Vec<StatedRobot>, String> {
 fn separator(text: &str) -> u8 {
     let first = text.lines().next().unwrap_or_default();
     let count = |own: u8| first.bytes().filter(|byte| *byte == own).count();
-    let most = SEPARATORS.into_iter().rev().max_by_key(|own| count(*own));
-    most.unwrap_or(b',')
+    SEPARATORS.into_iter().rev().max_by_key(|own| count(*own)).unwrap_or(b',')
 }
 
 fn columns_are_sound(columns: &[&str]) -> Result<(), String> {
@@ -87,8 +86,7 @@ fn is_text(column: &str) -> bool {
 /// A cell as a value of a pipeline file; a text where it is no other value.
 fn value(cell: &str) -> Value {
     let line: Result<Table, _> = format!("value = {cell}").parse();
-    let alone = line.ok().filter(|line| line.len() == 1);
-    let value = alone.and_then(|mut line| line.remove("value"));
+    let value = line.ok().filter(|line| line.len() == 1).and_then(|mut line| line.remove("value"));
     value.unwrap_or_else(|| Value::String(cell.to_owned()))
 }
 
@@ -100,8 +98,7 @@ fn insert(table: &mut Table, column: &str, value: Value) -> Result<(), String> {
             Some(_) => Err("another column states it as a whole".to_owned()),
         };
     };
-    let inner = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
-    let inner = inner.as_table_mut();
+    let inner = table.entry(first).or_insert_with(|| Value::Table(Table::new())).as_table_mut();
     let inner = inner.ok_or_else(|| "another column states it as a whole".to_owned())?;
     insert(inner, rest, value)
 }

@@ -152,7 +152,8 @@ impl Found<'_> {
         };
         let logs = match (controller, tracker) {
             (Err(Lack::Absent(one)), Err(Lack::Absent(other))) => {
-                return self.leave_out(name, both_lacks(&one, &other));
+                let reason = if one == other { one } else { format!("{one}, and {other}") };
+                return self.leave_out(name, reason);
             }
             (Err(Lack::Wrong(reason)), _) | (_, Err(Lack::Wrong(reason))) => Err(Why::Bad(reason)),
             (Err(Lack::Absent(reason)), _) | (_, Err(Lack::Absent(reason))) => {
@@ -202,10 +203,6 @@ impl Found<'_> {
     }
 }
 
-fn both_lacks(one: &str, other: &str) -> String {
-    if one == other { one.to_owned() } else { format!("{one}, and {other}") }
-}
-
 /// Metadata alone does not show whether two files are one recording or two.
 fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
     match &files[..] {
@@ -223,6 +220,5 @@ fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
 }
 
 fn name_of(path: &Path) -> String {
-    let name = path.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -59,12 +59,10 @@ fn tail(path: &Path) -> Option<Vec<u8>> {
 /// Whether the last line is not terminated and has fewer cells than the line before.
 fn is_cut(bytes: &[u8]) -> bool {
     // A character of UTF-16 ends with the other half of its two bytes.
-    let bytes = bytes.strip_suffix(b"\0").unwrap_or(bytes);
-    let mut lines = bytes.rsplit(|byte| *byte == b'\n');
+    let mut lines = bytes.strip_suffix(b"\0").unwrap_or(bytes).rsplit(|byte| *byte == b'\n');
     let (Some(last), Some(before)) = (lines.next(), lines.next()) else { return false };
     let cells = |line: &[u8], sign: u8| line.split(|byte| *byte == sign).count();
-    let mut separators = [b'\t', b';', b','].into_iter();
-    let separator = separators.find(|sign| before.contains(sign));
+    let separator = [b'\t', b';', b','].into_iter().find(|sign| before.contains(sign));
     separator.is_some_and(|sign| !last.is_empty() && cells(last, sign) < cells(before, sign))
 }
 

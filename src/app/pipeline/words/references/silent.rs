@@ -15,8 +15,7 @@ const FOR_TURNS: usize = 3;
 /// The references of one session that are silent, or silent in a part of it.
 pub(super) fn warned(joined: &Joined) -> Vec<String> {
     let sets = [StandsOn::Base, StandsOn::Floor].map(|on| Set::of(joined, on));
-    let sets = sets.into_iter().flatten();
-    sets.flat_map(|set| set.warned()).collect()
+    sets.into_iter().flatten().flat_map(|set| set.warned()).collect()
 }
 
 /// The references of a session on the base or on the floor.
@@ -47,8 +46,7 @@ impl<'a> Set<'a> {
         let silent = (!silent.is_empty()).then(|| self.silent(&silent));
         let whole = self.ends(self.between());
         let parts: Vec<String> = if whole.is_empty() {
-            let all = self.all.iter();
-            all.filter_map(|own| self.part_of(own)).collect()
+            self.all.iter().filter_map(|own| self.part_of(own)).collect()
         } else {
             whole.iter().map(|end| self.carried_on(*end)).collect()
         };
@@ -191,8 +189,7 @@ impl End {
 
 /// Standard deviation per axis of the motion of the references' middle at a station, mm.
 fn sd_mm(course: &ReferenceCourse, station: usize) -> Option<f64> {
-    let mut looks = course.looks.iter();
-    let look = looks.position(|own| own.station == Some(station))?;
+    let look = course.looks.iter().position(|own| own.station == Some(station))?;
     let covariance = &course.followed.motions.get(look)?.covariance;
     let shift = covariance.fixed_view::<3, 3>(0, 0);
     Some((shift.trace() / 3.0).max(0.0).sqrt())

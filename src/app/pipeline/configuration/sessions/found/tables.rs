@@ -89,8 +89,7 @@ impl Found<'_> {
                     self.leave_out(name_of(path), reason);
                 }
                 let is_meant = |own: &Whose| {
-                    let of = own.robot.as_deref().zip(self.robot);
-                    of.is_none_or(|(own, meant)| own == meant)
+                    own.robot.as_deref().zip(self.robot).is_none_or(|(own, meant)| own == meant)
                 };
                 names.into_iter().filter(is_meant).collect()
             }

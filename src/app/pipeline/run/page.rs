@@ -1,53 +1,47 @@
-//! The published rows of a run's tables, and the statements that no table has → the content of its page.
+//! What a run published and stated → the content of its page.
 
 use std::collections::BTreeMap;
 
-use super::content::{Content, Session, Statements};
-use crate::grid::Tolerance;
+use crate::grid::Table;
 use crate::io::lake::{Lake, page_over_time};
 use crate::io::rows::Word as _;
 use crate::io::tables::accuracy::AccuracyRow;
+use crate::io::tables::counts::counts;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
-use crate::io::tables::{RunRows, SessionRows};
-use crate::manifest::{RunKey, StageCount, Work, Written};
+use crate::io::tables::{PublishContext, RunRows, SessionRows};
+use crate::judgement::Outcome;
+use crate::manifest::{RunKey, Work, Written};
+use crate::page::Statements;
+use crate::page::content::{Content, Session};
+use crate::pipeline::summary::stated;
 use crate::report::Point;
-use crate::report::frame::StatedFrame;
-use crate::report::next::{Next, Stated};
-use crate::report::verdict::RunVerdict;
+use crate::report::next::Next;
 
-#[derive(Debug, Clone, Copy)]
-pub struct About<'a> {
-    pub stated: Stated,
-    pub work: &'a Work,
-    pub tolerance: Tolerance,
-    pub choice: &'a str,
-    pub verdict: &'a RunVerdict,
-    pub frame: &'a StatedFrame,
-    /// Least and largest coordinates of the table's nodes, base frame, mm; `None` without a table.
-    pub bounds: Option<[[f64; 3]; 2]>,
-    pub counts: &'a [StageCount],
-    pub written: &'a [Written],
-    pub said: &'a Statements,
-}
-
-pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
-    let key = about.work.key();
-    let (verdict, frame, stated) = (about.verdict, about.frame, about.stated);
-    let next = Next::of(verdict, frame, &about.tolerance, stated, about.said.doubts_set_up);
-    let command = next.command(&in_lake(next.table(), &key));
+pub(super) fn content(
+    outcome: &Outcome<'_>,
+    rows: RunRows,
+    sessions: Vec<SessionRows>,
+    context: &PublishContext<'_>,
+    work: &Work,
+    written: &[Written],
+    said: &Statements,
+) -> Content {
+    let (key, tolerance, frame) = (work.key(), context.tolerance, outcome.frame);
+    let (stated, doubts) = (stated(outcome, context.arm), said.doubts_set_up);
+    let next = Next::of(&outcome.verdict, &frame, &tolerance, stated, doubts);
     let (tip, figures): (Vec<AccuracyRow>, Vec<AccuracyRow>) =
         rows.accuracy.rows.into_iter().partition(|figure| figure.point == Point::Tip);
     Content {
         over_time: page_over_time(&key.robot).ok(),
-        key,
-        tolerance: about.tolerance,
-        verdict: about.verdict.clone(),
-        frame: *about.frame,
+        tolerance,
+        verdict: outcome.verdict.clone(),
+        frame,
+        command: next.command(&in_lake(next.table(), &key)),
         next,
-        command,
-        said: about.said.clone(),
-        bounds: about.bounds,
-        choice: about.choice.to_owned(),
+        key,
+        said: said.clone(),
+        bounds: outcome.grids.table.as_ref().map(corners),
+        choice: outcome.grids.choice.words.clone(),
         steps: rows.steps.rows,
         figures,
         tip,
@@ -55,11 +49,18 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         joint_errors: rows.joint_errors.rows,
         parameters: rows.parameters.rows,
         calibrations: rows.calibrations.rows,
-        sessions: in_order(sessions, about.work),
-        counts: about.counts.to_vec(),
-        work: about.work.clone(),
-        written: about.written.to_vec(),
+        sessions: in_order(sessions, work),
+        counts: counts(outcome),
+        work: work.clone(),
+        written: written.to_vec(),
     }
+}
+
+/// Least and largest coordinates of a table's nodes, base frame, mm.
+fn corners(table: &Table) -> [[f64; 3]; 2] {
+    let lattice = &table.lattice;
+    let last = lattice.node_count().saturating_sub(1);
+    [0, last].map(|node| lattice.position(node).into())
 }
 
 /// The file of a run's table as it is named beside the folder `lake`; folders have no character that a shell acts on.
@@ -69,13 +70,10 @@ fn in_lake(table: &str, key: &RunKey) -> String {
 }
 
 /// The sessions in the order of the work, those that trained first.
-fn in_order(sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
+fn in_order(mut sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
     let trained = |name: &String| work.sessions.contains(name);
-    let place = |name: &String| {
-        let mut names = work.sessions.iter().chain(&work.test_sessions);
-        names.position(|own| own == name)
-    };
-    let mut sessions = sessions;
+    let place =
+        |name: &String| work.sessions.iter().chain(&work.test_sessions).position(|own| own == name);
     sessions.sort_by_key(|session| place(&session.name));
     let session = |own: SessionRows| {
         Some(Session {
