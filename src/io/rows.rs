@@ -298,9 +298,23 @@ impl<W: Word> Stored for W {
     }
 }
 
-/// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`.
+/// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`. One that only tables have is declared with its
+/// words: `words! { pub enum Entry { Bin: "bin", Fitted: "fitted" } }`.
 macro_rules! words {
-    ($($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? })+) => {$(
+    () => {};
+    (
+        $(#[$meta:meta])*
+        pub enum $enumeration:ident { $($(#[$doc:meta])* $value:ident: $word:literal,)+ }
+        $($more:tt)*
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum $enumeration {
+            $($(#[$doc])* $value,)+
+        }
+        $crate::rows::words! { $enumeration { $($value: $word),+ } $($more)* }
+    };
+    ($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? } $($more:tt)*) => {
         impl $crate::rows::Word for $enumeration {
             fn word(self) -> &'static str {
                 match self {
@@ -315,7 +329,8 @@ macro_rules! words {
                 }
             }
         }
-    )+};
+        $crate::rows::words! { $($more)* }
+    };
 }
 pub(crate) use words;
 

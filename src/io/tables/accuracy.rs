@@ -47,21 +47,6 @@ row! {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BeforeAfter {
-    Before,
-    /// After, measured or predicted.
-    After,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FigureKind {
-    PositionError,
-    Iso9283,
-    /// The agreement of stated covariances with the errors found.
-    Coverage,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
     Mean,
     Rms,
@@ -78,8 +63,18 @@ pub enum FigureName {
 }
 
 words! {
-    BeforeAfter { Before: "before", After: "after" }
-    FigureKind { PositionError: "position_error", Iso9283: "iso_9283", Coverage: "coverage" }
+    pub enum BeforeAfter {
+        Before: "before",
+        /// After, measured or predicted.
+        After: "after",
+    }
+
+    pub enum FigureKind {
+        PositionError: "position_error",
+        Iso9283: "iso_9283",
+        /// The agreement of stated covariances with the errors found.
+        Coverage: "coverage",
+    }
     FigureName {
         Mean: "mean",
         Rms: "rms",

@@ -48,17 +48,14 @@ enum Behind {
     Temperature,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    Joints,
-    /// Commanded poses.
-    Command,
-    Target,
-    Temperature,
-}
-
 words! {
-    Source { Joints: "joints", Command: "command", Target: "target", Temperature: "temperature" }
+    pub enum Source {
+        Joints: "joints",
+        /// Commanded poses.
+        Command: "command",
+        Target: "target",
+        Temperature: "temperature",
+    }
 }
 
 /// The table of one session, being written while its logs are read. Dropped before its end, it leaves no file.

@@ -35,53 +35,26 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BelongsTo {
-    /// The base in the tracker's frame.
-    Base,
-    Link,
-    Target,
-    Session,
-    /// An instrument that reads one length.
-    Gauge,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ParameterQuantity {
-    Theta,
-    D,
-    A,
-    Alpha,
-    Beta,
-    /// The turn γ behind the twist of S-model and CPC.
-    Gamma,
-    /// The shift b behind the twist of S-model and CPC.
-    B,
-    X,
-    Y,
-    Z,
-    Rx,
-    Ry,
-    Rz,
-    /// Command–feedback weight: the share of the way from reported to commanded angle.
-    CommandWeight,
-    /// Reading of a distance at its anchor, or a plane's distance from the base's origin.
-    Offset,
-    /// Tilt of a plane's normal towards the first axis across it.
-    Tilt,
-    /// Tilt of a plane's normal towards the second axis across it.
-    OtherTilt,
-}
-
 words! {
-    BelongsTo { Base: "base", Link: "link", Target: "target", Session: "session", Gauge: "gauge" }
-    ParameterQuantity {
+    pub enum BelongsTo {
+        /// The base in the tracker's frame.
+        Base: "base",
+        Link: "link",
+        Target: "target",
+        Session: "session",
+        /// An instrument that reads one length.
+        Gauge: "gauge",
+    }
+
+    pub enum ParameterQuantity {
         Theta: "theta",
         D: "d",
         A: "a",
         Alpha: "alpha",
         Beta: "beta",
+        /// The turn γ behind the twist of S-model and CPC.
         Gamma: "gamma",
+        /// The shift b behind the twist of S-model and CPC.
         B: "b",
         X: "x",
         Y: "y",
@@ -89,9 +62,13 @@ words! {
         Rx: "rx",
         Ry: "ry",
         Rz: "rz",
+        /// Command–feedback weight: the share of the way from reported to commanded angle.
         CommandWeight: "command_weight",
+        /// Reading of a distance at its anchor, or a plane's distance from the base's origin.
         Offset: "offset",
+        /// Tilt of a plane's normal towards the first axis across it.
         Tilt: "tilt_1",
+        /// Tilt of a plane's normal towards the second axis across it.
         OtherTilt: "tilt_2",
     }
 }
