@@ -150,7 +150,9 @@ impl Reader<'_> {
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok((place, target)) => {
                     if let [measured, ..] = &columns.measured[..] {
-                        self.add_reading(&mut long.rows[place], row, target, 0, measured);
+                        let (read, station) =
+                            (self.reading(row, 0, measured), &mut long.rows[place]);
+                        self.add_reading(station, row, (SourceId::ONLY, target), read);
                     }
                 }
             }
@@ -334,46 +336,35 @@ impl Reader<'_> {
 
     fn add_readings(&mut self, station: &mut Row, row: usize) {
         for (place, measured) in self.columns.measured.iter().enumerate() {
-            self.add_reading(station, row, TargetId(place), place, measured);
+            let read = self.reading(row, place, measured);
+            self.add_reading(station, row, (SourceId::ONLY, TargetId(place)), read);
         }
         for (place, length) in self.columns.lengths.iter().enumerate() {
             self.add_length(station, row, place, length);
         }
     }
 
+    fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
+        let own = &self.settings.lengths[place];
+        let target = TargetId(self.settings.target_of(own).unwrap_or(0));
+        let source = SourceId(self.settings.first_length() + place);
+        let read = self.length(row, own, columns).map(|value| (value, 1));
+        self.add_reading(station, row, (source, target), read);
+    }
+
+    /// Adds a reading and its number of samples to a station, or why there is none to the rejects.
     fn add_reading(
         &mut self,
         station: &mut Row,
         row: usize,
-        target: TargetId,
-        place: usize,
-        measured: &Measured,
+        (source, target): (SourceId, TargetId),
+        read: Result<(Value, usize), Fault>,
     ) {
         let line = self.table.line(row);
-        match self.reading(row, place, measured) {
-            Ok((value, samples)) => station.readings.push(RowReading {
-                source: SourceId::ONLY,
-                target,
-                line,
-                value,
-                samples,
-            }),
-            Err(fault) => self.reject(RowItem::Reading, line, fault),
-        }
-    }
-
-    fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
-        let line = self.table.line(row);
-        let own = &self.settings.lengths[place];
-        let target = TargetId(self.settings.target_of(own).unwrap_or(0));
-        match self.length(row, own, columns) {
-            Ok(value) => station.readings.push(RowReading {
-                source: SourceId(self.settings.first_length() + place),
-                target,
-                line,
-                value,
-                samples: 1,
-            }),
+        match read {
+            Ok((value, samples)) => {
+                station.readings.push(RowReading { source, target, line, value, samples });
+            }
             Err(fault) => self.reject(RowItem::Reading, line, fault),
         }
     }
