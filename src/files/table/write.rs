@@ -5,7 +5,6 @@
 
 mod column;
 mod encoder;
-mod levels;
 mod lists;
 mod properties;
 
