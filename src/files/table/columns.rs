@@ -94,14 +94,11 @@ impl Columns {
     }
 
     /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
-    pub fn group<const N: usize, V>(
+    pub fn group<const N: usize, V: Into<Option<[f64; N]>>>(
         self,
         names: [&str; N],
         values: impl IntoIterator<Item = V>,
-    ) -> Self
-    where
-        V: Into<Option<[f64; N]>>,
-    {
+    ) -> Self {
         let rows: Vec<Option<[f64; N]>> = values.into_iter().map(Into::into).collect();
         names.iter().enumerate().fold(self, |columns, (component, name)| {
             columns.column(name, rows.iter().map(|row| row.map(|row| row[component])))
