@@ -138,12 +138,7 @@ enum Stored {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    pub(in crate::message) fn take(
-        self,
-        message: &[u8],
-        at: usize,
-        cell: &mut Cell,
-    ) -> Decoded<usize> {
+    pub fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Decoded<usize> {
         let mut wire = Wire { bytes: message, at };
         match self.stored {
             Stored::Number(kind) => kind.put(&mut wire, cell)?,
