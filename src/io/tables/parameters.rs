@@ -212,26 +212,19 @@ fn of_full(
 }
 
 /// The geometric fit with the place of a subject among its unknowns; `None` of a subject that is none of them.
-fn geometric(
-    calibrations: &[(Model, Calibration)],
-    subject: Subject,
-) -> Option<(&Calibration, usize)> {
+fn geometric(fits: &[(Model, Calibration)], subject: Subject) -> Option<(&Calibration, usize)> {
     let Subject::Chain(unknown) = subject else { return None };
-    let (_, geometric) = calibrations.iter().find(|(model, _)| *model == Model::Geometric)?;
+    let (_, geometric) = fits.iter().find(|(model, _)| *model == Model::Geometric)?;
     let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
     Some((geometric, place))
 }
 
 /// The subjects that share a null direction of the nominal arm's structure with the one at `index`.
-fn partners(
-    calibrations: &[(Model, Calibration)],
-    subjects: &[Subject],
-    index: usize,
-) -> Vec<usize> {
-    let Some((fit, place)) = geometric(calibrations, subjects[index]) else { return Vec::new() };
+fn partners(fits: &[(Model, Calibration)], subjects: &[Subject], index: usize) -> Vec<usize> {
+    let Some((fit, place)) = geometric(fits, subjects[index]) else { return Vec::new() };
     let structural = &fit.nominal_structure.indistinguishable[place];
     let is_partner = |subject: &Subject| {
-        geometric(calibrations, *subject).is_some_and(|(_, other)| structural.contains(&other))
+        geometric(fits, *subject).is_some_and(|(_, other)| structural.contains(&other))
     };
     let numbered = subjects.iter().enumerate();
     numbered.filter(|(_, subject)| is_partner(subject)).map(|(other, _)| other).collect()
