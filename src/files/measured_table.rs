@@ -252,12 +252,9 @@ impl Form {
             ("sheet", "a spreadsheet", self.sheet.is_some() && !is_sheet),
             ("header", "lines of cells and sheets", self.header.is_some() && !is_text && !is_sheet),
         ];
-        match given.into_iter().find(|(_, _, wrong)| *wrong) {
-            Some((key, wanted, _)) => {
-                Err(MeasuredTableErrorKind::NotOfThisForm { key, wanted, form: kind.name() })
-            }
-            None => Ok(()),
-        }
+        given.into_iter().find(|(_, _, wrong)| *wrong).map_or(Ok(()), |(key, wanted, _)| {
+            Err(MeasuredTableErrorKind::NotOfThisForm { key, wanted, form: kind.name() })
+        })
     }
 
     /// Checks that the signs can be told from each other and from numbers.

@@ -4,7 +4,6 @@
 pub mod acceptance;
 pub mod controller_base;
 pub mod corrected_urdf;
-mod held_out;
 mod limits;
 pub mod nodes_csv;
 pub mod origins;

@@ -177,15 +177,7 @@ pub fn inspect(
     let mut survey = Survey::default();
     let name = path.display().to_string();
     let read_summary = scan(path, &name, limits, &mut survey, progress)?;
-    let summary = |channel: Surveyed| ChannelSummary {
-        topic: channel.topic,
-        encoding: channel.encoding,
-        schema: channel.kind.schema.clone(),
-        suggestion: channel.suggestion,
-        fields: channel.fields,
-        traffic: channel.traffic.unwrap_or_default(),
-    };
-    let mut channels: Vec<_> = survey.channels.into_iter().map(summary).collect();
+    let mut channels = survey.channels;
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { read_summary, channels })
 }
@@ -216,19 +208,11 @@ struct Part {
     traffic: BTreeMap<usize, Box<Traffic>>,
 }
 
-struct Surveyed {
-    topic: String,
-    encoding: String,
-    kind: Arc<Kind>,
-    suggestion: Option<Suggestion>,
-    fields: Vec<String>,
-    /// `None` as long as it has no messages.
-    traffic: Option<Box<Traffic>>,
-}
-
 #[derive(Default)]
 struct Survey {
-    channels: Vec<Surveyed>,
+    channels: Vec<ChannelSummary>,
+    /// The kind of each channel.
+    of_channels: Vec<Arc<Kind>>,
     kinds: BTreeMap<(u16, String), Arc<Kind>>,
     guesses: usize,
 }
@@ -274,16 +258,16 @@ impl Visitor for Survey {
     ) -> Result<Self::Decoder, FileError> {
         let place = self.channels.len();
         let kind = self.kind(channel, schema);
-        let suggestion = kind.suggestible.suggestion(None);
-        let suggestion = self.suggested(suggestion);
-        self.channels.push(Surveyed {
+        let suggestion = self.suggested(kind.suggestible.suggestion(None));
+        self.channels.push(ChannelSummary {
             topic: channel.topic.clone(),
             encoding: channel.encoding.clone(),
-            kind: Arc::clone(&kind),
+            schema: kind.schema.clone(),
             suggestion,
             fields: Vec::new(),
-            traffic: None,
+            traffic: Box::default(),
         });
+        self.of_channels.push(Arc::clone(&kind));
         Ok((place, kind))
     }
 
@@ -304,11 +288,10 @@ impl Visitor for Survey {
 
     fn merge(&mut self, _: &Extent, part: &mut Part, _: &mut Vec<LogReject>) {
         for (place, mut later) in std::mem::take(&mut part.traffic) {
-            let before = self.channels[place].traffic.take();
-            if let Some(sample) = later.sample.take().filter(|_| before.is_none()) {
-                let kind = Arc::clone(&self.channels[place].kind);
-                let suggestion = kind.suggestible.suggestion(Some(&sample));
-                let suggestion = self.suggested(suggestion);
+            let is_first = self.channels[place].traffic.messages == 0;
+            if let Some(sample) = later.sample.take().filter(|_| is_first) {
+                let kind = Arc::clone(&self.of_channels[place]);
+                let suggestion = self.suggested(kind.suggestible.suggestion(Some(&sample)));
                 if suggestion.is_none() && kind.schema.is_none() {
                     let fields = json_fields(&sample);
                     let bytes = fields.iter().map(String::len).sum();
@@ -317,18 +300,12 @@ impl Visitor for Survey {
                 }
                 self.channels[place].suggestion = suggestion;
             }
-            let known = before.as_ref().is_some_and(|own| own.joints.len() >= later.joints.len());
+            let known = self.channels[place].traffic.joints.len() >= later.joints.len();
             let bytes = |name: &String| name.len() + size_of::<String>();
             if known || !self.has_room(later.joints.iter().map(bytes).sum()) {
                 later.joints = Vec::new();
             }
-            self.channels[place].traffic = Some(match before {
-                None => later,
-                Some(mut before) => {
-                    before.append(*later);
-                    before
-                }
-            });
+            self.channels[place].traffic.append(*later);
         }
     }
 }

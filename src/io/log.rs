@@ -44,7 +44,7 @@ pub use registry::{Channel, Schema};
 pub use replay::{JointSink, SessionRead, read_session};
 pub use scan::{Visitor, ns, scan};
 pub use session::{SessionLogs, read_metadata};
-pub use streams::{Glance, Layout, Suggestible, Suggestion, json_fields, suggest};
+pub use streams::{Glance, Layout, Suggestible, Suggestion, json_fields};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
 

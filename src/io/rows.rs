@@ -83,16 +83,17 @@ pub trait Stored: Sized + 'static {
     }
 }
 
-type Names = &'static [&'static str];
+pub type Names = &'static [&'static str];
+
+/// The field of each row, which can be gone through again.
+pub trait Each<'v, T: 'v>: Iterator<Item = &'v T> + Clone {}
+
+impl<'v, T: 'v, I: Iterator<Item = &'v T> + Clone> Each<'v, T> for I {}
 
 /// The type of a field of a row: a value, several that belong together, or either as an option.
 pub trait Field: Sized + 'static {
     /// Puts the field of all rows into the columns of these names; those of a struct have their own.
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns;
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns;
 
     /// The field of every row, read from the columns of these names.
     fn all(table: &Table, names: Names) -> impl Iterator<Item = Self>;
@@ -101,11 +102,7 @@ pub trait Field: Sized + 'static {
 }
 
 impl<T: Stored> Field for T {
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         columns.column(names[0], values.map(Stored::stored))
     }
 
@@ -121,11 +118,7 @@ impl<T: Stored> Field for T {
 }
 
 impl<T: Stored> Field for Option<T> {
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         columns.column(names[0], values.map(|value| value.as_ref().map(Stored::stored)))
     }
 
@@ -140,11 +133,7 @@ impl<T: Stored> Field for Option<T> {
 }
 
 impl<const N: usize> Field for [f64; N] {
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         columns.group(of_number(names), values.copied())
     }
 
@@ -159,11 +148,7 @@ impl<const N: usize> Field for [f64; N] {
 }
 
 impl<const N: usize> Field for Option<[f64; N]> {
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         columns.group(of_number(names), values.copied())
     }
 
@@ -183,11 +168,7 @@ impl<const N: usize> Field for Option<[f64; N]> {
 
 /// x y z, mm, and the quaternion x y z w, as it was written: normalised anew it would differ in its last bits.
 impl Field for Isometry3<f64> {
-    fn put<'v>(
-        columns: Columns,
-        names: Names,
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         let numbers = |own: &Self| -> [f64; 7] {
             let ([x, y, z], [qx, qy, qz, qw]) =
                 (own.translation.vector.into(), own.rotation.coords.into());
@@ -298,9 +279,23 @@ impl<W: Word> Stored for W {
     }
 }
 
-/// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`.
+/// The words of enumerations: `words! { Split { None: "none", Blocks: "blocks" } }`. One that only tables have is declared with its
+/// words: `words! { pub enum Entry { Bin: "bin", Fitted: "fitted" } }`.
 macro_rules! words {
-    ($($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? })+) => {$(
+    () => {};
+    (
+        $(#[$meta:meta])*
+        pub enum $enumeration:ident { $($(#[$doc:meta])* $value:ident: $word:literal,)+ }
+        $($more:tt)*
+    ) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum $enumeration {
+            $($(#[$doc])* $value,)+
+        }
+        $crate::rows::words! { $enumeration { $($value: $word),+ } $($more)* }
+    };
+    ($enumeration:ty { $($value:ident $(($of:path))? : $word:literal),+ $(,)? } $($more:tt)*) => {
         impl $crate::rows::Word for $enumeration {
             fn word(self) -> &'static str {
                 match self {
@@ -315,7 +310,8 @@ macro_rules! words {
                 }
             }
         }
-    )+};
+        $crate::rows::words! { $($more)* }
+    };
 }
 pub(crate) use words;
 
@@ -354,7 +350,7 @@ macro_rules! columns {
             fn put<'v>(
                 columns: $crate::table::Columns,
                 _: &'static [&'static str],
-                values: impl Iterator<Item = &'v Self> + Clone,
+                values: impl $crate::rows::Each<'v, Self>,
             ) -> $crate::table::Columns {
                 $(let columns = <$kind as $crate::rows::Field>::put(
                     columns,

@@ -13,8 +13,7 @@ mod json;
 mod names;
 mod parquet;
 pub(crate) mod spread;
-pub(crate) mod write_csv;
-pub(crate) mod write_json;
+pub(crate) mod write;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,8 +31,7 @@ pub use error::{RowProblem, TargetsError, TargetsErrorKind};
 pub use names::NamesProblem;
 #[cfg(test)]
 pub(crate) use parquet::TargetRow;
-pub use write_csv::write_csv;
-pub use write_json::write_json;
+pub use write::{write_csv, write_json};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {

@@ -183,11 +183,10 @@ fn filled(
     let (mut columns, given) = own(Columns::new(schema, rows).key(key));
     for column in &schema.columns[3..] {
         let name = column.name.as_str();
-        if given.contains(&name) {
+        if column.nullable || given.contains(&name) {
             continue;
         }
         columns = match column.kind {
-            _ if column.nullable => columns.absent([name]),
             ColumnType::Float64 => columns.same(name, 0.0),
             ColumnType::Int64 => columns.same(name, 0_i64),
             ColumnType::Bool => columns.same(name, false),
@@ -200,5 +199,5 @@ fn filled(
             ColumnType::ListString => columns.same(name, Vec::<String>::new()),
         };
     }
-    columns.finish().expect("the contract is kept")
+    columns.rest_absent().finish().expect("the contract is kept")
 }

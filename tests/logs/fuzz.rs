@@ -15,7 +15,7 @@ use std::path::Path;
 use mcap::Compression;
 use posegrid::files::message::{FieldPath, MessageSchema, Row};
 use posegrid::io::inspect::inspect;
-use posegrid::io::log::{Limits, SessionLogs, suggest};
+use posegrid::io::log::{Limits, SessionLogs, Suggestible};
 use posegrid::pipeline::configuration::{Configuration, Overrides};
 use posegrid::progress::Quiet;
 
@@ -215,7 +215,8 @@ fn read_message(bytes: &[u8]) -> String {
     let length = usize::from(u16::from_le_bytes([low, high]));
     let (definition, message) = rest.split_at(length.min(rest.len()));
     let name = String::from_utf8_lossy(name);
-    let suggested = suggest(encoding, &name, language, definition, Some(message));
+    let suggestible = Suggestible::of(encoding, &name, language, definition);
+    let suggested = suggestible.suggestion(Some(message));
     let schema = match MessageSchema::read(encoding, &name, language, definition) {
         None => return "no such encoding".to_owned(),
         Some(Err(error)) => return error.to_string(),

@@ -98,9 +98,8 @@ fn parquet_in_parquet_out_and_no_second_correction() {
     let targets = Columns::new(schema::find("targets").unwrap(), 2)
         .column("target", ["Z first", "A second"])
         .group(["x_mm", "y_mm", "z_mm"], [[751.0, 20.0, 450.0], [700.0, 20.0, 450.0]])
-        .absent(["qx", "qy", "qz", "qw", "configuration", "tool", "table_id"])
-        .absent(["joint_names", "corrected_by"])
         .column("joints_rad", [Some(vec![0.0; 6]), None])
+        .rest_absent()
         .finish()
         .unwrap();
     fs::write(cell.path("targets.parquet"), table::write(&targets, Vec::new()).unwrap()).unwrap();

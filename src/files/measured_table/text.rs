@@ -62,14 +62,9 @@ fn row(line: u64, mut pieces: Vec<Piece>, separator: Separator) -> SampleRow {
     SampleRow { line, pieces, is_comment: is_comment || is_separator_line }
 }
 
-fn fill<'h>(
-    text: &str,
-    separator: Separator,
-    head: &'h Head,
-    numbers: Numbers,
-) -> Result<Filling<'h>> {
+fn fill<'h>(text: &str, by: Separator, head: &'h Head, numbers: Numbers) -> Result<Filling<'h>> {
     let mut filling = Filling::new(head, numbers);
-    let mut rows = Rows::new(text, separator);
+    let mut rows = Rows::new(text, by);
     let mut cells = Vec::new();
     for _ in 0..head.above {
         rows.next(&mut cells)?;

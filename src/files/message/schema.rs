@@ -24,19 +24,14 @@ pub enum FieldReader {
 
 impl MessageSchema {
     /// `None` where messages in `encoding` with a schema in `language` are not supported.
-    pub fn read(
-        encoding: &str,
-        name: &str,
-        language: &str,
-        definition: &[u8],
-    ) -> Option<Parsed<Self>> {
-        let text = || String::from_utf8_lossy(definition);
+    pub fn read(encoding: &str, name: &str, language: &str, schema: &[u8]) -> Option<Parsed<Self>> {
+        let text = || String::from_utf8_lossy(schema);
         Some(match (encoding, language) {
             ("cdr", "ros2msg") => rosmsg::parse(name, &text(), Serialization::Cdr).map(Self::Cdr),
             ("ros1", "ros1msg") => rosmsg::parse(name, &text(), Serialization::Ros1).map(Self::Cdr),
             ("cdr", "ros2idl") => ros2idl::parse(name, &text()).map(Self::Cdr),
-            ("protobuf", "protobuf") => Descriptors::read(name, definition).map(Self::Protobuf),
-            ("json", _) => Ok(Self::Json(JsonSchema::read(definition))),
+            ("protobuf", "protobuf") => Descriptors::read(name, schema).map(Self::Protobuf),
+            ("json", _) => Ok(Self::Json(JsonSchema::read(schema))),
             _ => return None,
         })
     }

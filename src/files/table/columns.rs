@@ -29,6 +29,7 @@ use crate::schema::{ColumnType, KEY_COLUMNS, TableSchema};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
+#[must_use]
 pub struct Columns {
     schema: &'static TableSchema,
     rows: usize,
@@ -63,7 +64,6 @@ impl Columns {
         }
     }
 
-    #[must_use]
     pub fn key(mut self, key: &RunKey) -> Self {
         self.key = Some(key.clone());
         let parts = [&key.robot, &key.session, &key.run];
@@ -73,58 +73,39 @@ impl Columns {
             .fold(self, |columns, (name, part)| columns.same(name, part))
     }
 
-    #[must_use]
     pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
         let mut values = values.into_iter().map(Cell::value);
         self.put(name, C::Value::KIND, &mut |_| C::Value::array(&mut values))
     }
 
-    #[must_use]
     pub fn whole_numbers(self, name: &str, mut values: Vec<i64>) -> Self {
         let mut array = || Arc::new(Int64Array::from(mem::take(&mut values)));
         self.put(name, ColumnType::Int64, &mut |_| Ok(array()))
     }
 
-    #[must_use]
     pub fn same<C: Cell<Value: Clone>>(self, name: &str, value: C) -> Self {
         let value = value.value();
         self.put(name, C::Value::KIND, &mut |rows| C::Value::same(value.clone(), rows))
     }
 
     /// Lists of one length, their values one after another, as many for each row.
-    #[must_use]
     pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
         self.put(name, ColumnType::ListFloat64, &mut |rows| Ok(cell::lists_alike(values, rows)))
     }
 
     /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
-    #[must_use]
-    pub fn group<const N: usize, V>(
+    pub fn group<const N: usize, V: Into<Option<[f64; N]>>>(
         self,
         names: [&str; N],
         values: impl IntoIterator<Item = V>,
-    ) -> Self
-    where
-        V: Into<Option<[f64; N]>>,
-    {
+    ) -> Self {
         let rows: Vec<Option<[f64; N]>> = values.into_iter().map(Into::into).collect();
         names.iter().enumerate().fold(self, |columns, (component, name)| {
             columns.column(name, rows.iter().map(|row| row.map(|row| row[component])))
         })
     }
 
-    #[must_use]
-    pub fn absent<const N: usize>(mut self, names: [&str; N]) -> Self {
-        for name in names {
-            if self.error.is_none() {
-                self.error = self.place(name).map(|place| self.fill(place)).err();
-            }
-        }
-        self
-    }
-
     /// Every column that may be null and was not given is null in every row.
-    #[must_use]
     pub fn rest_absent(mut self) -> Self {
         for (place, column) in self.schema.columns.iter().enumerate() {
             if column.nullable && self.arrays[place].is_none() {
@@ -214,7 +195,7 @@ mod tests {
             .same("nominal", 0.0)
             .same("identified", 1e-4)
             .same("standard_error", Some(1e-5))
-            .absent(["prior_sd", "most_correlated_with", "correlation"])
+            .rest_absent()
             .same("identifiability", "identifiable")
     }
 
@@ -308,23 +289,9 @@ mod tests {
         let wrong = Columns::new(schema::find("rejects").unwrap(), 1)
             .same("stage", "Join")
             .same("reject", 0_u64);
-        let rest = [
-            "number",
-            "file",
-            "topic",
-            "byte_start",
-            "byte_end",
-            "clock",
-            "start_ns",
-            "end_ns",
-            "station",
-            "line",
-            "column",
-            "code",
-        ];
         let wrong = wrong
             .key(&RunKey::new("r", "s", "0"))
-            .absent(rest)
+            .rest_absent()
             .same("kind", "dwell")
             .same("reason", "moved");
         assert!(refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join"));

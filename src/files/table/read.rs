@@ -25,6 +25,8 @@ use crate::manifest::RunKey;
 use crate::schema::{ColumnSchema, Role, TableSchema, UTC};
 use crate::stated;
 
+type Result<T, E = FileError> = std::result::Result<T, E>;
+
 struct Entries(Vec<(String, String)>);
 
 impl Entries {
@@ -81,36 +83,28 @@ pub struct Head {
 /// assert_eq!(table.f64("error_rad").value(0), -1.2e-4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
+pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table> {
     read_within(path, schema, Bound::TABLE)
 }
 
 /// Reads a Parquet file whose size, and that of its values in memory, has another bound.
-pub fn read_within(
-    path: &Path,
-    schema: &'static TableSchema,
-    bound: Bound,
-) -> Result<Table, FileError> {
+pub fn read_within(path: &Path, schema: &'static TableSchema, bound: Bound) -> Result<Table> {
     let file = open_file(path, bound)?;
     open_within(file, path, schema, bound.of_values())?.believed(path)
 }
 
-fn open_file(path: &Path, bound: Bound) -> Result<File, FileError> {
+fn open_file(path: &Path, bound: Bound) -> Result<File> {
     input::open(path, bound).map_err(|source| FileErrorKind::Open(source).at(path))
 }
 
 /// Reads a table from an open file of any size, which errors call `path`.
-pub fn read_open(
-    file: File,
-    path: &Path,
-    schema: &'static TableSchema,
-) -> Result<Table, FileError> {
+pub fn read_open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Table> {
     open(file, path, schema)?.believed(path)
 }
 
 impl Opened {
     /// The table; an error where it is not the one that was written.
-    pub fn believed(self, path: &Path) -> Result<Table, FileError> {
+    pub fn believed(self, path: &Path) -> Result<Table> {
         match self.seal {
             Seal::Holds | Seal::Absent => Ok(self.table),
             Seal::Broken { stated, found } => {
@@ -122,7 +116,7 @@ impl Opened {
 
 /// Reads an open file of any size, which errors call `path`, and states whether its content is the one that was
 /// written.
-pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
+pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened> {
     let unbounded = Bound { bytes: u64::MAX, ..Bound::TABLE };
     open_within(file, path, schema, unbounded)
 }
@@ -133,7 +127,7 @@ pub fn open_within(
     path: &Path,
     schema: &'static TableSchema,
     values: Bound,
-) -> Result<Opened, FileError> {
+) -> Result<Opened> {
     // The Parquet reader panics on some damaged pages. It owns only the file, so no other state is left inconsistent.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema, values)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {
@@ -162,7 +156,7 @@ fn decode(
     file: File,
     schema: &TableSchema,
     bound: Bound,
-) -> Result<(Entries, RecordBatch), FileError> {
+) -> Result<(Entries, RecordBatch)> {
     check_form(&file).map_err(|kind| kind.at(path))?;
     let parquet = |source: ParquetError| FileErrorKind::Damaged(plain(&source)).at(path);
     let values = |source: ArrowError| FileErrorKind::Damaged(plain_values(&source)).at(path);
@@ -187,13 +181,13 @@ fn decode(
     Ok((entries, batch.ok_or_else(too_large)?))
 }
 
-pub fn head(path: &Path) -> Result<Head, FileError> {
+pub fn head(path: &Path) -> Result<Head> {
     let file = open_file(path, Bound::TABLE)?;
     head_of(&file, path)
 }
 
 /// The statements about itself of an open file, which errors call `path`.
-pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
+pub fn head_of(file: &File, path: &Path) -> Result<Head> {
     check_form(file).map_err(|kind| kind.at(path))?;
     let read = || {
         let mut metadata = ParquetMetaDataReader::new();
@@ -276,7 +270,7 @@ pub fn in_words(table: Option<&str>) -> String {
     table.map_or_else(|| "no table of posegrid".to_owned(), |name| format!("table {name:?}"))
 }
 
-fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result<(), FileError> {
+fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result<()> {
     let table = entries.get("posegrid.table");
     if table != Some(&schema.table) {
         let (found, expected) = (in_words(table.map(String::as_str)), schema.table.clone());

@@ -5,7 +5,6 @@
 
 mod column;
 mod encoder;
-mod levels;
 mod lists;
 mod properties;
 
@@ -89,9 +88,6 @@ mod tests {
     use crate::schema;
     use crate::table::{Columns, read};
 
-    const TURN_COVARIANCES: [&str; 2] =
-        ["stated_orientation_cov_rad2", "stated_position_orientation_cov_mm_rad"];
-
     /// More rows than a row group has; lists that are absent, empty, of one and of several, and no two alike in a row.
     fn samples(rows: usize) -> Table {
         let angles = |row: usize| match row % 4 {
@@ -100,19 +96,14 @@ mod tests {
         };
         let names = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
         let poses = (0..rows).map(|row| (row % 3 > 0).then_some([row as f64; 7]));
-        let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
         let columns = Columns::new(schema::find("logs").unwrap(), rows)
             .key(&RunKey::new("ur10", "grid", "00ff"))
             .same("source", "joints")
             .column("sample", 0..rows)
             .column("stamp_ns", (0..rows).map(|row| row * row))
             .column("joints_rad", (0..rows).map(angles))
-            .group(names, poses)
-            .absent(["temperature_c"])
-            .absent(TURN_COVARIANCES);
-        let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
-        let columns = covariances.iter().fold(columns, |columns, name| columns.absent([name]));
-        columns.finish().unwrap()
+            .group(names, poses);
+        columns.rest_absent().finish().unwrap()
     }
 
     #[test]
@@ -131,19 +122,13 @@ mod tests {
     fn joints(rows: usize, joints: usize, angle: impl Fn(usize, usize) -> f64) -> Table {
         let places = (0..rows).flat_map(|row| (0..joints).map(move |joint| (row, joint)));
         let angles: Vec<f64> = places.map(|(row, joint)| angle(row, joint)).collect();
-        let absent = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw", "temperature_c"];
-        let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
-        let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
         let table = Columns::new(schema::find("logs").unwrap(), rows)
             .key(&RunKey::new("ur10", "grid", "00ff"))
             .same("source", "joints")
             .column("sample", 0..rows)
             .column("stamp_ns", 0..rows)
-            .lists_alike("joints_rad", &angles)
-            .absent(absent)
-            .absent(TURN_COVARIANCES);
-        let table = covariances.iter().fold(table, |table, name| table.absent([name]));
-        table.finish().unwrap()
+            .lists_alike("joints_rad", &angles);
+        table.rest_absent().finish().unwrap()
     }
 
     #[test]

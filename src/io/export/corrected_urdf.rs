@@ -17,6 +17,7 @@ use super::urdf::three;
 use super::urdf_chain::{self, Ends, Step};
 use super::{ExportError, ExportErrorKind};
 use crate::geometry::rpy;
+use crate::manifest::RunKey;
 use crate::robot;
 use crate::robot::urdf::{self, child};
 use crate::units::MM_PER_M;
@@ -111,17 +112,14 @@ fn remarks(
     origins: &Origins,
     limits: Limits,
 ) -> Vec<String> {
-    let key = &own.published.key;
+    let RunKey { robot, session, run } = &own.published.key;
     let changed = steps.iter().zip(&origins.joints);
     let changed = changed.filter(|(_, origin)| origin.is_some());
     let names: Vec<&str> = changed.map(|(step, _)| step.joint.name.as_str()).collect();
     let mut lines = vec![
         format!(
-            "origins of {} are the identified geometry of robot {:?}, session {:?}, run {}; joint offsets are in them, and nothing else changed",
-            names.join(", "),
-            key.robot,
-            key.session,
-            key.run
+            "origins of {} are the identified geometry of robot {robot:?}, session {session:?}, run {run}; joint offsets are in them, and nothing else changed",
+            names.join(", ")
         ),
         own.published.error_frame.words(),
         limits.not_identified,

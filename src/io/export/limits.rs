@@ -4,12 +4,14 @@
 
 use std::path::Path;
 
-use super::held_out::{self, rows_beside};
 use crate::figures::expanded;
 use crate::fit::Identifiability;
-use crate::report::Model;
+use crate::lake::read_given;
+use crate::report::{Angles, Model, Split};
+use crate::rows::Row;
+use crate::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::tables::parameters::{BelongsTo, ParameterRow};
-use crate::tables::words::Unit;
+use crate::tables::words::{Role, Unit};
 
 pub(super) struct Limits {
     pub dropped: String,
@@ -20,7 +22,7 @@ impl Limits {
     pub(super) fn of(calibrations: &Path) -> Self {
         let rows = rows_beside::<ParameterRow>(calibrations);
         Self {
-            dropped: held_out::dropped(calibrations),
+            dropped: dropped(calibrations),
             not_identified: rows.map_or_else(
                 || {
                     "Which of base, flange and lengths are identified is in table parameters of the run, which is not beside this file."
@@ -79,6 +81,48 @@ fn value(row: &ParameterRow) -> String {
     let error =
         error.map_or_else(String::new, |error| format!(" ± {:.3}{unit}", scale * expanded(error)));
     format!("{}{session}{error}", row.parameter)
+}
+
+/// The parts dropped and their cost, by table `accuracy` of the same run.
+fn dropped(calibrations: &Path) -> String {
+    let parts = "Not in it: joint curves, gear lines, gravity, drift and the difference of command and reported angle.";
+    match figures(calibrations) {
+        Some((geometric, full, n)) => format!(
+            "{parts} On {n} held-out stations the geometry alone leaves a mean error of {geometric:.3} mm, the full error model {full:.3} mm."
+        ),
+        None => format!(
+            "{parts} What that costs is in table accuracy of the run, which is not beside this file."
+        ),
+    }
+}
+
+/// The mean errors that the geometry alone and the full error model leave on held-out stations, and their number.
+fn figures(calibrations: &Path) -> Option<(f64, f64, usize)> {
+    let rows = rows_beside::<AccuracyRow>(calibrations)?;
+    let mean = |model: Model, angles: Angles| {
+        let is_wanted = |row: &&AccuracyRow| {
+            (row.subject.split, row.role, row.subject.model, row.subject.angles)
+                == (Split::Blocks, Role::HeldOut, model, angles)
+                && (row.moment, row.quantity, row.name)
+                    == (BeforeAfter::After, FigureKind::PositionError, FigureName::Mean)
+        };
+        let row = rows.iter().find(is_wanted)?;
+        Some((row.value?, row.n))
+    };
+    let (geometric, n) = mean(Model::Geometric, Angles::Reported)?;
+    // With commands in the logs, the full error model takes the angles between command and report.
+    let full = mean(Model::Full, Angles::Weighted).or_else(|| mean(Model::Full, Angles::Reported));
+    Some((geometric, full?.0, n))
+}
+
+/// The rows of another table of the same run, of which a lake has TABLE/robot/session/run; `None` where that is not there.
+fn rows_beside<R: Row>(calibrations: &Path) -> Option<Vec<R>> {
+    let session = calibrations.parent()?;
+    let robot = session.parent()?;
+    let lake = robot.parent()?.parent()?;
+    let same =
+        Path::new(robot.file_name()?).join(session.file_name()?).join(calibrations.file_name()?);
+    Some(R::read(&read_given(&lake.join(R::TABLE).join(same), R::schema()).ok()?))
 }
 
 #[cfg(test)]

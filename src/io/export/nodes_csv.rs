@@ -12,8 +12,7 @@ use crate::schema::KEY_COLUMNS;
 use crate::table::{self, Table};
 use crate::tables::compensation::{NodeRow, TableColumns};
 use crate::targets::spread::Spread;
-use crate::targets::write_csv::write_columns;
-use crate::targets::write_json::value;
+use crate::targets::write::{value, write_columns};
 
 /// Writes the nodes of the table in a file, lengths to the nanometre, joint angles in degrees.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {

@@ -15,6 +15,9 @@ use crate::kinematics::{Arm, Convention, Parameter, RobotFile};
 use crate::manifest::RunKey;
 use crate::tables::parameters::nominal;
 
+const COLUMNS: &str = "parameter belongs_to joint joint_name quantity unit nominal offset identified \
+     standard_error";
+
 /// The robot file's convention without one. Gives remarks for a person, a line each.
 pub fn write(
     path: &Path,
@@ -34,18 +37,7 @@ pub fn write(
         writeln!(sink, "# {line}")?;
     }
     let mut csv = csv::Writer::from_writer(sink);
-    csv.write_record([
-        "parameter",
-        "belongs_to",
-        "joint",
-        "joint_name",
-        "quantity",
-        "unit",
-        "nominal",
-        "offset",
-        "identified",
-        "standard_error",
-    ])?;
+    csv.write_record(COLUMNS.split(' '))?;
     for (place, parameter) in found.errors.parameters.iter().enumerate() {
         let (offset, sd) =
             (found.errors.offsets[place], found.errors.covariance[(place, place)].max(0.0).sqrt());

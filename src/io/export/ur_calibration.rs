@@ -18,6 +18,7 @@ use super::urdf::three;
 use super::{ExportError, ExportErrorKind};
 use crate::geometry::{isometry_from_rpy, rpy};
 use crate::kinematics::{Arm, Screws};
+use crate::manifest::RunKey;
 
 const LINKS: [&str; 6] = ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"];
 
@@ -78,14 +79,11 @@ fn text(own: &InControllerBase, origins: &Origins, limits: &Limits) -> String {
 }
 
 fn remarks(own: &InControllerBase, rest: Option<&Isometry3<f64>>, limits: &Limits) -> Vec<String> {
-    let key = &own.published.key;
+    let RunKey { robot, session, run } = &own.published.key;
+    let arm = own.published.arm.arm.model();
     let mut lines = vec![
         format!(
-            "identified kinematics of arm {:?}, robot {:?}, session {:?}, by posegrid run {}",
-            own.published.arm.arm.model(),
-            key.robot,
-            key.session,
-            key.run
+            "identified kinematics of arm {arm:?}, robot {robot:?}, session {session:?}, by posegrid run {run}"
         ),
         "for ur_description (kinematics_params): metres and radians, roll pitch yaw about fixed x y z, base = the controller's base"
             .to_owned(),

@@ -74,17 +74,14 @@ fn text(
     limits: &str,
 ) -> String {
     let mut urdf = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
+    let RunKey { robot, session, run } = key;
+    let (frame, model) = (error_frame.words(), arm.arm.model());
     let remark = format!(
-        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. {limits} base_link is the controller's base, flange its flange, tool its \
-         own tool point. Effort and velocity are not known and 0.",
-        error_frame.words(),
-        arm.arm.model(),
-        key.robot,
-        key.session,
-        key.run
+        "{frame}. Identified geometry of arm {model:?}, robot {robot:?}, session {session:?}, by posegrid run {run}. {limits} base_link is \
+         the controller's base, flange its flange, tool its own tool point. Effort and velocity are not known and 0."
     );
     line(&mut urdf, &format!("<!-- {} -->", in_comment(&remark)));
-    line(&mut urdf, &format!("<robot name=\"{}\">", escaped(&key.robot)));
+    line(&mut urdf, &format!("<robot name=\"{}\">", escaped(robot)));
     line(&mut urdf, "  <link name=\"base_link\"/>");
     let mut parent = "base_link".to_owned();
     let joints = arm.arm.joints();
@@ -148,18 +145,15 @@ fn fixed_name(child: &str, joints: &[Joint]) -> String {
 
 /// The value of an attribute.
 pub(super) fn escaped(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for letter in text.chars() {
-        match letter {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&apos;"),
-            _ => out.push(character(letter)),
-        }
-    }
-    out
+    let written = |letter: char| match letter {
+        '&' => "&amp;".to_owned(),
+        '<' => "&lt;".to_owned(),
+        '>' => "&gt;".to_owned(),
+        '"' => "&quot;".to_owned(),
+        '\'' => "&apos;".to_owned(),
+        _ => character(letter).to_string(),
+    };
+    text.chars().map(written).collect()
 }
 
 /// A character, or a sign for one that XML 1.0 excludes: it has no form for most control characters.

@@ -17,7 +17,6 @@ mod long;
 mod matrices;
 mod names;
 mod roles;
-mod sum;
 #[cfg(test)]
 mod tests;
 mod turns;

@@ -169,10 +169,8 @@ impl Lake {
     /// Removes files that neither the newest state nor one that was replaced less than `KEPT` ago names; returns their
     /// number.
     pub fn remove_replaced(&self) -> Result<usize> {
-        let mut states: Vec<(u64, Listed)> = Vec::new();
         let listed = self.store.list(COMPACT, 1..=2)?;
-        let found = listed.iter().filter_map(numbered);
-        states.extend(found.map(|(number, own)| (number, own.clone())));
+        let mut states: Vec<(u64, &Listed)> = listed.iter().filter_map(numbered).collect();
         states.sort_by_key(|own| own.0);
         let Some(now) = states.last().and_then(|(_, newest)| newest.modified) else { return Ok(0) };
         let is_old = |written: Option<SystemTime>| {
@@ -180,7 +178,7 @@ impl Lake {
         };
         // A state was replaced when the one after it was made.
         let replaced = states.windows(2).take_while(|own| is_old(own[1].1.modified));
-        let gone: Vec<&Listed> = replaced.map(|own| &own[0].1).collect();
+        let gone: Vec<&Listed> = replaced.map(|own| own[0].1).collect();
         let mut named = BTreeSet::new();
         for (_, state) in &states[gone.len()..] {
             named.extend(self.named_in(state)?);

@@ -50,7 +50,9 @@ impl<'r> OpenTable<'r> {
         };
         let encoded = begun.encoder.encode(part).map_err(|error| begun.wrong(error))?;
         begun.file.digest_here(part);
-        begun.append(&encoded)
+        begun.file.append(&encoded).map_err(|error| begun.wrong(error))?;
+        begun.written.rows += encoded.rows();
+        Ok(())
     }
 
     /// Parts are made (`table`) and encoded on all threads, at most four at a time, while earlier ones are written. The
@@ -103,7 +105,7 @@ impl Begun {
         let path = run.lake.written_at(&key);
         let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
         let encoder = Encoder::of(first).map_err(wrong)?;
-        let file = PartsFile::new(&encoder, run.temporary(&key)?).map_err(wrong)?;
+        let file = PartsFile::new(&encoder, run.lake.store.temporary(&key)?).map_err(wrong)?;
         Ok(Self {
             written: Written {
                 table: first.schema().table.clone(),
@@ -116,13 +118,6 @@ impl Begun {
             encoder,
             file,
         })
-    }
-
-    fn append(&mut self, part: &RowGroups) -> Result<()> {
-        let appended = self.file.append(part);
-        appended.map_err(|error| self.wrong(error))?;
-        self.written.rows += part.rows();
-        Ok(())
     }
 
     fn wrong(&self, error: ParquetError) -> LakeError {

@@ -113,10 +113,6 @@ impl<'a> OpenRun<'a> {
         })
     }
 
-    pub(super) fn temporary(&self, key: &str) -> Result<Temporary> {
-        Ok(self.lake.store.temporary(key)?)
-    }
-
     pub(super) fn file_key(&self, table: &Table) -> Result<String> {
         match table.key() {
             Some(key) if key.run == self.key.run && key.robot == self.key.robot => {

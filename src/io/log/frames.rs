@@ -8,21 +8,18 @@
 
 mod again;
 mod behind;
-mod indexed;
 mod judge;
-mod loss;
-mod records;
 
+use std::collections::BTreeMap;
 use std::io;
 
+use thiserror::Error;
+
 use super::Limits;
-use super::record::{ChunkRecord, op};
+use super::record::{ChunkRecord, FRAME_HEADER, frame_header, indexed_messages, op};
 use super::source::Source;
-pub use indexed::indexed_behind;
 use judge::Judged;
 pub(super) use judge::belongs_to_summary;
-pub use loss::{Loss, Lost};
-pub use records::Records;
 
 /// Most candidates for a new frame that are tried in one log; it bounds the time that a hostile log takes.
 const MOST_PROBES: u32 = 1_000_000;
@@ -36,6 +33,45 @@ pub enum Piece {
     Private { start: u64, end: u64, opcode: u8 },
     Log { start: u64 },
     Lost(Lost),
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    pub start: u64,
+    pub end: u64,
+    pub why: Loss,
+    /// Earliest and latest log time that a chunk's header states, ns; `None` for other bytes.
+    pub times: Option<(u64, u64)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Loss {
+    #[error(
+        "no sound record begins at byte {0}; reading continued at the next one that can be trusted"
+    )]
+    Framing(u64),
+    #[error("the file ends inside a record: it was cut, or its recorder was stopped hard")]
+    Truncated,
+    #[error(
+        "the file ends without a data end record: it was cut or its recorder was stopped hard, and what is missing \
+         cannot be known"
+    )]
+    NoDataEnd,
+    #[error(
+        "the log states that its data ends at byte {0}, but data records follow: they were read; readers that trust the log \
+         leave them out"
+    )]
+    EarlyEnd(u64),
+    #[error(
+        "a record with opcode 0x{0:02x} does not belong here: its opcode is damaged, or another format wrote it"
+    )]
+    Opcode(u8),
+    #[error("the fields of a record with opcode 0x{0:02x} do not fit its length")]
+    Malformed(u8),
+    #[error(
+        "a record is longer than the limit of {0} bytes; if that is right, raise record_bytes in [limits]"
+    )]
+    TooLong(u64),
 }
 
 pub struct Frames<'s> {
@@ -147,4 +183,56 @@ impl<'s> Frames<'s> {
 
 const fn lost(start: u64, end: u64, why: Loss) -> Piece {
     Piece::Lost(Lost { start, end, why, times: None })
+}
+
+/// The numbers of messages by channel in a chunk that cannot be read, from the message indexes after it; `None` where there are none.
+pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTreeMap<u16, u64>>> {
+    let mut found = BTreeMap::new();
+    loop {
+        let header = source.probe(at, 15)?;
+        let Some((op::MESSAGE_INDEX, length)) = frame_header(header) else { break };
+        let Some((channel, messages)) = header.get(9..).and_then(|b| indexed_messages(b, length))
+        else {
+            break;
+        };
+        let end = at.saturating_add(FRAME_HEADER).saturating_add(length);
+        if end > source.length() {
+            break;
+        }
+        *found.entry(channel).or_default() += messages;
+        at = end;
+    }
+    Ok((!found.is_empty()).then_some(found))
+}
+
+/// The records in a sound run of frames, such as a chunk's.
+pub struct Records<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Records<'a> {
+    pub const fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+}
+
+impl<'a> Iterator for Records<'a> {
+    /// Place of the frame, opcode, body; or the place where a frame does not fit.
+    type Item = Result<(usize, u8, &'a [u8]), usize>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Self::Item> {
+        let start = self.at;
+        let rest = self.bytes.get(start..).filter(|rest| !rest.is_empty())?;
+        // An unsound frame is always the last one.
+        self.at = self.bytes.len();
+        let body = rest.get(1..9).and_then(|length| {
+            let length = usize::try_from(u64::from_le_bytes(*length.first_chunk()?)).ok()?;
+            rest.get(9..length.checked_add(9)?)
+        });
+        let Some(body) = body else { return Some(Err(start)) };
+        self.at = start + 9 + body.len();
+        Some(Ok((start, rest[0], body)))
+    }
 }

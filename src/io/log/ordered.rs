@@ -36,10 +36,7 @@ pub struct OrderedStream<B: Buffer, T> {
     spare: Vec<B::Block>,
 }
 
-impl<B: Buffer, T: Emit<B>> OrderedStream<B, T>
-where
-    B::Block: Default,
-{
+impl<B: Buffer<Block: Default>, T: Emit<B>> OrderedStream<B, T> {
     const fn new(in_order: InOrder<B>, to: T) -> Self {
         Self { in_order, to, waiting: Vec::new(), spare: Vec::new() }
     }

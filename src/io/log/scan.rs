@@ -63,18 +63,13 @@ pub trait Visitor: Sync {
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
 }
 
-pub fn scan<V, E>(
+pub fn scan<V: Visitor<Error = E>, E: From<FileError>>(
     path: &Path,
     name: &str,
     limits: Limits,
     visitor: &mut V,
     progress: &dyn Progress,
-) -> Result<ReadSummary, E>
-where
-    V: Visitor<Error = E>,
-    V::Part: Send,
-    E: From<FileError>,
-{
+) -> Result<ReadSummary, E> {
     let (mut source, packed) = Source::open(path, name, limits, progress)?;
     let mut read_summary = ReadSummary {
         file: name.to_owned(),
@@ -174,11 +169,7 @@ struct Scan<'a, V: Visitor> {
     rejects: usize,
 }
 
-impl<V, E> Scan<'_, V>
-where
-    V: Visitor<Error = E>,
-    E: From<FileError>,
-{
+impl<V: Visitor<Error = E>, E: From<FileError>> Scan<'_, V> {
     fn run(&mut self) -> Result<(), E> {
         let mut run: Option<Run> = None;
         loop {

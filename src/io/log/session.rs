@@ -174,24 +174,19 @@ impl Visitor for Nothing {
 fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted>, LogError> {
     let wanted: Vec<Wanted> = wanted.collect();
     let mut topics = BTreeSet::new();
-    match wanted.iter().find(|wanted| !topics.insert(&wanted.topic)) {
-        None => Ok(wanted),
-        Some(twice) => {
-            Err(LogError::NamedTwice { file: file.to_owned(), topic: twice.topic.clone() })
-        }
+    if let Some(twice) = wanted.iter().find(|wanted| !topics.insert(&wanted.topic)) {
+        return Err(LogError::NamedTwice { file: file.to_owned(), topic: twice.topic.clone() });
     }
+    Ok(wanted)
 }
 
 /// Checks that each wanted topic is in some file of its side.
 fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), LogError> {
     let of_side = || parts.iter().filter(|part| part.sides.contains(&side));
     let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(&wanted.topic));
-    match wanted.iter().find(missing) {
-        None => Ok(()),
-        Some(missing) => {
-            Err(unknown_topic(of_side().map(|part| &part.read_summary), &missing.topic))
-        }
-    }
+    wanted.iter().find(missing).map_or(Ok(()), |missing| {
+        Err(unknown_topic(of_side().map(|part| &part.read_summary), &missing.topic))
+    })
 }
 
 fn unknown_topic<'a>(summaries: impl Iterator<Item = &'a ReadSummary>, topic: &str) -> LogError {

@@ -25,7 +25,7 @@ pub use layout::Glance;
 use layout::Recipe;
 pub use reader::Part;
 use reader::{Decoder, Reader, RowFault, Wished};
-pub use suggest::{Suggestible, Suggestion, json_fields, suggest};
+pub use suggest::{Suggestible, Suggestion, json_fields};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stream {

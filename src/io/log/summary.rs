@@ -140,7 +140,7 @@ pub const fn of_summary(opcode: u8) -> bool {
 }
 
 /// Opcode and end of the frame at `at`; `None` where none ends by `end`.
-fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, u64)>> {
+pub fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, u64)>> {
     let Some((opcode, length)) = frame_header(source.peek(at, 9)?) else { return Ok(None) };
     let own_end = length.checked_add(at + FRAME_HEADER);
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))

@@ -110,26 +110,18 @@ fn declared(text: &str) -> Cow<'_, str> {
 
 /// Elements of the robot, and of its links, that nothing reads.
 fn unread(document: &Document<'_>) -> Vec<(&'static str, usize)> {
-    const UNREAD: [&str; 8] = [
-        "inertial",
-        "visual",
-        "collision",
-        "material",
-        "transmission",
-        "gazebo",
-        "sensor",
-        "ros2_control",
-    ];
+    const UNREAD: &str =
+        "inertial visual collision material transmission gazebo sensor ros2_control";
     let robot = document.root_element();
     let xacro = robot.descendants().filter(is_xacro).count();
     let own = robot.children().filter(Node::is_element);
     let links = own.clone().filter(|node| node.has_tag_name("link"));
     let parts: Vec<_> = own.chain(links.flat_map(|link| link.children())).collect();
-    let counted = UNREAD.map(|name| {
+    let counted = UNREAD.split(' ').map(|name| {
         let is_it = |node: &&Node<'_, '_>| node.tag_name().name() == name;
         (name, parts.iter().filter(is_it).count())
     });
-    counted.into_iter().chain([("xacro", xacro)]).filter(|(_, count)| *count > 0).collect()
+    counted.chain([("xacro", xacro)]).filter(|(_, count)| *count > 0).collect()
 }
 
 /// The first child with that name, of the same XML namespace.

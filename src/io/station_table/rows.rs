@@ -52,6 +52,8 @@ struct Long {
     lengths: BTreeSet<(usize, usize)>,
 }
 
+type Result<T, E = Fault> = std::result::Result<T, E>;
+
 /// Why a value is not used: the column at fault, and the reason.
 struct Fault {
     column: Option<usize>,
@@ -150,7 +152,9 @@ impl Reader<'_> {
                 Err(fault) => self.reject(RowItem::Row, self.table.line(row), fault),
                 Ok((place, target)) => {
                     if let [measured, ..] = &columns.measured[..] {
-                        self.add_reading(&mut long.rows[place], row, target, 0, measured);
+                        let (read, station) =
+                            (self.reading(row, 0, measured), &mut long.rows[place]);
+                        self.add_reading(station, row, (SourceId::ONLY, target), read);
                     }
                 }
             }
@@ -186,7 +190,7 @@ impl Reader<'_> {
         row: usize,
         target_column: usize,
         long: &mut Long,
-    ) -> Result<(usize, TargetId), Fault> {
+    ) -> Result<(usize, TargetId)> {
         let target = self.target(row, target_column)?;
         let place = self.station_of(row, long)?;
         if long.seen.insert((place, target)) {
@@ -197,7 +201,7 @@ impl Reader<'_> {
     }
 
     /// The station of a row of a long table; one that no earlier row names is new.
-    fn station_of(&self, row: usize, long: &mut Long) -> Result<usize, Fault> {
+    fn station_of(&self, row: usize, long: &mut Long) -> Result<usize> {
         let column = self.columns.station;
         let station = column.and_then(|column| name(self.table.cell(row, column)));
         let station = station.ok_or_else(|| Fault {
@@ -213,7 +217,7 @@ impl Reader<'_> {
         Ok(long.rows.len() - 1)
     }
 
-    fn target(&self, row: usize, column: usize) -> Result<TargetId, Fault> {
+    fn target(&self, row: usize, column: usize) -> Result<TargetId> {
         let named = name(self.table.cell(row, column))
             .ok_or_else(|| Fault::in_column(Some(column), "it names no target"))?;
         let place = self.settings.targets.iter().position(|target| *target == named);
@@ -223,7 +227,7 @@ impl Reader<'_> {
         })
     }
 
-    fn same_joints(&self, row: usize, station: &Row) -> Result<(), Fault> {
+    fn same_joints(&self, row: usize, station: &Row) -> Result<()> {
         let joints = self.joints(row)?;
         let mut pairs = joints.iter().zip(&station.joints);
         if pairs.all(|(own, other)| (own - other).abs() <= 1e-9) {
@@ -235,7 +239,7 @@ impl Reader<'_> {
         )))
     }
 
-    fn once(&self, row: usize, named: &mut BTreeMap<String, u64>) -> Result<(), Fault> {
+    fn once(&self, row: usize, named: &mut BTreeMap<String, u64>) -> Result<()> {
         let column = self.columns.station;
         let Some(own) = column.and_then(|column| name(self.table.cell(row, column))) else {
             return Ok(());
@@ -249,7 +253,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn station(&self, row: usize) -> Result<Row, Fault> {
+    fn station(&self, row: usize) -> Result<Row> {
         let temperature = self.columns.temperature.as_ref().map(|own| self.value(own, row));
         let temperature_c = temperature.and_then(Result::ok);
         if let Some(other) = temperature_c.filter(|own| !CELSIUS.contains(own)) {
@@ -269,7 +273,7 @@ impl Reader<'_> {
     }
 
     /// Joint angles in rad, positions of joints that slide in mm.
-    fn joints(&self, row: usize) -> Result<Vec<f64>, Fault> {
+    fn joints(&self, row: usize) -> Result<Vec<f64>> {
         let lengths = self.settings.length_unit.map_or(1.0, LengthUnit::to_mm);
         let joints = self.columns.joints.iter().enumerate();
         let joint = |(place, sum): (usize, &Sum)| {
@@ -281,7 +285,7 @@ impl Reader<'_> {
     }
 
     /// The commanded pose; `None` where the row has none.
-    fn command(&self, row: usize) -> Result<Option<Command>, Fault> {
+    fn command(&self, row: usize) -> Result<Option<Command>> {
         let (Some(columns), Some(settings)) = (&self.columns.commanded, &self.settings.commanded)
         else {
             return Ok(None);
@@ -300,7 +304,7 @@ impl Reader<'_> {
     }
 
     /// When the row was measured, ns; `None` where the table does not state it.
-    fn time_ns(&self, row: usize) -> Result<Option<i64>, Fault> {
+    fn time_ns(&self, row: usize) -> Result<Option<i64>> {
         let (Some(column), Some(time)) = (self.columns.time, &self.settings.time) else {
             return Ok(None);
         };
@@ -334,51 +338,40 @@ impl Reader<'_> {
 
     fn add_readings(&mut self, station: &mut Row, row: usize) {
         for (place, measured) in self.columns.measured.iter().enumerate() {
-            self.add_reading(station, row, TargetId(place), place, measured);
+            let read = self.reading(row, place, measured);
+            self.add_reading(station, row, (SourceId::ONLY, TargetId(place)), read);
         }
         for (place, length) in self.columns.lengths.iter().enumerate() {
             self.add_length(station, row, place, length);
         }
     }
 
+    fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
+        let own = &self.settings.lengths[place];
+        let target = TargetId(self.settings.target_of(own).unwrap_or(0));
+        let source = SourceId(self.settings.first_length() + place);
+        let read = self.length(row, own, columns).map(|value| (value, 1));
+        self.add_reading(station, row, (source, target), read);
+    }
+
+    /// Adds a reading and its number of samples to a station, or why there is none to the rejects.
     fn add_reading(
         &mut self,
         station: &mut Row,
         row: usize,
-        target: TargetId,
-        place: usize,
-        measured: &Measured,
+        (source, target): (SourceId, TargetId),
+        read: Result<(Value, usize)>,
     ) {
         let line = self.table.line(row);
-        match self.reading(row, place, measured) {
-            Ok((value, samples)) => station.readings.push(RowReading {
-                source: SourceId::ONLY,
-                target,
-                line,
-                value,
-                samples,
-            }),
+        match read {
+            Ok((value, samples)) => {
+                station.readings.push(RowReading { source, target, line, value, samples });
+            }
             Err(fault) => self.reject(RowItem::Reading, line, fault),
         }
     }
 
-    fn add_length(&mut self, station: &mut Row, row: usize, place: usize, columns: &Length) {
-        let line = self.table.line(row);
-        let own = &self.settings.lengths[place];
-        let target = TargetId(self.settings.target_of(own).unwrap_or(0));
-        match self.length(row, own, columns) {
-            Ok(value) => station.readings.push(RowReading {
-                source: SourceId(self.settings.first_length() + place),
-                target,
-                line,
-                value,
-                samples: 1,
-            }),
-            Err(fault) => self.reject(RowItem::Reading, line, fault),
-        }
-    }
-
-    fn length(&self, row: usize, own: &LengthColumns, columns: &Length) -> Result<Value, Fault> {
+    fn length(&self, row: usize, own: &LengthColumns, columns: &Length) -> Result<Value> {
         let to_mm = own.unit.to_mm();
         let mm = to_mm * self.value(&columns.reading, row)?;
         let stated = columns.sd.as_ref().map(|sum| self.value(sum, row));
@@ -406,17 +399,12 @@ impl Reader<'_> {
         })
     }
 
-    fn reading(
-        &mut self,
-        row: usize,
-        place: usize,
-        columns: &Measured,
-    ) -> Result<(Value, usize), Fault> {
+    fn reading(&mut self, row: usize, place: usize, columns: &Measured) -> Result<(Value, usize)> {
         let settings = &self.settings.measured[place];
         let position = self.place(&columns.pose.position, row, settings.unit)?;
         let (to_mm, samples) = (settings.unit.to_mm(), self.samples(columns, row)?);
         let sd = columns.sd.iter().map(|sum| self.deviation(sum, row));
-        let sd = sd.collect::<Result<Vec<f64>, Fault>>()?;
+        let sd = sd.collect::<Result<Vec<f64>>>()?;
         let turn = match (&columns.pose.orientation, &settings.orientation) {
             (Some(sums), Some(form)) => {
                 if_there(self.turn(sums, &columns.orientation_sd, row, form))?
@@ -442,7 +430,7 @@ impl Reader<'_> {
         row: usize,
         settings: &ReadingColumns,
         has_turn: bool,
-    ) -> Result<PoseCovariance, Fault> {
+    ) -> Result<PoseCovariance> {
         let entries = self.entries(&columns.covariance, row)?;
         let logged = logged(&entries);
         let counts = &mut self.covariances;
@@ -458,16 +446,16 @@ impl Reader<'_> {
     }
 
     /// The entries of a covariance; zeros, which say that it is not known, where all cells are blank.
-    fn entries(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {
+    fn entries(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>> {
         let found = sums.iter().map(|sum| if_there(self.value(sum, row)));
-        let found = found.collect::<Result<Vec<Option<f64>>, Fault>>()?;
+        let found = found.collect::<Result<Vec<Option<f64>>>>()?;
         if found.iter().all(Option::is_none) {
             return Ok(vec![0.0; sums.len()]);
         }
         self.values(sums, row)
     }
 
-    fn samples(&self, columns: &Measured, row: usize) -> Result<usize, Fault> {
+    fn samples(&self, columns: &Measured, row: usize) -> Result<usize> {
         let Some(sum) = &columns.samples else { return Ok(1) };
         let number = self.value(sum, row)?;
         let whole = number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
@@ -482,13 +470,13 @@ impl Reader<'_> {
     }
 
     /// A standard deviation; zero where the cell is blank: the instrument's own uncertainty remains.
-    fn deviation(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
+    fn deviation(&self, sum: &Sum, row: usize) -> Result<f64> {
         let sd = if_there(self.value(sum, row))?.unwrap_or(0.0);
         (sd >= 0.0).then_some(sd).ok_or_else(|| Fault::of(format!("a standard deviation of {sd}")))
     }
 
     /// A position, mm. Three zeros are what some instruments write for a missing reflector.
-    fn place(&self, sums: &[Sum], row: usize, unit: LengthUnit) -> Result<Point3<f64>, Fault> {
+    fn place(&self, sums: &[Sum], row: usize, unit: LengthUnit) -> Result<Point3<f64>> {
         let values = self.values(sums, row)?;
         if values.iter().all(|value| *value == 0.0) {
             return Err(Fault::missing(
@@ -505,21 +493,21 @@ impl Reader<'_> {
         deviations: &[Sum],
         row: usize,
         columns: &OrientationColumns,
-    ) -> Result<MeanOrientation, Fault> {
+    ) -> Result<MeanOrientation> {
         let to_rad = to_rad(&columns.form);
         let squares = deviations.iter().map(|sum| Ok(self.deviation(sum, row)?.powi(2)));
-        let squares = squares.collect::<Result<Vec<f64>, Fault>>()?;
+        let squares = squares.collect::<Result<Vec<f64>>>()?;
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
         let orientation = rotation(&self.values(sums, row)?, &columns.form)?;
         let scatter_rad = to_rad * mean.sqrt();
         Ok(MeanOrientation { orientation, scatter_rad, stated_covariance: None })
     }
 
-    fn values(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>, Fault> {
+    fn values(&self, sums: &[Sum], row: usize) -> Result<Vec<f64>> {
         sums.iter().map(|sum| self.value(sum, row)).collect()
     }
 
-    fn value(&self, sum: &Sum, row: usize) -> Result<f64, Fault> {
+    fn value(&self, sum: &Sum, row: usize) -> Result<f64> {
         match sum.value(self.table, row, &self.settings.missing) {
             Cellular::Number(number) if number.abs() < WILDEST => Ok(number),
             Cellular::Number(number) => Err(Fault::of(format!(
@@ -602,7 +590,7 @@ fn logged(entries: &[f64]) -> Option<LoggedCovariance> {
 }
 
 /// A value, or `None` where there is none.
-fn if_there<T>(value: Result<T, Fault>) -> Result<Option<T>, Fault> {
+fn if_there<T>(value: Result<T>) -> Result<Option<T>> {
     match value {
         Ok(value) => Ok(Some(value)),
         Err(fault) if fault.is_missing => Ok(None),
@@ -610,7 +598,7 @@ fn if_there<T>(value: Result<T, Fault>) -> Result<Option<T>, Fault> {
     }
 }
 
-fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64>, Fault> {
+fn rotation(values: &[f64], form: &OrientationForm) -> Result<UnitQuaternion<f64>> {
     match (form, values) {
         (OrientationForm::Quaternion(_), &[x, y, z, w]) => {
             let quaternion = Quaternion::new(w, x, y, z);

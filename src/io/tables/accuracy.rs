@@ -1,6 +1,4 @@
-//! `accuracy`: the figures in long form, one row each; those of repeated visits in `iso_9283`.
-
-mod iso_9283;
+//! `accuracy`: the figures in long form, one row each.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +8,7 @@ use super::words::{self, Role, TableVerdict, Unit};
 use crate::figures::{COVERAGE_FACTOR, Figures, least_count};
 use crate::grid::{Tolerance, Verdict};
 use crate::manifest::RunKey;
-use crate::report::iso_9283::{Characteristic, Iso9283};
+use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, Moment, Point, Split, Subject};
 use crate::rows::{row, words};
@@ -47,21 +45,6 @@ row! {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BeforeAfter {
-    Before,
-    /// After, measured or predicted.
-    After,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FigureKind {
-    PositionError,
-    Iso9283,
-    /// The agreement of stated covariances with the errors found.
-    Coverage,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FigureName {
     Mean,
     Rms,
@@ -78,8 +61,18 @@ pub enum FigureName {
 }
 
 words! {
-    BeforeAfter { Before: "before", After: "after" }
-    FigureKind { PositionError: "position_error", Iso9283: "iso_9283", Coverage: "coverage" }
+    pub enum BeforeAfter {
+        Before: "before",
+        /// After, measured or predicted.
+        After: "after",
+    }
+
+    pub enum FigureKind {
+        PositionError: "position_error",
+        Iso9283: "iso_9283",
+        /// The agreement of stated covariances with the errors found.
+        Coverage: "coverage",
+    }
     FigureName {
         Mean: "mean",
         Rms: "rms",
@@ -184,7 +177,9 @@ pub fn rows<'a>(
         session_started: starts.get(row.subject.of_session.as_str()).copied(),
         ..row
     };
-    of_sets.chain(iso_9283::rows(iso_9283)).map(dated).collect()
+    let of_iso = iso_9283.iter();
+    let of_iso = of_iso.flat_map(|of| of.figures.iter().map(move |figure| iso_figure(of, figure)));
+    of_sets.chain(of_iso).map(dated).collect()
 }
 
 /// Whether a figure is the one that the verdict of the table stands with: the run's own table on held-out blocks.
@@ -254,4 +249,26 @@ fn figure(
         ..AccuracyRow::of(&of.subject, of.point, of.moment, quantity, name, unit)
     };
     if is_length { row.with_uncertainty(of.expanded_uncertainty_mm) } else { row }
+}
+
+/// A figure of ISO 9283, under the standard's name.
+fn iso_figure(of: &Iso9283, figure: &Figure) -> AccuracyRow {
+    let is_angle = figure.characteristic.is_angle();
+    let row = AccuracyRow {
+        pose: figure.pose,
+        value: figure.value,
+        n: figure.n,
+        n_needed: i64::try_from(figure.n_needed).ok(),
+        reason: figure.remark.clone(),
+        table_id: of.driven_by.clone(),
+        ..AccuracyRow::of(
+            &of.subject,
+            of.point,
+            of.moment,
+            FigureKind::Iso9283,
+            FigureName::Iso(figure.characteristic),
+            if is_angle { Unit::Rad } else { Unit::Mm },
+        )
+    };
+    if is_angle { row } else { row.with_uncertainty(of.expanded_uncertainty_mm) }
 }

@@ -83,16 +83,14 @@ columns! {
     }
 }
 
-/// The loss on a station's residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LossName {
-    Squares,
-    Huber,
-    Cauchy,
-    StudentT,
-}
-
 words! {
+    /// The loss on a station's residual.
+    pub enum LossName {
+        Squares: "squares",
+        Huber: "huber",
+        Cauchy: "cauchy",
+        StudentT: "student_t",
+    }
     Convention {
         StandardDh: "standard_dh",
         MdH: "md_h",
@@ -103,7 +101,6 @@ words! {
         MinimalPoe: "minimal_poe",
         Urdf: "urdf",
     }
-    LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 
 /// A calibration of geometry or frames, or the full error model.

@@ -14,7 +14,7 @@ use crate::judgement::Outcome;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
 use crate::report::Angles;
-use crate::rows::{Field, FieldColumn, columns, row};
+use crate::rows::{Each, Field, FieldColumn, Names, columns, row};
 use crate::table::{Columns, Table};
 
 row! {
@@ -61,15 +61,11 @@ columns! {
 
 /// Rows that follow each other and have the same columns share them.
 impl Field for Arc<TableColumns> {
-    fn put<'v>(
-        columns: Columns,
-        names: &'static [&'static str],
-        values: impl Iterator<Item = &'v Self> + Clone,
-    ) -> Columns {
+    fn put<'v>(columns: Columns, names: Names, values: impl Each<'v, Self>) -> Columns {
         TableColumns::put(columns, names, values.map(AsRef::as_ref))
     }
 
-    fn all(table: &Table, names: &'static [&'static str]) -> impl Iterator<Item = Self> {
+    fn all(table: &Table, names: Names) -> impl Iterator<Item = Self> {
         TableColumns::all(table, names).scan(None, |last: &mut Option<Self>, own| {
             let same = last.take().filter(|last| **last == own);
             *last = Some(same.unwrap_or_else(|| Self::new(own)));
@@ -77,7 +73,7 @@ impl Field for Arc<TableColumns> {
         })
     }
 
-    fn columns(names: &'static [&'static str]) -> Vec<FieldColumn> {
+    fn columns(names: Names) -> Vec<FieldColumn> {
         TableColumns::columns(names)
     }
 }

@@ -32,25 +32,15 @@ row! {
     }
 }
 
-/// Parts that may have moved, without their joints.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HypothesisKind {
-    Anything,
-    /// The base, or the tracker.
-    Base,
-    Target,
-    JointOffset,
-    /// A joint's offset and error curve.
-    JointCurve,
-    Link,
-}
-
 words! {
-    HypothesisKind {
+    /// Parts that may have moved, without their joints.
+    pub enum HypothesisKind {
         Anything: "anything",
+        /// The base, or the tracker.
         Base: "base",
         Target: "target",
         JointOffset: "joint_offset",
+        /// A joint's offset and error curve.
         JointCurve: "joint_curve",
         Link: "link",
     }

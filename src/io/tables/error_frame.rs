@@ -5,16 +5,13 @@ use nalgebra::{Isometry3, UnitQuaternion};
 use crate::report::frame::StatedFrame;
 use crate::rows::{columns, words};
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ErrorFrameName {
-    /// The base of base + target: the program's base has to be set to it.
-    Fitted,
-    /// Surveyed: the program's own base.
-    Surveyed,
-}
-
 words! {
-    ErrorFrameName { Fitted: "fitted", Surveyed: "surveyed" }
+    pub enum ErrorFrameName {
+        /// The base of base + target: the program's base has to be set to it.
+        Fitted: "fitted",
+        /// Surveyed: the program's own base.
+        Surveyed: "surveyed",
+    }
 }
 
 columns! {

@@ -26,23 +26,13 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Control {
-    InControl,
-    OutOfControl,
-    /// There are too few values.
-    NotShown,
-}
-
 words! {
-    Kind {
-        Accuracy: "accuracy",
-        SinceFirst: "since_first",
-        Parameter: "parameter",
-        JointCurve: "joint_curve",
-        Reference: "reference",
+    pub enum Control {
+        InControl: "in_control",
+        OutOfControl: "out_of_control",
+        /// There are too few values.
+        NotShown: "not_shown",
     }
-    Control { InControl: "in_control", OutOfControl: "out_of_control", NotShown: "not_shown" }
 }
 
 pub fn rows(figures: &[(&PastSession, &Figure)]) -> Vec<HistoryRow> {

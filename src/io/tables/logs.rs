@@ -14,22 +14,14 @@ use crate::join::JoinInput;
 use crate::lake::{OpenRun, OpenTable, WholeTable};
 use crate::log::JointSink;
 use crate::manifest::RunKey;
-use crate::rows::{Word as _, words};
+use crate::rows::{Word as _, names, words};
 use crate::schema;
 use crate::table::{Columns, ROW_GROUP_ROWS, Table};
 use crate::units::Stamp;
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
-const COVARIANCE: [&str; 6] = [
-    "stated_cov_xx_mm2",
-    "stated_cov_xy_mm2",
-    "stated_cov_xz_mm2",
-    "stated_cov_yy_mm2",
-    "stated_cov_yz_mm2",
-    "stated_cov_zz_mm2",
-];
-
+const COVARIANCE: [&str; 6] = *names!(stated_cov, covariance);
 const TURN_COVARIANCE: [&str; 2] =
     ["stated_orientation_cov_rad2", "stated_position_orientation_cov_mm_rad"];
 
@@ -48,17 +40,14 @@ enum Behind {
     Temperature,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    Joints,
-    /// Commanded poses.
-    Command,
-    Target,
-    Temperature,
-}
-
 words! {
-    Source { Joints: "joints", Command: "command", Target: "target", Temperature: "temperature" }
+    pub enum Source {
+        Joints: "joints",
+        /// Commanded poses.
+        Command: "command",
+        Target: "target",
+        Temperature: "temperature",
+    }
 }
 
 /// The table of one session, being written while its logs are read. Dropped before its end, it leaves no file.

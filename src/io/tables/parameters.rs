@@ -35,53 +35,26 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BelongsTo {
-    /// The base in the tracker's frame.
-    Base,
-    Link,
-    Target,
-    Session,
-    /// An instrument that reads one length.
-    Gauge,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ParameterQuantity {
-    Theta,
-    D,
-    A,
-    Alpha,
-    Beta,
-    /// The turn γ behind the twist of S-model and CPC.
-    Gamma,
-    /// The shift b behind the twist of S-model and CPC.
-    B,
-    X,
-    Y,
-    Z,
-    Rx,
-    Ry,
-    Rz,
-    /// Command–feedback weight: the share of the way from reported to commanded angle.
-    CommandWeight,
-    /// Reading of a distance at its anchor, or a plane's distance from the base's origin.
-    Offset,
-    /// Tilt of a plane's normal towards the first axis across it.
-    Tilt,
-    /// Tilt of a plane's normal towards the second axis across it.
-    OtherTilt,
-}
-
 words! {
-    BelongsTo { Base: "base", Link: "link", Target: "target", Session: "session", Gauge: "gauge" }
-    ParameterQuantity {
+    pub enum BelongsTo {
+        /// The base in the tracker's frame.
+        Base: "base",
+        Link: "link",
+        Target: "target",
+        Session: "session",
+        /// An instrument that reads one length.
+        Gauge: "gauge",
+    }
+
+    pub enum ParameterQuantity {
         Theta: "theta",
         D: "d",
         A: "a",
         Alpha: "alpha",
         Beta: "beta",
+        /// The turn γ behind the twist of S-model and CPC.
         Gamma: "gamma",
+        /// The shift b behind the twist of S-model and CPC.
         B: "b",
         X: "x",
         Y: "y",
@@ -89,9 +62,13 @@ words! {
         Rx: "rx",
         Ry: "ry",
         Rz: "rz",
+        /// Command–feedback weight: the share of the way from reported to commanded angle.
         CommandWeight: "command_weight",
+        /// Reading of a distance at its anchor, or a plane's distance from the base's origin.
         Offset: "offset",
+        /// Tilt of a plane's normal towards the first axis across it.
         Tilt: "tilt_1",
+        /// Tilt of a plane's normal towards the second axis across it.
         OtherTilt: "tilt_2",
     }
 }
@@ -235,26 +212,19 @@ fn of_full(
 }
 
 /// The geometric fit with the place of a subject among its unknowns; `None` of a subject that is none of them.
-fn geometric(
-    calibrations: &[(Model, Calibration)],
-    subject: Subject,
-) -> Option<(&Calibration, usize)> {
+fn geometric(fits: &[(Model, Calibration)], subject: Subject) -> Option<(&Calibration, usize)> {
     let Subject::Chain(unknown) = subject else { return None };
-    let (_, geometric) = calibrations.iter().find(|(model, _)| *model == Model::Geometric)?;
+    let (_, geometric) = fits.iter().find(|(model, _)| *model == Model::Geometric)?;
     let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
     Some((geometric, place))
 }
 
 /// The subjects that share a null direction of the nominal arm's structure with the one at `index`.
-fn partners(
-    calibrations: &[(Model, Calibration)],
-    subjects: &[Subject],
-    index: usize,
-) -> Vec<usize> {
-    let Some((fit, place)) = geometric(calibrations, subjects[index]) else { return Vec::new() };
+fn partners(fits: &[(Model, Calibration)], subjects: &[Subject], index: usize) -> Vec<usize> {
+    let Some((fit, place)) = geometric(fits, subjects[index]) else { return Vec::new() };
     let structural = &fit.nominal_structure.indistinguishable[place];
     let is_partner = |subject: &Subject| {
-        geometric(calibrations, *subject).is_some_and(|(_, other)| structural.contains(&other))
+        geometric(fits, *subject).is_some_and(|(_, other)| structural.contains(&other))
     };
     let numbered = subjects.iter().enumerate();
     numbered.filter(|(_, subject)| is_partner(subject)).map(|(other, _)| other).collect()

@@ -4,6 +4,7 @@ use super::words::Unit;
 use crate::history::Judged;
 use crate::history::control::Charted;
 use crate::manifest::RunKey;
+use crate::rows::words;
 
 #[derive(Debug, Clone)]
 pub struct PastSession {
@@ -35,13 +36,14 @@ pub struct Figure {
     pub charted: Option<Charted>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    Accuracy,
-    /// The change of base, target or a joint's offset since the first session.
-    SinceFirst,
-    Parameter,
-    JointCurve,
-    /// Distance of a reference from its place in the base frame at the segment's first session that has it.
-    Reference,
+words! {
+    pub enum Kind {
+        Accuracy: "accuracy",
+        /// The change of base, target or a joint's offset since the first session.
+        SinceFirst: "since_first",
+        Parameter: "parameter",
+        JointCurve: "joint_curve",
+        /// Distance of a reference from its place in the base frame at the segment's first session that has it.
+        Reference: "reference",
+    }
 }

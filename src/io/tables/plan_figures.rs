@@ -39,28 +39,23 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FigureStudy {
-    /// The step of a uniform grid.
-    Step,
-    /// The design and its number of poses.
-    Design,
-    /// The plan itself, on robots that took no part in choosing it.
-    Promise,
-}
-
-/// The correction of commands in a study.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CorrectedBy {
-    Measured,
-    Model,
-    /// Predictions of the identified arm, without a grid.
-    IdentifiedArm,
-}
-
 words! {
-    FigureStudy { Step: "step", Design: "design", Promise: "promise" }
-    CorrectedBy { Measured: "measured", Model: "model", IdentifiedArm: "identified_arm" }
+    pub enum FigureStudy {
+        /// The step of a uniform grid.
+        Step: "step",
+        /// The design and its number of poses.
+        Design: "design",
+        /// The plan itself, on robots that took no part in choosing it.
+        Promise: "promise",
+    }
+
+    /// The correction of commands in a study.
+    pub enum CorrectedBy {
+        Measured: "measured",
+        Model: "model",
+        /// Predictions of the identified arm, without a grid.
+        IdentifiedArm: "identified_arm",
+    }
 }
 
 impl From<Source> for CorrectedBy {

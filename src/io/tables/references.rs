@@ -45,17 +45,14 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MotionEvent {
-    /// All references jumped together since the look before.
-    Bump,
-    /// All references were elsewhere together at this look alone.
-    Shock,
-}
-
 words! {
+    pub enum MotionEvent {
+        /// All references jumped together since the look before.
+        Bump: "bump",
+        /// All references were elsewhere together at this look alone.
+        Shock: "shock",
+    }
     StandsOn { Base: "base", Floor: "floor" }
-    MotionEvent { Bump: "bump", Shock: "shock" }
 }
 
 /// The places of all references of the run's sessions.

@@ -28,32 +28,22 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Stage {
-    #[default]
-    Ingest,
-    Join,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum RejectKind {
-    #[default]
-    Bytes,
-    Messages,
-    Readings,
-    Dwell,
-    /// A row of a table of stations.
-    Rows,
-    References,
-}
-
 words! {
-    Stage { Ingest: "ingest", Join: "join" }
-    RejectKind {
+    #[derive(Default)]
+    pub enum Stage {
+        #[default]
+        Ingest: "ingest",
+        Join: "join",
+    }
+
+    #[derive(Default)]
+    pub enum RejectKind {
+        #[default]
         Bytes: "bytes",
         Messages: "messages",
         Readings: "readings",
         Dwell: "dwell",
+        /// A row of a table of stations.
         Rows: "rows",
         References: "references",
     }

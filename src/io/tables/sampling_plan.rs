@@ -40,19 +40,16 @@ row! {
     }
 }
 
-/// Purposes of a visit; the visit that a drift check repeats is in a column of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum VisitPurpose {
-    /// The arm is identified on it.
-    Identify,
-    /// It takes no part in the fit and verifies the promise.
-    Verify,
-    /// The pose of an earlier visit again, for the drift of the base.
-    DriftCheck,
-}
-
 words! {
-    VisitPurpose { Identify: "identify", Verify: "verify", DriftCheck: "drift_check" }
+    /// Purposes of a visit; the visit that a drift check repeats is in a column of its own.
+    pub enum VisitPurpose {
+        /// The arm is identified on it.
+        Identify: "identify",
+        /// It takes no part in the fit and verifies the promise.
+        Verify: "verify",
+        /// The pose of an earlier visit again, for the drift of the base.
+        DriftCheck: "drift_check",
+    }
     Kind {
         UniformGrid: "uniform_grid",
         Random: "random",

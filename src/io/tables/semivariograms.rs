@@ -30,14 +30,11 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Entry {
-    Bin,
-    Fitted,
-}
-
 words! {
-    Entry { Bin: "bin", Fitted: "fitted" }
+    pub enum Entry {
+        Bin: "bin",
+        Fitted: "fitted",
+    }
 }
 
 /// The rows of all semivariograms; `noise_mm2` is the variance of one axis that a nugget is compared with.

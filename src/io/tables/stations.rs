@@ -93,12 +93,14 @@ impl From<&Reading> for ReadColumns {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum PairingVerdict {
-    Paired,
-    Unmeasured,
-    /// Several measurements could belong to it.
-    Ambiguous,
+words! {
+    #[derive(PartialOrd, Ord)]
+    pub enum PairingVerdict {
+        Paired: "paired",
+        Unmeasured: "unmeasured",
+        /// Several measurements could belong to it.
+        Ambiguous: "ambiguous",
+    }
 }
 
 /// The reason why a dwell has no measurement of its own.
@@ -107,10 +109,6 @@ pub enum Unpaired {
     Unmeasured(Unmeasured),
     /// Several measurements could belong to it.
     SeveralCandidates,
-}
-
-words! {
-    PairingVerdict { Paired: "paired", Unmeasured: "unmeasured", Ambiguous: "ambiguous" }
 }
 
 impl Word for Unpaired {

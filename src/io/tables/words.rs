@@ -16,24 +16,59 @@ use crate::rows::{Word, words};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
 use crate::units::SLIDE_MM_PER_RAD;
 
-/// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum TableVerdict {
-    Met,
-    NotMet,
-    #[default]
-    NotShown,
-}
+words! {
+    /// Whether a tolerance is met; where that is not shown, the reason is in a column of its own.
+    #[derive(Default)]
+    pub enum TableVerdict {
+        Met: "met",
+        NotMet: "not_met",
+        #[default]
+        NotShown: "not_shown",
+    }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum VerdictOf {
-    /// The nodes of the chosen table.
-    Compensation,
-    /// The arm as the best model identified it.
-    Calibrations,
-    /// None, as no correction helps: the nominal arm on its fitted base.
-    Nothing,
-    SamplingPlan,
+    pub enum VerdictOf {
+        /// The nodes of the chosen table.
+        Compensation: "compensation",
+        /// The arm as the best model identified it.
+        Calibrations: "calibrations",
+        /// None, as no correction helps: the nominal arm on its fitted base.
+        Nothing: "nothing",
+        SamplingPlan: "sampling_plan",
+    }
+
+    /// What part the stations of a split had in the fit.
+    pub enum Role {
+        Training: "training",
+        /// They took no part.
+        HeldOut: "held_out",
+    }
+
+    /// Tables that commands are corrected by.
+    pub enum CorrectingTable {
+        /// Nodes with an error each.
+        Compensation: "compensation",
+        Calibrations: "calibrations",
+    }
+
+    /// Forms of the files that `posegrid compensate` writes.
+    pub enum CorrectedForm {
+        Csv: "csv",
+        Parquet: "parquet",
+        Json: "json",
+        /// A file of a program in KRL; of versions before 0.3.0 a data list of KUKA.
+        Krl: "krl",
+        Rapid: "rapid",
+        /// A listing of FANUC's teach pendant.
+        Fanuc: "fanuc",
+        UrScript: "urscript",
+    }
+
+    pub enum Unit {
+        Mm: "mm",
+        Rad: "rad",
+        /// None: a ratio.
+        One: "1",
+    }
 }
 
 impl VerdictOf {
@@ -58,44 +93,6 @@ impl From<Applied> for VerdictOf {
     }
 }
 
-/// What part the stations of a split had in the fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
-    Training,
-    /// They took no part.
-    HeldOut,
-}
-
-/// Tables that commands are corrected by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CorrectingTable {
-    /// Nodes with an error each.
-    Compensation,
-    Calibrations,
-}
-
-/// Forms of the files that `posegrid compensate` writes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CorrectedForm {
-    Csv,
-    Parquet,
-    Json,
-    /// A file of a program in KRL; of versions before 0.3.0 a data list of KUKA.
-    Krl,
-    Rapid,
-    /// A listing of FANUC's teach pendant.
-    Fanuc,
-    UrScript,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unit {
-    Mm,
-    Rad,
-    /// None: a ratio.
-    One,
-}
-
 impl Word for Model {
     fn word(self) -> &'static str {
         self.about().word
@@ -112,17 +109,6 @@ words! {
     BaseRefit { None: "none", First: "first", Chosen: "chosen", All: "all" }
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
-    Role { Training: "training", HeldOut: "held_out" }
-    CorrectedForm { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl", Rapid: "rapid", Fanuc: "fanuc", UrScript: "urscript" }
-    CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
-    Unit { Mm: "mm", Rad: "rad", One: "1" }
-    VerdictOf {
-        Compensation: "compensation",
-        Calibrations: "calibrations",
-        Nothing: "nothing",
-        SamplingPlan: "sampling_plan",
-    }
-    TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {
         Identifiable: "identifiable",

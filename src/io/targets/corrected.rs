@@ -38,28 +38,9 @@ row! {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum RefusedFor {
-    Outside,
-    RefusedNode,
-    Branches,
-    Orientation,
-    Configuration,
-    Tool,
-    NoConvergence,
-    NoPosition,
-    NoOrientation,
-    Joints,
-    Apart,
-    JointRange,
-    JointLimits,
-    OutOfReach,
-    Singularity,
-    TooLarge,
-}
-
 words! {
-    RefusedFor {
+    #[derive(PartialOrd, Ord)]
+    pub enum RefusedFor {
         Outside: "outside",
         RefusedNode: "refused_node",
         Branches: "branches",

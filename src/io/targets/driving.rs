@@ -44,8 +44,12 @@ columns! {
 pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
     let rows = match Form::of(path)? {
         Form::Csv => from_csv(path, bound)?,
-        Form::Parquet => from_parquet(path, bound)?,
-        Form::Json => from_json(path, bound)?,
+        Form::Parquet => {
+            let table = table::read_within(path, CorrectedRow::schema(), bound)?;
+            DrivingRow::all(&table, &[]).collect()
+        }
+        Form::Json => serde_json::from_slice(&bytes(path, bound)?)
+            .map_err(|source| TargetsErrorKind::Json(source).at(path))?,
     };
     let of = rows.iter().map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by));
     let mut of = of.collect::<BTreeSet<_>>().into_iter();
@@ -57,7 +61,11 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
     if !TABLES.contains(&table.as_str()) {
         return Err(TargetsErrorKind::NotOfATable(table.clone()).at(path));
     }
-    finite(path, &rows)?;
+    // `nan` and `inf` can be written as text.
+    if let Some(row) = rows.iter().position(|row| !row.numbers().all(f64::is_finite)) {
+        let target = rows[row].target.clone();
+        return Err(TargetsErrorKind::NotANumber { row, target }.at(path));
+    }
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
     let (refused, table) = (rows.len() - targets.len(), table.clone());
     Ok(DrivingFile { key: RunKey::new(robot, session, run), table, refused, targets })
@@ -68,28 +76,6 @@ fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> 
     let bytes = bytes(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader.deserialize().map(|row| row.map(DrivingRow::unmarked).map_err(failed)).collect()
-}
-
-fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bytes(path, bound)?)
-        .map_err(|source| TargetsErrorKind::Json(source).at(path))
-}
-
-fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    let table = table::read_within(path, CorrectedRow::schema(), bound)?;
-    Ok(DrivingRow::all(&table, &[]).collect())
-}
-
-/// Checks that all numbers are finite: `nan` and `inf` can be written as text.
-fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
-    let wrong = rows.iter().position(|row| !row.numbers().all(f64::is_finite));
-    match wrong {
-        None => Ok(()),
-        Some(row) => {
-            let target = rows[row].target.clone();
-            Err(TargetsErrorKind::NotANumber { row, target }.at(path))
-        }
-    }
 }
 
 impl DrivingRow {

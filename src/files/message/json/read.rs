@@ -145,12 +145,7 @@ pub(in crate::message) enum NumberSlot {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    pub(in crate::message) fn take(
-        self,
-        bytes: &[u8],
-        at: usize,
-        cell: &mut Cell,
-    ) -> Decoded<usize> {
+    pub fn take(self, bytes: &[u8], at: usize, cell: &mut Cell) -> Decoded<usize> {
         match self {
             Self::Number => number::take(bytes, at, cell),
             Self::Unwanted { levels } => {

@@ -9,7 +9,7 @@ impl ProtobufReader {
     pub fn read(&self, message: &[u8], row: &mut Row) -> Decoded<()> {
         if !row.fill_as_worded_before(&self.identity, message) {
             row.begin(message, self.slots)?;
-            self.message(0, &mut Wire::new(message), row)?;
+            self.message(0, None, &mut Wire::new(message), row)?;
             row.template.keep(&self.identity, message);
         }
         for &(list, index, slot) in &self.picks {
@@ -19,29 +19,24 @@ impl ProtobufReader {
         Ok(())
     }
 
-    fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<()> {
+    /// Reads a message up to the end of its bytes, or a group of that number up to its own end.
+    fn message(
+        &self,
+        node: usize,
+        group: Option<u32>,
+        wire: &mut Wire<'_>,
+        row: &mut Row,
+    ) -> Decoded<()> {
         let node = &self.nodes[node];
         node.begin(row);
         while let Some((number, wire_type)) = wire.tag()? {
             match node.entry(number) {
+                _ if wire_type == wire_type::GROUP_END && group == Some(number) => return Ok(()),
                 Some(entry) => self.field(entry, wire_type, wire, row)?,
                 None => skip(number, wire_type, wire, row)?,
             }
         }
-        Ok(())
-    }
-
-    fn group(&self, node: usize, group: u32, wire: &mut Wire<'_>, row: &mut Row) -> Decoded<()> {
-        let node = &self.nodes[node];
-        node.begin(row);
-        loop {
-            let (number, wire_type) = wire.tag()?.ok_or(MessageFault::Short)?;
-            match node.entry(number) {
-                _ if (number, wire_type) == (group, wire_type::GROUP_END) => return Ok(()),
-                Some(entry) => self.field(entry, wire_type, wire, row)?,
-                None => skip(number, wire_type, wire, row)?,
-            }
-        }
+        if group.is_some() { Err(MessageFault::Short) } else { Ok(()) }
     }
 
     fn field(
@@ -93,9 +88,9 @@ impl ProtobufReader {
         row: &mut Row,
     ) -> Decoded<()> {
         if wire_type == wire_type::GROUP {
-            return self.group(node, number, wire, row);
+            return self.message(node, Some(number), wire, row);
         }
-        inside(wire, |wire| self.message(node, wire, row))
+        inside(wire, |wire| self.message(node, None, wire, row))
     }
 }
 
@@ -143,12 +138,7 @@ enum Stored {
 impl NumberSlot {
     /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
-    pub(in crate::message) fn take(
-        self,
-        message: &[u8],
-        at: usize,
-        cell: &mut Cell,
-    ) -> Decoded<usize> {
+    pub fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Decoded<usize> {
         let mut wire = Wire { bytes: message, at };
         match self.stored {
             Stored::Number(kind) => kind.put(&mut wire, cell)?,

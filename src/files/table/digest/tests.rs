@@ -36,7 +36,7 @@ fn parameters(rows: usize, change: impl Fn(usize, &str) -> bool) -> Table {
             "standard_error",
             (0..rows).map(|row| (row % 4 > 0).then(|| number(row, "standard_error"))),
         )
-        .absent(["prior_sd", "most_correlated_with", "correlation"])
+        .rest_absent()
         .same("identifiability", "identifiable")
         .column("confounded_with", confounded)
         .finish()

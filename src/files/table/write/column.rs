@@ -1,5 +1,6 @@
 //! One column of a row group: an Arrow array → its pages in memory.
 
+use std::iter::{once, repeat_n};
 use std::sync::Arc;
 
 use arrow_array::cast::AsArray;
@@ -16,7 +17,6 @@ use parquet::file::properties::WriterPropertiesPtr;
 use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
 use parquet::schema::types::ColumnDescPtr;
 
-use super::levels::Levels;
 use super::lists;
 
 pub(super) struct EncodedColumn {
@@ -32,7 +32,7 @@ pub(super) fn encode(
     if let Some(encoded) = lists::encode(&column, &properties, array) {
         return encoded;
     }
-    let levels = Levels::of(&column, array);
+    let levels = levels(column.max_def_level(), array);
     let values = present(array)?;
     let plain = values.to_data().get_slice_memory_size()?;
     // The bytes before the values take little.
@@ -58,12 +58,41 @@ fn present(array: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     })
 }
 
+/// Parquet's levels of a column. Definition: its largest where there is a value, less where there is none; `None` where nothing can be
+/// absent. Repetition: 0 for the first value of a list, 1 for the others; `None` where there are no lists.
+type Levels = (Option<Vec<i16>>, Option<Vec<i16>>);
+
+/// The levels of a column whose values have the definition level `there`.
+fn levels(there: i16, array: &ArrayRef) -> Levels {
+    let Some(lists) = array.as_list_opt::<i32>() else {
+        let level = |row| there - i16::from(array.is_null(row));
+        let levels = || match array.null_count() {
+            0 => vec![there; array.len()],
+            _ => (0..array.len()).map(level).collect(),
+        };
+        return ((there > 0).then(levels), None);
+    };
+    let places = lists.values().len() + lists.len();
+    let (mut definition, mut repetition) = (Vec::with_capacity(places), Vec::with_capacity(places));
+    for (row, length) in lists.offsets().lengths().enumerate() {
+        // An empty list and an absent one take a place each.
+        let (level, places) = match length {
+            _ if lists.is_null(row) => (there - 2, 1),
+            0 => (there - 1, 1),
+            length => (there, length),
+        };
+        definition.extend(repeat_n(level, places));
+        repetition.extend(once(0).chain(repeat_n(1, places - 1)));
+    }
+    (Some(definition), Some(repetition))
+}
+
 fn write(
     writer: ColumnWriter<'_>,
     values: &ArrayRef,
-    levels: &Levels,
+    (definition, repetition): &Levels,
 ) -> Result<ColumnCloseResult, ParquetError> {
-    let (definition, repetition) = (levels.definition.as_deref(), levels.repetition.as_deref());
+    let (definition, repetition) = (definition.as_deref(), repetition.as_deref());
     macro_rules! write {
         ($writer:ident, $values:expr) => {{
             let mut writer = $writer;

@@ -9,9 +9,8 @@ use std::sync::{Arc, LazyLock};
 use nalgebra::{DMatrix, Matrix3};
 
 use super::choices::{Choice, Part};
-use super::columns::number;
+use super::columns::{number, position, spread};
 use super::roles::Whose;
-use super::sum::{position, spread};
 use crate::ingest::{AngleUnit, LengthUnit};
 use crate::join::JoinSettings;
 use crate::kinematics::Arm;

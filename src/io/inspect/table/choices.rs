@@ -2,11 +2,10 @@
 //! they can; where they say nothing, every run of neighbouring columns is a choice, and the arm decides
 //! ([`super::by_arm`]).
 
-use super::columns::ColumnSummary;
+use super::columns::{ColumnSummary, Position};
 use super::long::Long;
 use super::names::Sense;
 use super::roles::{JointSet, Placed, Roles, TurnColumns, Whose};
-use super::sum::Position;
 use crate::station_table::Sum;
 
 const MOST: usize = 60;

@@ -7,8 +7,8 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::by_arm::LENGTHS;
+use super::columns::position;
 use super::roles::Placed;
-use super::sum::position;
 use super::turns::{Turned, turned};
 use crate::figures::median;
 use crate::ingest::LengthUnit;

@@ -7,12 +7,11 @@ use nalgebra::{DVector, Isometry3, Vector3};
 
 use super::by_arm::{self, Arms, Verdict, joints_from_columns};
 use super::choices::{self, Choice, Part, Target};
-use super::columns::{ColumnSummary, largest, number};
+use super::columns::{ColumnSummary, largest, number, position};
 use super::commands::{Commands, commands};
 use super::long::{self, Long};
 use super::names::StatedUnit;
 use super::roles::{Placed, Roles, Whose};
-use super::sum::position;
 use super::uses;
 use crate::ingest::{
     AngleUnit, LengthUnit, MISSING, PoseColumns, ReadingColumns, ReferenceColumns, StandsOn,

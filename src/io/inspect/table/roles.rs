@@ -2,11 +2,10 @@
 
 use nalgebra::Point3;
 
-use super::columns::{ColumnSummary, largest, number};
+use super::columns::{ColumnSummary, Position, largest, number, position, spread};
 use super::groups::{self, AxisGroup, NumberedGroup};
 use super::matrices::Matrices;
 use super::names::{Sense, any_has, has_sense};
-use super::sum::{Position, position, spread};
 use crate::figures::median;
 use crate::geometry::align;
 use crate::measured_table::MeasuredTable;

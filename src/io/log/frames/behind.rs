@@ -8,8 +8,8 @@ use mcap::MAGIC;
 use super::again::Among;
 use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece, lost};
-use crate::log::record::{FRAME_HEADER, frame_header, op};
-use crate::log::summary::{self, Ending};
+use crate::log::record::{FRAME_HEADER, op};
+use crate::log::summary::{self, Ending, next_frame};
 
 const MARK: u64 = MAGIC.len() as u64;
 
@@ -93,7 +93,8 @@ impl Frames<'_> {
             if at >= self.source.length() || self.has_magic(at)? {
                 return Ok(Behind::End(at));
             }
-            let Some((opcode, end)) = self.frame(at)? else { break };
+            let length = self.source.length();
+            let Some((opcode, end)) = next_frame(self.source, at, length)? else { break };
             if opcode == op::FOOTER && self.footer_fits(end, end - at - FRAME_HEADER)? {
                 return Ok(Behind::End(end));
             }
@@ -116,15 +117,6 @@ impl Frames<'_> {
             Some(_) => Behind::Data,
             None => Behind::End(self.source.length()),
         })
-    }
-
-    /// Opcode and end of the frame at `at`; `None` where it does not end within the file.
-    fn frame(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
-        let Some((opcode, length)) = frame_header(self.source.probe(at, 9)?) else {
-            return Ok(None);
-        };
-        let end = length.checked_add(FRAME_HEADER).and_then(|length| length.checked_add(at));
-        Ok(end.filter(|&end| end <= self.source.length()).map(|end| (opcode, end)))
     }
 
     /// Whether the file's footer states that a summary begins here, and its checksum shows that it is damaged.

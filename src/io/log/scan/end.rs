@@ -11,11 +11,7 @@ const SUMMARY_DAMAGED: &str =
 const NO_RECORDS: &str =
     "bytes after the closing mark that are no records: nothing in them was read";
 
-impl<V, E> Scan<'_, V>
-where
-    V: Visitor<Error = E>,
-    E: From<FileError>,
-{
+impl<V: Visitor<Error = E>, E: From<FileError>> Scan<'_, V> {
     /// Judges what is known only at the end of a log, which is at byte `end`.
     pub(super) fn end_log(&mut self, end: u64) -> Result<(), E> {
         self.flush()?;

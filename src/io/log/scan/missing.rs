@@ -55,11 +55,7 @@ impl Missing {
     }
 }
 
-impl<V, E> Scan<'_, V>
-where
-    V: Visitor<Error = E>,
-    E: From<FileError>,
-{
+impl<V: Visitor<Error = E>, E: From<FileError>> Scan<'_, V> {
     /// Adds rejects for those that no damage explains; `summary` is the place of a sound summary.
     pub(super) fn compare(&mut self, end: u64, summary: Option<Range<u64>>) -> Result<(), E> {
         let source = &mut *self.frames.source;

@@ -16,6 +16,8 @@ use crate::log::block::Tally;
 use crate::log::record::MessageRecord;
 use crate::message::{MessageFault, Row, Text, Texts, Value};
 
+type Result<T, E = RowFault> = std::result::Result<T, E>;
+
 /// Numbers are places: of a joint in the arm, or of a wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum RowFault {
@@ -147,7 +149,7 @@ impl Reader {
         message: &MessageRecord<'_>,
         joint_names: &[String],
         part: &mut Part,
-    ) -> Result<(), RowFault> {
+    ) -> Result<()> {
         let recipe = &self.recipe;
         let row = &mut part.rows[self.stream as usize];
         recipe.reader.read(message.payload, row)?;
@@ -212,10 +214,10 @@ impl Reader {
         first: usize,
         times: Times,
         lengths: &mut [DecodedPoses],
-    ) -> Result<(), RowFault> {
+    ) -> Result<()> {
         let read = (first..).take(self.lengths.len());
         let read = read.map(|slot| values.number(slot));
-        let read = read.collect::<Result<Vec<f64>, RowFault>>()?;
+        let read = read.collect::<Result<Vec<f64>>>()?;
         for (place, length) in self.lengths.iter().zip(read) {
             let own = lengths.get_mut(*place).ok_or(RowFault::OtherTarget)?;
             push_row(own, times, ([length, 0.0, 0.0], None, None));
@@ -224,7 +226,7 @@ impl Reader {
     }
 
     /// The target that a message is of, by the name or number in the slot `slot`.
-    fn target(&self, values: Values<'_>, slot: usize) -> Result<usize, RowFault> {
+    fn target(&self, values: Values<'_>, slot: usize) -> Result<usize> {
         if !self.recipe.has_target {
             return match &self.targets[..] {
                 [only] => Ok(only.place),
@@ -247,7 +249,7 @@ impl Reader {
         slot: usize,
         times: Times,
         readings: &mut [DecodedPoses],
-    ) -> Result<(), RowFault> {
+    ) -> Result<()> {
         let names = Names::of(columns.values.get(slot)).ok_or(RowFault::NoArray(slot))?;
         columns.check_length(names.len())?;
         let mut rows = Vec::with_capacity(self.targets.len());
@@ -269,11 +271,7 @@ impl Reader {
     }
 
     /// The message's time, and the place of the value after it.
-    fn stamp(
-        &self,
-        message: &MessageRecord<'_>,
-        values: Values<'_>,
-    ) -> Result<(i64, usize), RowFault> {
+    fn stamp(&self, message: &MessageRecord<'_>, values: Values<'_>) -> Result<(i64, usize)> {
         Ok(match self.recipe.stamp {
             StampValues::Time => (values.time()?, 2),
             StampValues::TimeOrText => (values.time_or_text()?, 3),
@@ -286,7 +284,7 @@ impl Reader {
     }
 }
 
-fn stamp_of(time: u64) -> Result<i64, RowFault> {
+fn stamp_of(time: u64) -> Result<i64> {
     i64::try_from(time).map_err(|_| RowFault::Time)
 }
 
@@ -295,7 +293,7 @@ impl<'m> Values<'m> {
         self.row.value(self.payload, slot)
     }
 
-    fn number(self, slot: usize) -> Result<f64, RowFault> {
+    fn number(self, slot: usize) -> Result<f64> {
         let fault = || match self.get(slot) {
             Value::Absent => RowFault::NoValue(slot),
             _ => RowFault::NoNumber(slot),
@@ -304,7 +302,7 @@ impl<'m> Values<'m> {
     }
 
     /// Seconds and nanoseconds in the first two places.
-    fn time(self) -> Result<i64, RowFault> {
+    fn time(self) -> Result<i64> {
         let integer = |slot| {
             let fault = || match self.get(slot) {
                 Value::Absent => RowFault::NoValue(slot),
@@ -321,7 +319,7 @@ impl<'m> Values<'m> {
     }
 
     /// Seconds and nanoseconds, or a date-time as text in the third place.
-    fn time_or_text(self) -> Result<i64, RowFault> {
+    fn time_or_text(self) -> Result<i64> {
         match self.get(2) {
             Value::Text(text) => text.date_time_ns().ok_or(RowFault::Stamp),
             _ => self.time(),
@@ -330,7 +328,7 @@ impl<'m> Values<'m> {
 
     /// The number is in the first place. A floating-point number has the resolution of its digits: 0.24 µs for seconds
     /// since 1970.
-    fn stamp(self, unit: TimeUnit) -> Result<i64, RowFault> {
+    fn stamp(self, unit: TimeUnit) -> Result<i64> {
         match self.get(0) {
             Value::Absent => Err(RowFault::NoValue(0)),
             Value::Integer(whole) => whole.checked_mul(unit.to_ns()).ok_or(RowFault::Stamp),
@@ -348,7 +346,7 @@ impl<'m> Values<'m> {
         }
     }
 
-    fn check_frame(self, slot: usize, frame: &str) -> Result<(), RowFault> {
+    fn check_frame(self, slot: usize, frame: &str) -> Result<()> {
         match self.get(slot) {
             Value::Text(text) if text.is(frame) => Ok(()),
             Value::Absent => Err(RowFault::NoValue(slot)),
@@ -364,7 +362,7 @@ impl JointOrder {
         first: usize,
         joint_names: &[String],
         joints: &mut DecodedJoints,
-    ) -> Result<(), RowFault> {
+    ) -> Result<()> {
         if self.reads_as_before(values, first, joints) {
             return Ok(());
         }
@@ -409,7 +407,7 @@ impl JointOrder {
         true
     }
 
-    fn find(&mut self, names: &Texts<'_>, joints: &[String]) -> Result<(), RowFault> {
+    fn find(&mut self, names: &Texts<'_>, joints: &[String]) -> Result<()> {
         self.places.clear();
         self.seen_in = None;
         self.of = names.len();
@@ -438,7 +436,7 @@ fn push_pose(
     values: Values<'_>,
     first: usize,
     parts: PoseParts,
-) -> Result<(), RowFault> {
+) -> Result<()> {
     let number = |place: usize| values.number(first + place);
     let position = [number(0)?, number(1)?, number(2)?];
     let quaternion = || all(|place| number(3 + place));
@@ -462,7 +460,7 @@ fn push_row(poses: &mut DecodedPoses, times: Times, (position, quaternion, covar
 }
 
 /// Rows of three, or of rows of six: x y z and three rotations.
-fn logged_covariance(values: Values<'_>, slot: usize) -> Result<LoggedCovariance, RowFault> {
+fn logged_covariance(values: Values<'_>, slot: usize) -> Result<LoggedCovariance> {
     let covariance = values.get(slot).numbers().ok_or(RowFault::NoArray(slot))?;
     let entry = |place: usize| covariance.get(place).ok_or(RowFault::NoNumber(slot));
     match covariance.len() {
@@ -472,9 +470,7 @@ fn logged_covariance(values: Values<'_>, slot: usize) -> Result<LoggedCovariance
     }
 }
 
-fn all<const N: usize>(
-    entry: impl Fn(usize) -> Result<f64, RowFault>,
-) -> Result<[f64; N], RowFault> {
+fn all<const N: usize>(entry: impl Fn(usize) -> Result<f64>) -> Result<[f64; N]> {
     let mut found = [0.0; N];
     for (place, found) in found.iter_mut().enumerate() {
         *found = entry(place)?;

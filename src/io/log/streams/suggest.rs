@@ -14,17 +14,6 @@ pub struct Suggestion {
     pub stamped: bool,
 }
 
-/// `None` where nothing fits or the messages cannot be read. `first_message` helps where JSON has no schema.
-pub fn suggest(
-    encoding: &str,
-    type_name: &str,
-    language: &str,
-    definition: &[u8],
-    first_message: Option<&[u8]>,
-) -> Option<Suggestion> {
-    Suggestible::of(encoding, type_name, language, definition).suggestion(first_message)
-}
-
 /// The longest path that is offered: nobody would write a longer one into a pipeline file.
 const LONGEST_PATH: usize = 200;
 
@@ -51,6 +40,7 @@ impl Suggestible {
         }
     }
 
+    /// `None` where nothing fits or the messages cannot be read. `first_message` helps where JSON has no schema.
     pub fn suggestion(&self, first_message: Option<&[u8]>) -> Option<Suggestion> {
         match self {
             Self::Nothing => None,
@@ -222,15 +212,16 @@ mod tests {
     use super::*;
 
     fn of_json(message: &str) -> Option<Suggestion> {
-        suggest("json", "", "", b"", Some(message.as_bytes()))
+        Suggestible::of("json", "", "", b"").suggestion(Some(message.as_bytes()))
     }
 
     #[test]
     fn common_types_need_no_fields() {
-        let found = suggest("json", "foxglove.PoseInFrame", "jsonschema", b"{}", None);
-        let found = found.expect("a common type");
+        let common = Suggestible::of("json", "foxglove.PoseInFrame", "jsonschema", b"{}");
+        let found = common.suggestion(None).expect("a common type");
         assert_eq!((found.layout, found.fields), (Layout::Pose, None));
-        assert_eq!(suggest("cbor", "foxglove.PoseInFrame", "", b"", None), None);
+        let unread = Suggestible::of("cbor", "foxglove.PoseInFrame", "", b"");
+        assert_eq!(unread.suggestion(None), None);
     }
 
     #[test]

@@ -62,20 +62,12 @@ impl Origin {
     const NOWHERE: Self = Self { xyz_m: [0.0; 3], turn: Turn::Rpy([0.0; 3]) };
 
     pub(crate) fn placement(&self) -> Placement {
-        let mut placement = Placement {
-            xyz_mm: self.xyz_m.map(mm),
-            quaternion_xyzw: None,
-            euler_deg: None,
-            euler_order: None,
+        let (euler_deg, quaternion_xyzw) = match self.turn {
+            Turn::Rpy(angles) => (Some(angles.map(f64::to_degrees)), None),
+            Turn::Quaternion(turn) => (None, Some(turn.coords.into())),
         };
-        match self.turn {
-            Turn::Rpy(angles) => {
-                placement.euler_deg = Some(angles.map(f64::to_degrees));
-                placement.euler_order = Some(EulerOrder::FixedXyz);
-            }
-            Turn::Quaternion(turn) => placement.quaternion_xyzw = Some(turn.coords.into()),
-        }
-        placement
+        let euler_order = euler_deg.map(|_| EulerOrder::FixedXyz);
+        Placement { xyz_mm: self.xyz_m.map(mm), quaternion_xyzw, euler_deg, euler_order }
     }
 
     /// Its distance from the origin of the parent, mm.

@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde::de::{
+    Deserialize, DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor,
+};
 
 use super::super::RowProblem;
 use super::super::names::{self, NamesProblem};
@@ -105,7 +107,7 @@ impl<'de> Visitor<'de> for Document<'_> {
                 object.next_value_seed(Targets(&mut *self.0))?;
                 continue;
             }
-            let cell = object.next_value_seed(CellSeed)?;
+            let cell: Cell = object.next_value()?;
             if let Some(Mark { key, value }) = cell.mark(&key) {
                 return Err(self.refuse(RowProblem::Marked { key, value }));
             }
@@ -176,8 +178,7 @@ impl<'de> Visitor<'de> for ObjectSeed {
         let mut places = BTreeSet::new();
         let mut twice = None;
         // The object is read to its end in any case: the parser cannot continue from another place.
-        while let Some(key) = object.next_key::<String>()? {
-            let cell = object.next_value_seed(CellSeed)?;
+        while let Some((key, cell)) = object.next_entry::<String, Cell>()? {
             if !places.insert(key.clone()) {
                 twice.get_or_insert(NamesProblem::Twice { name: key });
                 continue;
@@ -188,16 +189,15 @@ impl<'de> Visitor<'de> for ObjectSeed {
     }
 }
 
-struct CellSeed;
-
-impl<'de> DeserializeSeed<'de> for CellSeed {
-    type Value = Cell;
-    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<Cell, D::Error> {
-        from.deserialize_any(self)
+impl<'de> Deserialize<'de> for Cell {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(CellVisitor)
     }
 }
 
-impl<'de> Visitor<'de> for CellSeed {
+struct CellVisitor;
+
+impl<'de> Visitor<'de> for CellVisitor {
     type Value = Cell;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -230,7 +230,7 @@ impl<'de> Visitor<'de> for CellSeed {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut array: A) -> Result<Cell, A::Error> {
         let mut mark = None;
-        while let Some(cell) = array.next_element_seed(CellSeed)? {
+        while let Some(cell) = array.next_element::<Cell>()? {
             mark = mark.or(cell.mark(""));
         }
         let what = "an array";
@@ -239,8 +239,7 @@ impl<'de> Visitor<'de> for CellSeed {
 
     fn visit_map<A: MapAccess<'de>>(self, mut object: A) -> Result<Cell, A::Error> {
         let mut mark = None;
-        while let Some(key) = object.next_key::<String>()? {
-            let cell = object.next_value_seed(CellSeed)?;
+        while let Some((key, cell)) = object.next_entry::<String, Cell>()? {
             mark = mark.or(cell.mark(&key));
         }
         let what = "an object";
