@@ -48,10 +48,8 @@ impl Cholesky {
             let block = small_cholesky(matrix.view((first, first), (width, width)).into_owned())?;
             let inverse = small_inverse(&block);
             let below = matrix.view((end, first), (size - end, width)) * turned(&inverse);
-            let mut own = matrix.view_mut((first, first), (width, width));
-            own.copy_from(&block);
-            let mut own = matrix.view_mut((end, first), (size - end, width));
-            own.copy_from(&below);
+            matrix.view_mut((first, first), (width, width)).copy_from(&block);
+            matrix.view_mut((end, first), (size - end, width)).copy_from(&below);
             let mut rest = matrix.view_mut((end, end), (size - end, size - end));
             rest.gemm(-1.0, &below, &turned(&below), 1.0);
             diagonal_inverses.push(inverse);
@@ -205,13 +203,9 @@ fn turned_block(
     (height, width): (usize, usize),
 ) -> DMatrixView<'_, f64, Dyn, Dyn> {
     let stride = matrix.nrows();
-    DMatrixView::from_slice_with_strides_generic(
-        &matrix.as_slice()[stride * column + row..],
-        Dyn(width),
-        Dyn(height),
-        Dyn(stride),
-        Dyn(1),
-    )
+    let own = &matrix.as_slice()[stride * column + row..];
+    let strides = (Dyn(stride), Dyn(1));
+    DMatrixView::from_slice_with_strides_generic(own, Dyn(width), Dyn(height), strides.0, strides.1)
 }
 
 /// `A_22 −= P Pᵀ` on and below the diagonal and somewhat above, for P in parts of [`WIDE`] rows.
@@ -324,11 +318,8 @@ pub fn gram_of_upper(upper: &DMatrix<f64>) -> DMatrix<f64> {
 /// Matrices of `rows` rows beside each other.
 pub fn beside(rows: usize, parts: &[DMatrix<f64>]) -> DMatrix<f64> {
     let columns = parts.iter().map(DMatrix::ncols).sum();
-    DMatrix::from_vec(
-        rows,
-        columns,
-        parts.iter().map(DMatrix::as_slice).collect::<Vec<_>>().concat(),
-    )
+    let entries: Vec<&[f64]> = parts.iter().map(DMatrix::as_slice).collect();
+    DMatrix::from_vec(rows, columns, entries.concat())
 }
 
 /// The squared norm of each row.
@@ -417,8 +408,7 @@ pub fn mirror(matrix: &mut DMatrix<f64>) {
         for below in (first + width..size).step_by(BLOCK) {
             let height = BLOCK.min(size - below);
             let block = transposed(&matrix.view((below, first), (height, width)));
-            let mut above = matrix.view_mut((first, below), (width, height));
-            above.copy_from(&block);
+            matrix.view_mut((first, below), (width, height)).copy_from(&block);
         }
     }
 }

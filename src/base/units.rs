@@ -48,15 +48,11 @@ impl WallTime {
 
     /// A clock's nanoseconds as wall time; `None` where the clock has no epoch: one that lost its battery begins in
     /// 1970, 1980 or 2000, others are centuries away.
-    pub const fn of_clock_ns(ns: i64) -> Option<Self> {
+    pub fn of_clock_ns(ns: i64) -> Option<Self> {
         const YEAR_2001_S: i64 = 978_307_200;
         const YEAR_2100_S: i64 = 4_102_444_800;
-        let s = ns.div_euclid(1_000_000_000);
-        if s >= YEAR_2001_S && s < YEAR_2100_S {
-            Some(Self::of_us(ns.div_euclid(1000)))
-        } else {
-            None
-        }
+        let has_epoch = (YEAR_2001_S..YEAR_2100_S).contains(&ns.div_euclid(1_000_000_000));
+        has_epoch.then(|| Self::of_us(ns.div_euclid(1000)))
     }
 
     /// A moment as people write it, UTC: `2026-05-14`, `2026-05-14 14:30` or `2026-05-14T14:30:00`; else `None`.

@@ -121,6 +121,18 @@ pub struct JointCommand {
     pub command: Vec<f64>,
 }
 
+impl Target {
+    /// Refuses another arm configuration than the one it asks for.
+    fn is_reached_in(&self, own: Option<String>) -> Result<(), Reason> {
+        match &self.configuration {
+            Some(wanted) if Some(wanted) != own.as_ref() => {
+                Err(Reason::Configuration { wanted: wanted.clone(), table: own })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl JointCommand {
     /// Command minus target, rad.
     pub fn correction(&self) -> Vec<f64> {

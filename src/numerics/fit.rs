@@ -359,9 +359,7 @@ fn identify_sized(
     };
     let mut found = fit(&stated, None);
     for _ in 0..WIDENINGS {
-        let Some(wider) = found.wider_prior(&stated) else {
-            break;
-        };
+        let Some(wider) = found.wider_prior(&stated) else { break };
         found = fit(&wider, Some(&found));
     }
     found
@@ -419,8 +417,7 @@ fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatri
     let eigen = scaled.symmetric_eigen();
     let mut order: Vec<usize> = (0..size).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let with_prior = problem.precision.iter().filter(|&&p| p > 0.0).count();
-    let directions = if with_prior > 0 { size } else { rank };
+    let directions = if problem.precision.iter().any(|&p| p > 0.0) { size } else { rank };
     let mut inverse = DMatrix::zeros(size, size);
     for &direction in order.iter().take(directions).filter(|&&i| eigen.eigenvalues[i] > 0.0) {
         let vector = eigen.eigenvectors.column(direction);

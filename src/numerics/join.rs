@@ -161,7 +161,7 @@ fn join_without(
         gate_mm,
         moved: &elsewhere.spans,
         same_mm: SAME_REACH * seen.stationary_mm,
-        usual_mm: seen.usual_scatter_mm(),
+        usual_mm: observe::usual_scatter_mm(&seen.target),
         settle_s,
         settings,
     };

@@ -126,9 +126,7 @@ impl IdentifiedArm {
         let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
         let periods = self.periods();
         let one = |asked: &&[f64]| {
-            let turns = self.all_turns_beyond(asked, &periods);
-            let joints: Vec<f64> =
-                asked.iter().zip(turns).map(|(own, turns)| own - turns).collect();
+            let (joints, _) = self.on_measured_turns(asked, &periods);
             if !allow.contains(&Exception::JointRange) {
                 self.within_measured(&joints)?;
             }
@@ -168,10 +166,7 @@ impl IdentifiedArm {
     /// that moves axes by another share than whole turns.
     pub(super) fn periods(&self) -> Vec<Option<f64>> {
         let turns = self.model.is::<FullModel>().map_or(1, |full| full.trained.layout.period_turns);
-        let of = |variable| {
-            let repeats = variable == JointVariable::Turning;
-            repeats.then(|| TAU * f64::from(turns))
-        };
+        let of = |own| (own == JointVariable::Turning).then(|| TAU * f64::from(turns));
         JointVariable::of(&self.arm).into_iter().map(of).collect()
     }
 
@@ -188,10 +183,17 @@ impl IdentifiedArm {
         if is_inside { turns } else { 0.0 }
     }
 
-    /// [`Self::turns_beyond`] of each joint's angle.
-    pub(super) fn all_turns_beyond(&self, asked: &[f64], periods: &[Option<f64>]) -> Vec<f64> {
-        let angles = asked.iter().zip(periods).enumerate();
-        angles.map(|(joint, (angle, period))| self.turns_beyond(joint, *angle, *period)).collect()
+    /// Each joint's angle without its [`Self::turns_beyond`], and these.
+    pub(super) fn on_measured_turns(
+        &self,
+        asked: &[f64],
+        periods: &[Option<f64>],
+    ) -> (Vec<f64>, Vec<f64>) {
+        let own = asked.iter().zip(periods).enumerate().map(|(joint, (angle, period))| {
+            let turns = self.turns_beyond(joint, *angle, *period);
+            (angle - turns, turns)
+        });
+        own.unzip()
     }
 
     /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
@@ -322,9 +324,7 @@ impl Correction<'_> {
 
     /// Refuses an arm configuration that no station was in.
     fn in_measured_configuration(&self, joints: &[f64]) -> Result<(), Reason> {
-        let Some(found) = self.reach.configuration(joints) else {
-            return Ok(());
-        };
+        let Some(found) = self.reach.configuration(joints) else { return Ok(()) };
         let (found, measured) = (found.to_string(), &self.identified.configurations);
         if measured.contains(&found) {
             return Ok(());

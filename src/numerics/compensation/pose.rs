@@ -82,10 +82,8 @@ impl<'a> Poses<'a> {
     fn at_joints(&self, target: &Target, given: &TargetJoints) -> Result<Wanted, Reason> {
         let asked = self.in_order(given)?;
         within_limits(&self.identified.arm, &asked)?;
-        let turns_rad = self.identified.all_turns_beyond(&asked, &self.periods);
-        let pairs = asked.iter().zip(&turns_rad);
-        let joints: Vec<f64> = pairs.map(|(joint, turns)| joint - turns).collect();
-        self.in_configuration(target, &joints)?;
+        let (joints, turns_rad) = self.identified.on_measured_turns(&asked, &self.periods);
+        target.is_reached_in(self.reach.configuration(&joints).map(|c| c.to_string()))?;
         let nominal = self.error_frame.nominal_tool(&joints);
         let base_from_tool = self.pose(target, Some(&nominal))?;
         let apart_mm = (base_from_tool.translation.vector - nominal.translation.vector).norm();
@@ -142,16 +140,6 @@ impl<'a> Poses<'a> {
             given.angles.get(place).copied()
         };
         own().map(angle).collect::<Option<_>>().ok_or_else(other)
-    }
-
-    fn in_configuration(&self, target: &Target, joints: &[f64]) -> Result<(), Reason> {
-        let own = self.reach.configuration(joints).map(|c| c.to_string());
-        match &target.configuration {
-            Some(wanted) if Some(wanted) != own.as_ref() => {
-                Err(Reason::Configuration { wanted: wanted.clone(), table: own })
-            }
-            _ => Ok(()),
-        }
     }
 
     fn at_pose(&self, target: &Target) -> Result<Wanted, Reason> {

@@ -40,10 +40,8 @@ impl Slip {
             Self::MetresAsMillimetres => {
                 let at = target.position?.coords();
                 let is_near = at.amax() <= MOST_METRES && at.amax() > 0.0;
-                is_near.then(|| Target {
-                    position: Some(Position::claim((at * MM_PER_M).into())),
-                    ..target.clone()
-                })
+                let position = Some(Position::claim((at * MM_PER_M).into()));
+                is_near.then(|| Target { position, ..target.clone() })
             }
         }
     }
@@ -57,17 +55,12 @@ fn with_angles(
 ) -> Option<Target> {
     let joints = target.joints.as_ref()?;
     // A position has no such slip, and says nothing of one.
-    let slides = joints.slides.iter().flatten().copied();
-    if slides.clone().any(|slides| slides) {
+    if joints.slides.iter().flatten().any(|slides| *slides) {
         return None;
     }
     let angles: Vec<f64> = joints.angles.iter().copied().map(meant).collect();
     may(&angles).then(|| Target {
-        joints: Some(TargetJoints {
-            slides: joints.slides.clone(),
-            names: joints.names.clone(),
-            angles,
-        }),
+        joints: Some(TargetJoints { angles, ..joints.clone() }),
         ..target.clone()
     })
 }

@@ -86,14 +86,7 @@ pub struct Estimate {
 impl Terms {
     /// Refuses a target that the table is not valid for.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
-        if let Some(wanted) =
-            target.configuration.as_ref().filter(|_| target.configuration != self.configuration)
-        {
-            return Err(Reason::Configuration {
-                wanted: wanted.clone(),
-                table: self.configuration.clone(),
-            });
-        }
+        target.is_reached_in(self.configuration.clone())?;
         self.validity.admit(target)?;
         self.serves(target.orientation.as_ref()).map_err(Reason::Target)
     }
@@ -160,11 +153,8 @@ impl CompensationTable {
         if !on_one_branch(&vertices.map(|known| known.joints.as_slice()), &self.terms.counted) {
             return Err(Gap::Branches);
         }
-        let weights = self.terms.interpolation.weights(
-            &cell.fraction,
-            &self.lattice.step,
-            self.terms.idw_power,
-        );
+        let power = self.terms.idw_power;
+        let weights = self.terms.interpolation.weights(&cell.fraction, &self.lattice.step, power);
         let weighted = || weights.iter().zip(vertices);
         let nodes: Matrix3<f64> = weighted().map(|(&w, known)| known.covariance * w).sum();
         let between = if cell.is_node() { 0.0 } else { 1.0 };
@@ -201,9 +191,8 @@ impl CompensationTable {
         if let Some((node, why)) = refused {
             return Err(Gap::Node { node, at: *self.position(node).point(), why });
         }
-        Ok(cell
-            .vertices
-            .map(|node| self.nodes[node].as_ref().expect("refused nodes were looked for")))
+        let known = |node: usize| self.nodes[node].as_ref().expect("refused nodes were looked for");
+        Ok(cell.vertices.map(known))
     }
 
     fn outside(&self, place: &Point3<f64>) -> Gap {
@@ -228,9 +217,7 @@ impl PoseModel for CompensationTable {
     }
 
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
-        let At::Tool { position, orientation } = at else {
-            return Err(Gap::NoPosition);
-        };
+        let At::Tool { position, orientation } = at else { return Err(Gap::NoPosition) };
         self.terms.serves(orientation.as_ref())?;
         let found = self.error_at(&Position::claim(*position))?;
         Ok(Prediction {

@@ -140,12 +140,8 @@ impl Validity {
             });
         }
         held.take(Term::Payload, own.payload_kg, said.payload_kg, other_payload);
-        held.take(
-            Term::AbsoluteAccuracy,
-            own.absolute_accuracy_option,
-            said.absolute_accuracy_option,
-            other_option,
-        );
+        let option = |of: &Conditions| of.absolute_accuracy_option;
+        held.take(Term::AbsoluteAccuracy, option(own), option(said), other_option);
         held.take(Term::Temperature, self.temperature_c, used.temperature_c, other_temperature);
         held
     }

@@ -86,58 +86,36 @@ const SETTLING_ERROR_RAD: f64 = 250e-6;
 
 pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Commanded {
     let poses = current_poses(stations, arm, frames);
-    let Some(flange_from_tool) = frames.flange_from_tool else {
-        return without_orientations(stations, poses, arm.counted());
-    };
-    let turns: Vec<Option<Vector3<f64>>> = stations
-        .iter()
-        .zip(&poses)
-        .map(|(station, pose)| turn(station, pose.as_ref()?, arm, &flange_from_tool))
-        .collect();
-    let Some(constant) = constant_turn(&turns) else {
-        return without_orientations(stations, poses, arm.counted());
-    };
-    let scatter =
-        median(&turns.iter().flatten().map(|turn| (turn - constant).norm()).collect::<Vec<_>>());
-    let trust = match scatter {
-        Some(scatter) if scatter <= TRUSTED_RAD => Trust::Agrees(scatter),
-        Some(scatter) => Trust::Scatters(scatter),
-        None => Trust::NoOrientations,
-    };
-    let settling_errors = stations.iter().zip(&poses).zip(&turns).map(|((station, pose), turn)| {
-        let (pose, turn) = (pose.as_ref()?, (*turn)?);
-        let turn = turn - constant;
-        let settling_error =
-            |turn_rad| settling_error(station, pose, turn, turn_rad, arm, &flange_from_tool);
-        match trust {
-            Trust::Agrees(_) => Some(SettlingError::Sent(settling_error(ORIENTATION_RAD))),
-            Trust::Scatters(scatter) => Some(SettlingError::OfPosition(settling_error(scatter))),
-            Trust::NoOrientations => None,
-        }
-    });
+    let (trust, settling_errors) = settling_errors(stations, &poses, arm, frames)
+        .unwrap_or_else(|| (Trust::NoOrientations, vec![None; poses.len()]));
     let counted = arm.counted();
-    Commanded {
-        settling_errors: settling_errors.collect(),
-        visits: visits::poses(&dwells(stations, &poses, trust, &counted)),
-        poses,
-        trust,
-        counted,
-    }
+    let visits = visits::poses(&dwells(stations, &poses, trust, &counted));
+    Commanded { poses, settling_errors, trust, visits, counted }
 }
 
-fn without_orientations(
+/// Whether commanded orientations agree with the arm, and the settling error of each station; `None` without orientations or a tool.
+fn settling_errors(
     stations: &[Station],
-    poses: Vec<Option<CommandedPose>>,
-    counted: Vec<f64>,
-) -> Commanded {
-    let trust = Trust::NoOrientations;
-    Commanded {
-        settling_errors: vec![None; poses.len()],
-        visits: visits::poses(&dwells(stations, &poses, trust, &counted)),
-        poses,
-        trust,
-        counted,
-    }
+    poses: &[Option<CommandedPose>],
+    arm: &Arm,
+    frames: &CommandFrames,
+) -> Option<(Trust, Vec<Option<SettlingError>>)> {
+    let tool = &frames.flange_from_tool?;
+    let each = stations.iter().zip(poses);
+    let turns = each.clone().map(|(station, pose)| turn(station, pose.as_ref()?, arm, tool));
+    let turns: Vec<Option<Vector3<f64>>> = turns.collect();
+    let constant = constant_turn(&turns)?;
+    let scatter =
+        median(&turns.iter().flatten().map(|turn| (turn - constant).norm()).collect::<Vec<_>>())?;
+    let agrees = scatter <= TRUSTED_RAD;
+    let turn_rad = if agrees { ORIENTATION_RAD } else { scatter };
+    let errors = each.zip(&turns).map(|((station, pose), turn)| {
+        let turn = (*turn)? - constant;
+        let own = settling_error(station, pose.as_ref()?, turn, turn_rad, arm, tool);
+        Some(if agrees { SettlingError::Sent(own) } else { SettlingError::OfPosition(own) })
+    });
+    let trust = if agrees { Trust::Agrees(scatter) } else { Trust::Scatters(scatter) };
+    Some((trust, errors.collect()))
 }
 
 /// Stations as dwells for the search of visits of one pose. Orientations that were not sent as logged differ between

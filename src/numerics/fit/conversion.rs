@@ -34,17 +34,36 @@ pub struct Errors {
 
 impl Errors {
     pub fn set(&mut self, parameter: Parameter, offset: f64) {
-        if let Some(place) = self.parameters.iter().position(|own| *own == parameter) {
+        if let Some(place) = self.place(parameter) {
             self.offsets[place] = offset;
             return;
         }
-        let size = self.parameters.len();
         self.parameters.push(parameter);
-        self.offsets = DVector::from_iterator(
-            size + 1,
-            self.offsets.iter().copied().chain(std::iter::once(offset)),
-        );
-        self.covariance = std::mem::take(&mut self.covariance).resize(size + 1, size + 1, 0.0);
+        let size = self.parameters.len();
+        self.offsets = self.offsets.clone().resize_vertically(size, offset);
+        self.covariance = std::mem::take(&mut self.covariance).resize(size, size, 0.0);
+    }
+
+    fn of(&self, chain: &Chain) -> DVector<f64> {
+        let parameters = chain.parameters();
+        let offset =
+            |parameter: &Parameter| self.place(*parameter).map_or(0.0, |place| self.offsets[place]);
+        DVector::from_iterator(parameters.len(), parameters.iter().map(offset))
+    }
+
+    /// Columns per parameter of a chain, brought into the order of these errors.
+    fn columns(&self, chain: &Chain, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut own = DMatrix::zeros(columns.nrows(), self.parameters.len());
+        for (column, parameter) in chain.parameters().into_iter().enumerate() {
+            if let Some(place) = self.place(parameter) {
+                own.set_column(place, &columns.column(column));
+            }
+        }
+        own
+    }
+
+    fn place(&self, parameter: Parameter) -> Option<usize> {
+        self.parameters.iter().position(|own| *own == parameter)
     }
 }
 
@@ -79,19 +98,19 @@ pub fn converted(
     let poses: [Vec<_>; 2] = [poses(0).collect(), poses(POSES).collect()];
     let sizes = DVector::from_iterator(parameters.len(), parameters.iter().map(cost));
     let mut found = DVector::zeros(parameters.len());
+    let inverse = |found: &DVector<f64>| {
+        pseudo_inverse(&jacobian(&other, found, poses[0].iter().map(|p| &p.1)), &sizes)
+    };
     for _ in 0..ROUNDS {
         let away = differences(&own, &offsets, &other, &found, &poses[0]);
-        let inverse =
-            pseudo_inverse(&jacobian(&other, &found, poses[0].iter().map(|p| &p.1)), &sizes);
-        let step = inverse * away;
+        let step = inverse(&found) * away;
         let is_done = step.component_div(&sizes).amax() < 1e-10;
         found += step;
         if is_done {
             break;
         }
     }
-    let inverse = pseudo_inverse(&jacobian(&other, &found, poses[0].iter().map(|p| &p.1)), &sizes);
-    let through = inverse * jacobian(&own, &offsets, poses[0].iter().map(|p| &p.0));
+    let through = inverse(&found) * jacobian(&own, &offsets, poses[0].iter().map(|p| &p.0));
     let through = errors.columns(&own, &through);
     let left = differences(&own, &offsets, &other, &found, &poses[1]);
     let largest = |first: usize| {
@@ -106,30 +125,6 @@ pub fn converted(
             offsets: found,
             parameters,
         },
-    }
-}
-
-impl Errors {
-    fn of(&self, chain: &Chain) -> DVector<f64> {
-        let parameters = chain.parameters();
-        let offset =
-            |parameter: &Parameter| self.place(*parameter).map_or(0.0, |place| self.offsets[place]);
-        DVector::from_iterator(parameters.len(), parameters.iter().map(offset))
-    }
-
-    /// Columns per parameter of a chain, brought into the order of these errors.
-    fn columns(&self, chain: &Chain, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut own = DMatrix::zeros(columns.nrows(), self.parameters.len());
-        for (column, parameter) in chain.parameters().into_iter().enumerate() {
-            if let Some(place) = self.place(parameter) {
-                own.set_column(place, &columns.column(column));
-            }
-        }
-        own
-    }
-
-    fn place(&self, parameter: Parameter) -> Option<usize> {
-        self.parameters.iter().position(|own| *own == parameter)
     }
 }
 

@@ -333,10 +333,8 @@ impl FullModel {
     }
 
     pub fn coefficients(&self, block: Block) -> Option<DVector<f64>> {
-        self.trained
-            .layout
-            .columns(block)
-            .map(|columns| self.trained.mean.rows(columns.start, columns.len()).into_owned())
+        let columns = self.trained.layout.columns(block)?;
+        Some(self.trained.mean.rows(columns.start, columns.len()).into_owned())
     }
 
     pub fn starts(&self) -> &[Frames] {

@@ -17,13 +17,8 @@ pub(super) struct Residuals {
 impl Residuals {
     /// Those of the geometry that `observations` gave.
     pub(super) fn of(arm: &Arm, observations: &[Observation], calibration: &Calibration) -> Self {
-        let problem = Problem::new(
-            observations,
-            arm.chain(),
-            &calibration.frames,
-            Freedom::Geometry,
-            &Prior::default(),
-        );
+        let (chain, frames, prior) = (arm.chain(), &calibration.frames, Prior::default());
+        let problem = Problem::new(observations, chain, frames, Freedom::Geometry, &prior);
         // The frames are the calibration's own; the arm's parameters are the first unknowns, in the order of its chain.
         let mut offsets = DVector::zeros(problem.unknowns.len());
         let geometry = &calibration.geometry;

@@ -354,9 +354,7 @@ fn part_off((found, wanted): (&Gauge, &Gauge), part: GaugePart) -> f64 {
                 at[row] += 1.0;
                 along(wanted, &at)
             });
-            let Gauge::Height(a) = found else {
-                return f64::NAN;
-            };
+            let Gauge::Height(a) = found else { return f64::NAN };
             a.normal.dot(&axis)
         }
         _ => f64::NAN,

@@ -66,9 +66,7 @@ impl Poses {
     pub fn relative(self) -> Self {
         let base = self.columns.columns(0, BASE).into_owned();
         let normal = base.tr_mul(&base) + DMatrix::identity(BASE, BASE) * f64::MIN_POSITIVE;
-        let Some(factor) = normal.cholesky() else {
-            return self;
-        };
+        let Some(factor) = normal.cholesky() else { return self };
         let along = factor.solve(&(&self.half * &base).transpose());
         Self { half: &self.half - along.transpose() * base.transpose(), ..self }
     }
@@ -137,9 +135,7 @@ impl Poses {
     /// are fewer candidates; none where rounding makes a covariance indefinite.
     pub fn choose(&self, candidates: &[usize], region: &[usize], count: usize) -> Chosen {
         let none = Chosen { stations: Vec::new(), left_mm2: f64::INFINITY };
-        let Some(search) = Search::new(self, candidates, region) else {
-            return none;
-        };
+        let Some(search) = Search::new(self, candidates, region) else { return none };
         let chosen = search.exchanged(search.greedy(count.min(candidates.len())));
         let left = search.left(&chosen);
         let stations = chosen.into_iter().map(|own| candidates[own]);
@@ -251,9 +247,7 @@ impl<'p> Search<'p> {
     fn greedy(&self, count: usize) -> Vec<usize> {
         let mut chosen = Vec::with_capacity(count);
         while chosen.len() < count {
-            let Some((best, _)) = self.best(&chosen, None) else {
-                break;
-            };
+            let Some((best, _)) = self.best(&chosen, None) else { break };
             chosen.push(best);
         }
         chosen

@@ -53,9 +53,7 @@ pub fn check(
     let several = observations.iter().any(|o| o.target != TargetId::MAIN);
     let fitted =
         several.then(|| identify(arm, observations, sessions, Freedom::BaseAndTarget, &unstated));
-    let Some(Ok(fitted)) = fitted else {
-        return Ok(Vec::new());
-    };
+    let Some(Ok(fitted)) = fitted else { return Ok(Vec::new()) };
     let stations = by_station(arm, observations, &fitted.frames);
     let gate = Gate::of(&stations);
     let wrong = stations.iter().flat_map(|own| own.wrong(&gate, &settings.target_names)).collect();
@@ -78,15 +76,9 @@ fn by_station(arm: &Arm, observations: &[Observation], frames: &[Frames]) -> Vec
             let frames = &frames[own.session];
             let base = frames.tracker_from_base(own.source).isometry();
             let flange = base * arm.chain().nominal(&own.axes);
-            let targets = frames.targets().iter();
-            let predicted =
-                targets.map(|target| flange * Point3::from(target.isometry().translation.vector));
-            Read {
-                session: own.session,
-                station: own.station,
-                readings: Vec::new(),
-                predicted: predicted.collect(),
-            }
+            let predicted = frames.places().iter().map(|place| flange * place).collect();
+            let Observation { session, station, .. } = *own;
+            Read { session, station, readings: Vec::new(), predicted }
         });
         station.readings.push((own.target, point.position));
     }
@@ -178,11 +170,8 @@ impl Read {
 
     fn without(&self, places: &[usize]) -> Self {
         let kept = self.readings.iter().enumerate().filter(|(place, _)| !places.contains(place));
-        Self {
-            readings: kept.map(|(_, own)| *own).collect(),
-            predicted: self.predicted.clone(),
-            ..*self
-        }
+        let readings = kept.map(|(_, own)| *own).collect();
+        Self { readings, predicted: self.predicted.clone(), ..*self }
     }
 
     fn suspect(&self, target: Option<TargetId>, reason: String) -> Suspect {

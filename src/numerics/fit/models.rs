@@ -34,20 +34,14 @@ pub fn train(
     let (base_target, geometric) =
         (identified(Freedom::BaseAndTarget), identified(Freedom::Geometry));
     check_lengths(&geometric, settings)?;
+    let TrainingSettings { full, up, purpose, .. } = *settings;
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         let prior = full_prior(&geometric, settings);
-        FullModel::train(
-            arm,
-            observations,
-            (&frames[..], &geometry[..]),
-            &prior,
-            settings.full,
-            settings.purpose,
-            settings.up,
-        )
+        let start = (&frames[..], &geometry[..]);
+        FullModel::train(arm, observations, start, &prior, full, purpose, up)
     };
-    let full = if settings.full.enabled { train_full() } else { None };
+    let full = if full.enabled { train_full() } else { None };
     Ok(Models { base_target, geometric, full })
 }
 

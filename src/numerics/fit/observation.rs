@@ -221,6 +221,7 @@ pub fn observations(
 ) -> Vec<Observation> {
     let observation = |station: &Station, reading: &Reading| {
         let source = noise.sources.get(reading.source.0)?;
+        let (size, point) = (noise.stated_size(reading.source), reading.value.point());
         Some(Observation {
             session,
             source: reading.source,
@@ -228,18 +229,10 @@ pub fn observations(
             station: station.number,
             pose: station.number,
             axes: arm.axes(&station.joints),
-            measured: Measured::of(
-                reading,
-                source,
-                noise.stated_size(reading.source),
-                noise.repeatability_mm,
-            ),
+            measured: Measured::of(reading, source, size, noise.repeatability_mm),
             settling_error: None,
             flange: None,
-            follows_references: reading
-                .value
-                .point()
-                .is_some_and(|point| point.motion_covariance.is_some()),
+            follows_references: point.is_some_and(|point| point.motion_covariance.is_some()),
             day: None,
         })
     };
@@ -252,17 +245,12 @@ pub fn observations(
 /// Adds the settling errors and the poses visited, found from the commands, to observations.
 pub fn add_commands(observations: &mut [Observation], stations: &[Station], commanded: &Commanded) {
     let of_stations = commanded.settling_errors.iter().zip(&commanded.visits);
-    let by_number: BTreeMap<usize, (Option<&SettlingError>, usize)> = stations
-        .iter()
-        .zip(of_stations)
-        .map(|(station, (settling_error, &pose))| {
-            (station.number, (settling_error.as_ref(), stations[pose].number))
-        })
-        .collect();
+    let of_stations = stations.iter().zip(of_stations).map(|(station, (settling_error, &pose))| {
+        (station.number, (settling_error.as_ref(), stations[pose].number))
+    });
+    let by_number: BTreeMap<usize, (Option<&SettlingError>, usize)> = of_stations.collect();
     for observation in observations {
-        let Some((settling_error, pose)) = by_number.get(&observation.station) else {
-            continue;
-        };
+        let Some((settling_error, pose)) = by_number.get(&observation.station) else { continue };
         observation.settling_error = settling_error.cloned();
         observation.pose = *pose;
     }

@@ -17,11 +17,8 @@ const LARGEST: f64 = 30.0;
 impl Calibration {
     /// The prior's standard deviations of the geometry's lengths (mm) and angles (rad) in this fit; `None` without a prior.
     pub fn geometry_prior(&self) -> Option<(f64, f64)> {
-        Some((self.own_prior(false)?, self.own_prior(true)?))
-    }
-
-    fn own_prior(&self, angles: bool) -> Option<f64> {
-        self.of_arm(angles).find_map(|place| self.prior_sd[place])
+        let own = |angles| self.of_arm(angles).find_map(|place| self.prior_sd[place]);
+        Some((own(false)?, own(true)?))
     }
 
     /// Places of the arm's lengths, or of its angles.

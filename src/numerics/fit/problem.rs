@@ -103,10 +103,10 @@ impl<'a> Problem<'a> {
                 chain,
             }
         });
-        let priors = unknowns.iter().map(|unknown| prior.of(*unknown, starts));
-        let priors: Vec<_> = priors
-            .map(|prior| prior.map_or((0.0, 0.0), |(mean, sd)| (mean, sd.powi(-2))))
-            .collect();
+        let own = |unknown: &Unknown| {
+            prior.of(*unknown, starts).map_or((0.0, 0.0), |(mean, sd)| (mean, sd.powi(-2)))
+        };
+        let priors: Vec<_> = unknowns.iter().map(own).collect();
         let column = |pick: fn(&(f64, f64)) -> f64| {
             DVector::from_iterator(priors.len(), priors.iter().map(pick))
         };
@@ -115,14 +115,12 @@ impl<'a> Problem<'a> {
             let firsts = (0..channel.stations.places.len()).step_by(BLOCK);
             firsts.map(move |first| (place, first))
         });
-        let blocks = blocks.collect();
-        let distances = distances::Row::all(&prior.distances, &unknowns, starts);
         Self {
-            distances,
+            distances: distances::Row::all(&prior.distances, &unknowns, starts),
             observations,
-            channels,
             starts: starts.to_vec(),
-            blocks,
+            blocks: blocks.collect(),
+            channels,
             expected,
             precision,
             unknowns,
@@ -199,11 +197,8 @@ impl<'a> Problem<'a> {
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let mut norms = vec![0.0; self.observations.len()];
         for own in self.channels.each() {
-            let squared = own.stations.squared_norms(
-                &own.batch(offsets),
-                self.observations,
-                own.gauge(offsets).as_ref(),
-            );
+            let (chain, gauge) = (own.batch(offsets), own.gauge(offsets));
+            let squared = own.stations.squared_norms(&chain, self.observations, gauge.as_ref());
             for (&place, squared) in own.stations.places.iter().zip(squared) {
                 norms[place] = squared.sqrt();
             }
@@ -243,9 +238,7 @@ impl<'a> Problem<'a> {
         place: &Point3<f64>,
     ) -> Vec<(usize, f64)> {
         let own = self.channels.of(channel).gauge.as_ref();
-        let (Some(own), Some(gauge)) = (own, gauge) else {
-            return Vec::new();
-        };
+        let (Some(own), Some(gauge)) = (own, gauge) else { return Vec::new() };
         let parts = own.parts.iter().zip(gauge.parts());
         parts.map(|(unknown, part)| (*unknown, gauge.by_part(*part, place))).collect()
     }
@@ -319,15 +312,10 @@ impl<'a> Problem<'a> {
 
     /// The geometry's offsets in the order of the arm's own chain; zeros where geometry was fixed.
     pub fn geometry(&self, offsets: &DVector<f64>) -> Vec<f64> {
-        let is_link = |parameter: &Parameter| matches!(parameter, Parameter::Link { .. });
-        let Some(any) = self.channels.each().first() else {
-            return Vec::new();
-        };
+        let Some(any) = self.channels.each().first() else { return Vec::new() };
         let places = any.chain.parameters().into_iter().zip(&any.columns);
-        places
-            .filter(|(parameter, _)| is_link(parameter))
-            .map(|(_, place)| place.map_or(0.0, |place| offsets[place]))
-            .collect()
+        let links = places.filter(|(parameter, _)| matches!(parameter, Parameter::Link { .. }));
+        links.map(|(_, place)| place.map_or(0.0, |place| offsets[place])).collect()
     }
 
     fn session_frames(&self, session: usize, offsets: &DVector<f64>) -> Frames {
@@ -410,19 +398,15 @@ impl Measuring {
 
 /// Whether any orientation is measured, so that a target's own orientation is looked for.
 pub(super) fn is_turned(observations: &[Observation]) -> bool {
-    match widest(observations.iter().map(|o| &o.measured)) {
-        ReadingKind::Point | ReadingKind::Distance | ReadingKind::Height => false,
-        ReadingKind::Pose => true,
-    }
+    widest(observations.iter().map(|o| &o.measured)) == ReadingKind::Pose
 }
 
 /// The unknowns in the vector's order: the arm's, then session by session base of each source and place of each target.
 fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> Vec<Unknown> {
     let mut unknowns = Vec::new();
     if freedom == Freedom::Geometry {
-        unknowns.extend(
-            arm.parameters().into_iter().map(|parameter| Unknown { owner: Owner::Arm, parameter }),
-        );
+        let links = arm.parameters().into_iter();
+        unknowns.extend(links.map(|parameter| Unknown { owner: Owner::Arm, parameter }));
     }
     let shifts = Axis::ALL.map(Motion::Translation);
     let turns = Axis::ALL.map(Motion::Rotation);
@@ -447,12 +431,8 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
         }
         for target in (0..frames.targets().len()).map(TargetId) {
             let owner = Owner::Target { session, target };
-            unknowns.extend(
-                shifts
-                    .iter()
-                    .chain(of_target)
-                    .map(|motion| Unknown { owner, parameter: Parameter::Target(*motion) }),
-            );
+            let own = |motion: &Motion| Unknown { owner, parameter: Parameter::Target(*motion) };
+            unknowns.extend(shifts.iter().chain(of_target).map(own));
         }
     }
     unknowns

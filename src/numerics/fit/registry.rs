@@ -131,20 +131,16 @@ impl Model {
 
     /// The models that verdicts use with their angles, the most relevant for a program first: commanded angles, all it has.
     pub fn judging() -> impl Iterator<Item = (Self, Angles)> {
-        Self::serving().flat_map(|model| {
-            let angles = model.about().angles.iter().rev();
-            angles.map(move |angles| (model, *angles))
-        })
+        Self::serving().flat_map(|model| model.with_angles().rev())
     }
 
     /// The models that are compared with stations, with the angles each is given.
     pub fn compared() -> impl Iterator<Item = (Self, Angles)> {
-        let of = |model: &Self| {
-            let model = *model;
-            let angles = model.about().angles.iter();
-            angles.map(move |angles| (model, *angles))
-        };
-        Self::ALL.iter().flat_map(of)
+        Self::ALL.iter().flat_map(|model| model.with_angles())
+    }
+
+    fn with_angles(self) -> impl DoubleEndedIterator<Item = (Self, Angles)> {
+        self.about().angles.iter().map(move |angles| (self, *angles))
     }
 
     pub fn name_at(self, angles: Angles) -> String {

@@ -101,11 +101,9 @@ pub fn fits(
 ) -> Vec<SharedFit> {
     let sessions = full.starts().len();
     let fit = |session: usize| {
-        let (own, weights): (Vec<&Observation>, Vec<f64>) = observations
-            .iter()
-            .zip(&full.trained.weights)
-            .filter(|(o, _)| o.session == session)
-            .unzip();
+        let weighted = observations.iter().zip(&full.trained.weights);
+        let (own, weights): (Vec<&Observation>, Vec<f64>) =
+            weighted.filter(|(o, _)| o.session == session).unzip();
         let stations = own.iter().map(|o| Shared::of(full, o, change_rad));
         let stations: Vec<Shared> = stations.collect::<Option<_>>()?;
         let allowed: Vec<f64> = stations.iter().map(|s| s.allowed_mm).collect();

@@ -80,10 +80,6 @@ impl Factors {
         }
         converged
     }
-
-    fn get(&self, source: SourceId) -> f64 {
-        self.0.get(source.0).copied().unwrap_or(1.0)
-    }
 }
 
 /// The part of each source in a solved problem, whose standard deviations have `factors` applied; `covariance` is that of the unknowns.
@@ -114,14 +110,10 @@ pub(super) fn sizes(
         };
         let taken = covariance.component_mul(&information).sum() / solution.variance_factor;
         let redundancy = rows as f64 - taken;
-        let squares: f64 = observations
-            .iter()
-            .zip(&norms)
-            .zip(&solution.weights)
-            .filter(|((o, _), _)| is_own(o))
-            .map(|((_, norm), weight)| weight * norm * norm)
-            .sum();
-        let now = factors.map_or(1.0, |factors| factors.get(source));
+        let squares = observations.iter().zip(&norms).zip(&solution.weights);
+        let squares = squares.filter(|((o, _), _)| is_own(o));
+        let squares: f64 = squares.map(|((_, norm), weight)| weight * norm * norm).sum();
+        let now = factors.and_then(|own| own.0.get(source.0)).copied().unwrap_or(1.0);
         let mean = squares / redundancy;
         let is_shown = redundancy >= LEAST_REDUNDANCY && mean > EXACT;
         let stated: f64 = own.iter().map(|o| o.measured.variance_mm2()).sum();

@@ -59,15 +59,10 @@ fn settled(
     mut frames: Vec<Frames>,
     settings: &FitSettings,
 ) -> (Vec<Frames>, f64) {
-    let mut misfit_mm = f64::INFINITY;
+    let (mut misfit_mm, prior) = (f64::INFINITY, settings.prior());
     for _ in 0..PASSES {
-        let problem = Problem::new(
-            observations,
-            arm.chain(),
-            &frames,
-            Freedom::BaseAndTarget,
-            &settings.prior(),
-        );
+        let freedom = Freedom::BaseAndTarget;
+        let problem = Problem::new(observations, arm.chain(), &frames, freedom, &prior);
         // With one tool orientation base and target are confounded; the solver's damping takes the shortest step there.
         let unknowns = problem.unknowns.len();
         let solution = solve::solve(&problem, DVector::zeros(unknowns), settings.loss, unknowns);
@@ -160,11 +155,8 @@ fn start(
     let mut readings = own.iter().filter(|o| o.source == source);
     let kinds = readings.clone().map(|o| o.measured.kind());
     if kinds.clone().any(|kind| !kind.is_length()) {
-        return Ok(Start {
-            sees: Sees::Places,
-            base: base(arm, own, session, source)?,
-            target: None,
-        });
+        let base = base(arm, own, session, source)?;
+        return Ok(Start { sees: Sees::Places, base, target: None });
     }
     let Some(first) = readings.next() else {
         return Ok(Start { sees: Sees::Nothing, base: Transform::identity(), target: None });
@@ -187,13 +179,9 @@ fn length(
     }
     let most = of_targets.into_iter().rev().max_by_key(|(_, own)| own.len());
     let (target, own) = most.unwrap_or((TargetId::MAIN, Vec::new()));
-    let too_few = FitError::TooFewLengths {
-        session,
-        instrument: source.0,
-        readings: own.len(),
-        needed: LEAST_LENGTHS,
-    };
-    if own.len() < LEAST_LENGTHS {
+    let (instrument, readings, needed) = (source.0, own.len(), LEAST_LENGTHS);
+    let too_few = FitError::TooFewLengths { session, instrument, readings, needed };
+    if readings < needed {
         return Err(too_few);
     }
     let seen = own.iter().zip(flanges(arm, &own)).filter_map(|(o, flange)| {
@@ -213,11 +201,8 @@ fn length(
         }
     };
     let (gauge, place) = found.ok_or(too_few)?;
-    Ok(Start {
-        sees: Sees::Length(gauge),
-        base: Transform::identity(),
-        target: Some((target, place)),
-    })
+    let target = Some((target, place));
+    Ok(Start { sees: Sees::Length(gauge), base: Transform::identity(), target })
 }
 
 /// The mean turn of a target at the flange; none where no orientation was measured.
@@ -251,12 +236,9 @@ fn base(
     let most = of_targets.into_values().rev().max_by_key(Vec::len);
     let (own, measured): (Vec<&Observation>, Vec<Point3<f64>>) =
         most.unwrap_or_default().into_iter().unzip();
-    if own.len() < LEAST_STATIONS {
-        return Err(FitError::TooFewStations {
-            session,
-            stations: own.len(),
-            needed: LEAST_STATIONS,
-        });
+    let (stations, needed) = (own.len(), LEAST_STATIONS);
+    if stations < needed {
+        return Err(FitError::TooFewStations { session, stations, needed });
     }
     let origins: Vec<Point3<f64>> =
         flanges(arm, &own).iter().map(|f| Point3::from(f.translation.vector)).collect();
@@ -264,9 +246,8 @@ fn base(
     if spread_mm < LEAST_SPREAD_MM {
         return Err(FitError::Degenerate { session, spread_mm });
     }
-    let base = align(&measured, &origins, &vec![1.0; own.len()])
-        .ok_or(FitError::Degenerate { session, spread_mm })?;
-    Ok(Transform::claim(base))
+    let base = align(&measured, &origins, &vec![1.0; own.len()]);
+    base.map(Transform::claim).ok_or(FitError::Degenerate { session, spread_mm })
 }
 
 fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {

@@ -55,16 +55,11 @@ struct Row {
     weight: f64,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Factors {
-    Common,
-    Apart,
-}
-
 /// Parameters of the likelihood: logarithms of the factors, then the arm's variance, mm².
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct At {
-    factors: Factors,
+    /// Whether the orientation's factor is its own; otherwise the first is of both.
+    is_apart: bool,
     logarithms: [f64; 2],
     arm_mm2: f64,
 }
@@ -128,10 +123,10 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
     }
     let has_orientations =
         rows.iter().any(|row| row.stated.nrows() == 6 && row.stated[(3, 3)] > 0.0);
-    let apart = has_orientations.then(|| scored(rows, Factors::Apart)).flatten();
+    let apart = has_orientations.then(|| scored(rows, true)).flatten();
     let (at, errors) = match apart.filter(|own| own.1.iter().all(|error| *error <= DETERMINED)) {
         Some(apart) => apart,
-        None => scored(rows, Factors::Common).filter(|own| own.1[0] <= DETERMINED)?,
+        None => scored(rows, false).filter(|own| own.1[0] <= DETERMINED)?,
     };
     let [position, orientation] = at.factors();
     Some(FoundSize {
@@ -142,7 +137,7 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
             position: position * errors[0],
             orientation: orientation * errors[1],
         },
-        is_apart: at.factors == Factors::Apart,
+        is_apart: at.is_apart,
         has_orientations,
         beside_mm: at.arm_mm2.sqrt(),
         readings: rows.len(),
@@ -151,8 +146,8 @@ fn sized(rows: &[Row]) -> Option<FoundSize> {
 
 /// Fisher's scoring; with the standard errors of the logarithms. `None` where it does not converge, or where nothing tells the parameters
 /// apart.
-fn scored(rows: &[Row], factors: Factors) -> Option<(At, [f64; 2])> {
-    let mut at = At { factors, logarithms: [0.0; 2], arm_mm2: 1e-4 };
+fn scored(rows: &[Row], is_apart: bool) -> Option<(At, [f64; 2])> {
+    let mut at = At { is_apart, logarithms: [0.0; 2], arm_mm2: 1e-4 };
     for _ in 0..STEPS {
         let (gradient, information) = at.score(rows)?;
         let last = gradient.len() - 1;
@@ -163,11 +158,7 @@ fn scored(rows: &[Row], factors: Factors) -> Option<(At, [f64; 2])> {
         let moved = at.moved(&step);
         if moved < CONVERGED {
             let error = |place: usize| inverse[(place, place)].sqrt();
-            let errors = match factors {
-                Factors::Common => [error(0); 2],
-                Factors::Apart => [error(0), error(1)],
-            };
-            return Some((at, errors));
+            return Some((at, [error(0), error(at.count() - 1)]));
         }
     }
     None
@@ -197,11 +188,13 @@ fn with_factors(stated: &DMatrix<f64>, size: StatedSize) -> DMatrix<f64> {
 }
 
 impl At {
+    /// Number of factors.
+    fn count(&self) -> usize {
+        1 + usize::from(self.is_apart)
+    }
+
     fn factors(&self) -> [f64; 2] {
-        match self.factors {
-            Factors::Common => [self.logarithms[0].exp(); 2],
-            Factors::Apart => self.logarithms.map(f64::exp),
-        }
+        [self.logarithms[0], self.logarithms[self.count() - 1]].map(f64::exp)
     }
 
     fn covariance(&self, row: &Row) -> DMatrix<f64> {
@@ -224,20 +217,14 @@ impl At {
                 times as f64 * sized[(i, j)]
             })
         };
-        let mut derivatives = match self.factors {
-            Factors::Common => vec![&sized * 2.0],
-            Factors::Apart => vec![by(0), by(1)],
-        };
+        let mut derivatives = if self.is_apart { vec![by(0), by(1)] } else { vec![&sized * 2.0] };
         derivatives.push(DMatrix::from_fn(size, size, |i, j| f64::from(u8::from(i == j && i < 3))));
         derivatives
     }
 
     /// Gradient and information of the likelihood; `None` where a covariance is indefinite.
     fn score(&self, rows: &[Row]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let size = match self.factors {
-            Factors::Common => 2,
-            Factors::Apart => 3,
-        };
+        let size = self.count() + 1;
         let (mut gradient, mut information) = (DVector::zeros(size), DMatrix::zeros(size, size));
         for row in rows {
             let inverse = self.covariance(row).cholesky()?.inverse();
@@ -257,10 +244,7 @@ impl At {
 
     /// Moves by a step; returns the largest change.
     fn moved(&mut self, step: &DVector<f64>) -> f64 {
-        let logarithms = match self.factors {
-            Factors::Common => 1,
-            Factors::Apart => 2,
-        };
+        let logarithms = self.count();
         let mut largest: f64 = 0.0;
         for (own, step) in self.logarithms.iter_mut().zip(step.iter()).take(logarithms) {
             let change = step.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
@@ -352,12 +336,12 @@ mod tests {
             };
             rows.iter().map(of).sum()
         };
-        let at = At { factors: Factors::Apart, logarithms: [0.2, -0.1], arm_mm2: 4e-4 };
+        let at = At { is_apart: true, logarithms: [0.2, -0.1], arm_mm2: 4e-4 };
         let (gradient, _) = at.score(&rows).expect("positive");
         for place in 0..3 {
             let step = if place < 2 { 1e-6 } else { 1e-9 };
             let moved = |by: f64| {
-                let mut at = at.clone();
+                let mut at = at;
                 match place {
                     2 => at.arm_mm2 += by,
                     _ => at.logarithms[place] += by,

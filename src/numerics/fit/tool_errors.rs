@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::error_frame::ErrorFrame;
+use super::frames::FramePair;
 use super::gap::Gap;
 use super::model::{At, Known, PoseModel, Prediction, Query, Spread};
 
@@ -61,28 +62,16 @@ impl<'m> ToolErrors<'m> {
         let predicted: Vec<Result<Prediction, Gap>> = some.iter().map(predict).collect();
         let sound: Vec<&Prediction> =
             predicted.iter().filter_map(|own| own.as_ref().ok()).collect();
-        let source = self.error_frame.frames.source;
-        let mut spreads = self.model.spreads(self.session, source, &sound).into_iter();
-        let each = some.iter().zip(&predicted);
-        each.map(|(joints, own)| {
+        let frames = &self.error_frame.frames;
+        let base_from_tracker = frames.tracker_from_base.isometry().rotation.inverse();
+        let mut spreads = self.model.spreads(self.session, frames.source, &sound).into_iter();
+        let each = some.iter().zip(&predicted).map(|(joints, own)| {
             let own = own.as_ref().map_err(Clone::clone)?;
             let spread = spreads.next().unwrap_or(Spread::Isotropic(f64::INFINITY));
-            Ok(self.spread_in_error_frame(joints, own, &spread))
-        })
-        .collect()
-    }
-
-    fn spread_in_error_frame(
-        &self,
-        joints: &[f64],
-        predicted: &Prediction,
-        spread: &Spread,
-    ) -> ErrorWithCovariance {
-        let base = self.error_frame.frames.tracker_from_base.isometry();
-        (
-            self.in_error_frame(joints, &predicted.position),
-            spread.seen_from(&base.rotation.inverse()) + self.visit(joints),
-        )
+            let covariance = spread.seen_from(&base_from_tracker) + self.visit(joints);
+            Ok((self.in_error_frame(joints, &own.position), covariance))
+        });
+        each.collect()
     }
 
     /// Covariance of the arm's repeatability at one visit, base frame, mm².
@@ -114,16 +103,10 @@ impl<'m> ToolErrors<'m> {
     }
 
     fn query<'q>(&self, axes: &'q [f64]) -> Query<'q> {
-        Query {
-            axes,
-            known: Known::Commanded,
-            lever: self.error_frame.lever(),
-            session: self.session,
-            source: self.error_frame.frames.source,
-            target: self.error_frame.frames.target,
-            own: true,
-            station: None,
-        }
+        let FramePair { source, target, .. } = self.error_frame.frames;
+        let lever = self.error_frame.lever();
+        let at = Query::at(axes, self.session, Known::Commanded);
+        Query { lever, source, target, ..at }
     }
 
     /// The error, in the error reference frame, of a point in the tracker frame, mm.

@@ -118,9 +118,7 @@ impl Firsts {
 }
 
 fn alike(a: &Dwell<'_>, b: &Dwell<'_>) -> bool {
-    let (Some(first), Some(second)) = (&a.command, &b.command) else {
-        return false;
-    };
+    let (Some(first), Some(second)) = (&a.command, &b.command) else { return false };
     let turned = match (&first.orientation, &second.orientation) {
         (Some(first), Some(second)) => first.angle_to(second),
         (None, None) => 0.0,

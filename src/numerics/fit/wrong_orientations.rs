@@ -46,9 +46,7 @@ pub fn check(
     }
     let robust = FitSettings { loss: Loss::Cauchy { tuning: 2.0 }, ..settings.clone() };
     let fitted = identify(arm, observations, sessions, Freedom::BaseAndTarget, &robust);
-    let Ok(fitted) = fitted else {
-        return Ok(Vec::new());
-    };
+    let Ok(fitted) = fitted else { return Ok(Vec::new()) };
     let compared = observations.iter().enumerate().filter_map(|(place, own)| {
         let camera = noise.sources.get(own.source.0)?.uncertainty.camera();
         let frames = &fitted.frames[own.session];

@@ -45,11 +45,6 @@ pub(super) fn by_number(stations: &[GridStation]) -> ByNumber<'_> {
 }
 
 impl Answers {
-    /// Counts a station in a cell that is refused.
-    pub(super) fn refuse(&mut self, refusal: Refusal) {
-        *self.refused.entry(refusal).or_default() += 1;
-    }
-
     /// Adds the value that a table `found` at a station, with the prediction of `model` there; or counts the reason why there is none.
     pub(super) fn add_found(
         &mut self,
@@ -64,23 +59,23 @@ impl Answers {
         let predicted = |interpolated| {
             Ok((interpolated, Some(model.error(&station.joints).map_err(|gap| gap.refusal())?)))
         };
-        self.add(station, found.and_then(predicted));
+        self.add(station, 0, found.and_then(predicted));
     }
 
-    /// Adds what nodes answer at a station, and the model itself where they are its own; or counts the reason why they do not.
+    /// Adds what nodes of grid number `sample` answer at a station, and the model itself where they are its own; or counts the reason
+    /// why they do not.
     pub(super) fn add(
         &mut self,
         station: &GridStation,
+        sample: usize,
         found: Result<(Vector3<f64>, Option<Vector3<f64>>), Refusal>,
     ) {
+        let station = station.number;
         match found {
-            Err(refusal) => self.refuse(refusal),
-            Ok((interpolated, predicted)) => self.given.push(Answer {
-                station: station.number,
-                sample: 0,
-                interpolated,
-                predicted,
-            }),
+            Err(refusal) => *self.refused.entry(refusal).or_default() += 1,
+            Ok((interpolated, predicted)) => {
+                self.given.push(Answer { station, sample, interpolated, predicted });
+            }
         }
     }
 

@@ -28,19 +28,10 @@ impl Interpolation {
     pub fn weights(self, fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
         match self {
             Self::Idw => idw(fraction, step, power),
-            Self::Trilinear => {
-                std::array::from_fn(|vertex| {
-                    (0..3)
-                        .map(|axis| {
-                            if is_high(vertex, axis) {
-                                fraction[axis]
-                            } else {
-                                1.0 - fraction[axis]
-                            }
-                        })
-                        .product()
-                })
-            }
+            Self::Trilinear => std::array::from_fn(|vertex| {
+                let of = |f: f64, is_high: bool| if is_high { f } else { 1.0 - f };
+                (0..3).map(|axis| of(fraction[axis], is_high(vertex, axis))).product()
+            }),
         }
     }
 }
@@ -49,31 +40,23 @@ const fn is_high(vertex: usize, axis: usize) -> bool {
     vertex >> axis & 1 == 1
 }
 
-fn idw(fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
-    let mut distances: [f64; 8] = std::array::from_fn(|vertex| {
-        let corner = Vector3::from_fn(|axis, _| if is_high(vertex, axis) { 1.0 } else { 0.0 });
-        (fraction - corner).component_mul(&Vector3::from(*step)).norm()
-    });
-    inverse_distances(&mut distances, power);
-    distances
+/// The place of a vertex in the unit cell.
+pub(super) fn corner(vertex: usize) -> Vector3<f64> {
+    Vector3::from_fn(|axis, _| if is_high(vertex, axis) { 1.0 } else { 0.0 })
 }
 
-/// Turns distances into weights `w_i ∝ d_i^{−p}` that sum to one; the first below [`EXACT_HIT_MM`] has all the weight.
-fn inverse_distances(distances: &mut [f64; 8], power: f64) {
+/// Weights `w_i ∝ d_i^{−p}` of the distances that sum to one; the first below [`EXACT_HIT_MM`] has all the weight.
+fn idw(fraction: &Vector3<f64>, step: &[f64; 3], power: f64) -> [f64; 8] {
+    let away = |vertex| (fraction - corner(vertex)).component_mul(&Vector3::from(*step)).norm();
+    let distances: [f64; 8] = std::array::from_fn(away);
     if let Some(hit) = distances.iter().position(|own| *own < EXACT_HIT_MM) {
-        *distances = [0.0; 8];
-        distances[hit] = 1.0;
-        return;
+        return std::array::from_fn(|vertex| if vertex == hit { 1.0 } else { 0.0 });
     }
     // Relative to the nearest, so that no power overflows.
     let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
-    for own in distances.iter_mut() {
-        *own = (nearest / *own).powf(power);
-    }
-    let total: f64 = distances.iter().sum();
-    for own in distances.iter_mut() {
-        *own /= total;
-    }
+    let shares = distances.map(|own| (nearest / own).powf(power));
+    let total: f64 = shares.iter().sum();
+    shares.map(|own| own / total)
 }
 
 #[cfg(test)]

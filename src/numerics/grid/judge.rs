@@ -13,7 +13,7 @@ use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use rayon::prelude::*;
 
 use super::answers::{Answer, Answers, ByNumber};
-use super::interpolation::Interpolation;
+use super::interpolation::{Interpolation, corner};
 use super::lattice::{InCell, WorkBox};
 use super::node::{GridStation, NodeError, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::figures::{Counted, PoseErrors};
@@ -169,18 +169,13 @@ pub(super) fn local_cells(
                 let low = own.position[axis] - fraction * pitch[axis];
                 (bounds.low_mm[axis] - low).max(low + pitch[axis] - bounds.high_mm[axis])
             };
-            if outside(mirrored).max(0.0) < outside(drawn[axis]).max(0.0) {
-                mirrored
-            } else {
-                drawn[axis]
-            }
+            let is_less = outside(mirrored).max(0.0) < outside(drawn[axis]).max(0.0);
+            if is_less { mirrored } else { drawn[axis] }
         });
         let orientation = orientation.unwrap_or(own.orientation);
         let vertices = |fraction: &Vector3<f64>| {
             let joints = |vertex: usize| {
-                let high = |axis: usize| if vertex >> axis & 1 == 1 { 1.0 } else { 0.0 };
-                let offset =
-                    Vector3::from_fn(|axis, _| (high(axis) - fraction[axis]) * pitch[axis]);
+                let offset = (corner(vertex) - fraction).component_mul(&Vector3::from(pitch));
                 reach.joints(&(own.position + offset), &orientation, &own.joints)
             };
             let vertices = (0..8).map(joints).collect::<Result<Vec<_>, _>>()?;
@@ -245,7 +240,7 @@ pub(super) fn by_local_cell(
             let weighted = nodes.map(|(vertex, (error, weight))| (error + added(vertex)) * weight);
             (weighted.sum(), measured.is_none().then_some(*predicted))
         });
-        answers.add(stations[cell.station], found.map_err(|refusal| *refusal));
+        answers.add(stations[cell.station], 0, found.map_err(|refusal| *refusal));
     }
     answers
 }
@@ -273,13 +268,8 @@ pub fn by_table(
             answers.unlike += 1;
             continue;
         }
-        let found = by_nodes(
-            grid,
-            |node| tables[&station.fold][&node],
-            &station.position,
-            interpolation,
-            power,
-        );
+        let errors = |node| tables[&station.fold][&node];
+        let found = by_nodes(grid, errors, &station.position, interpolation, power);
         answers.add_found(station, found, &folds[station.fold]);
     }
     answers

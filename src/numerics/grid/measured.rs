@@ -5,9 +5,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
-use super::answers::{Answer, Answers};
+use super::answers::Answers;
 use super::interpolation::Interpolation;
 use super::lattice::{Lattice, PLANE_MM};
 use super::node::{GridStation, Refusal, on_one_branch};
@@ -164,22 +164,11 @@ impl Decimated {
         if nodes.map(|node| &stations[node]).any(is_own) {
             return;
         }
-        let vertices = match self.serving(&cell.vertices, stations, station.configuration) {
-            Ok(vertices) => vertices,
-            Err(refusal) => {
-                answers.refuse(refusal);
-                return;
-            }
-        };
         let weights = interpolation.weights(&cell.fraction, &self.lattice.step, power);
-        let interpolated: Vector3<f64> =
-            vertices.iter().zip(weights).map(|(vertex, w)| vertex.error * w).sum();
-        answers.given.push(Answer {
-            station: station.number,
-            sample,
-            interpolated,
-            predicted: None,
+        let found = self.serving(&cell.vertices, stations, station.configuration).map(|vertices| {
+            (vertices.iter().zip(weights).map(|(vertex, w)| vertex.error * w).sum(), None)
         });
+        answers.add(station, sample, found);
     }
 
     /// The stations at the vertices of a cell, if they can serve a target of this arm configuration; otherwise why not.
@@ -189,10 +178,8 @@ impl Decimated {
         stations: &'s [GridStation],
         configuration: Option<Configuration>,
     ) -> Result<Vec<&'s GridStation>, Refusal> {
-        let station = |&vertex: &usize| {
-            let place = self.nodes[vertex].ok_or(Refusal::Unmeasured)?;
-            Ok(&stations[place])
-        };
+        let station =
+            |&vertex: &usize| Ok(&stations[self.nodes[vertex].ok_or(Refusal::Unmeasured)?]);
         let stations: Vec<&GridStation> = vertices.iter().map(station).collect::<Result<_, _>>()?;
         if stations.iter().any(|s| s.configuration != configuration) {
             return Err(Refusal::OtherConfiguration);
@@ -235,7 +222,7 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::UnitQuaternion;
+    use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
     use crate::figures::Counted;

@@ -255,9 +255,7 @@ impl Runs {
 
     /// Takes the last run out where it has few stamps, far from those before, and the run before it goes on with this row.
     fn take_stray_out(&mut self, stamp: i64, logged: i64) {
-        let [.., before, last] = &self.all[..] else {
-            return;
-        };
+        let [.., before, last] = &self.all[..] else { return };
         let away = last.ahead.0.saturating_sub(before.ahead.1).saturating_abs();
         let is_clock = before.last != 0 && before.count() > last.count();
         let goes_on = before.is_followed(stamp, logged.saturating_sub(before.logged.1));

@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::average::{SIGMA_PER_MAD, median};
 use super::pattern::{Dwells, Pair, Relation};
+use crate::figures::extremes;
 
 /// With fewer edges than this the middles of dwells are used.
 const MIN_EDGES: usize = 8;
@@ -130,7 +131,8 @@ impl Line {
         let to_start = Vector3::new(1.0, -self.centre_s, 0.0);
         let leverage = (to_start.transpose() * self.inverse * to_start)[0];
         let drift = self.unknowns[1];
-        let span_s = span_s(marks).max(1.0);
+        let ends_s = extremes(marks.iter().map(|mark| mark.at_s));
+        let span_s = ends_s.map_or(0.0, |(first_s, last_s)| last_s - first_s).max(1.0);
         Refined {
             relation: Relation { offset_s: self.unknowns[0] - drift * self.centre_s, drift },
             offset_se_s: (variance * leverage + unseen).sqrt(),
@@ -140,11 +142,6 @@ impl Line {
             by_edges,
         }
     }
-}
-
-fn span_s(marks: &[Mark]) -> f64 {
-    let at_s = marks.iter().map(|mark| mark.at_s);
-    at_s.clone().fold(f64::NEG_INFINITY, f64::max) - at_s.fold(f64::INFINITY, f64::min)
 }
 
 fn tukey_weights(marks: &[Mark], line: &Line) -> Vec<f64> {

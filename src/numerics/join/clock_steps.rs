@@ -124,11 +124,9 @@ fn changes(dwells: Dwells, pairs: usize) -> Vec<Change> {
         supported(dwells, offset_s, near.map_or(best, |(_, placement)| placement), reach_mm)
     });
     let supported: Vec<Vec<Option<Pair>>> = supported.collect();
-    let explained: Vec<(usize, Pair)> = best_path(&supported, dwells.target.len())
-        .iter()
-        .enumerate()
-        .filter_map(|(target, &own)| Some((own, supported[own][target]?)))
-        .collect();
+    let path = best_path(&supported, dwells.target.len()).into_iter().enumerate();
+    let explained = path.filter_map(|(target, own)| Some((own, supported[own][target]?)));
+    let explained: Vec<(usize, Pair)> = explained.collect();
     let half = dwells.arm.len().min(dwells.target.len()) / 2;
     if explained.len() < (pairs + GAIN).max(half) {
         return Vec::new();

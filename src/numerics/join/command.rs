@@ -73,21 +73,15 @@ fn last_before(
     let last = |dwell: &Occasion| {
         let moment = moment(dwell);
         let row = commands.count_while(&|stamp| stamp <= moment)?.checked_sub(1);
-        let stated = row.map(|row| Stated::read(commands, row)).transpose()?;
+        let Some(row) = row else { return Ok(None) };
+        let read = commands.read(row..row + 1)?;
+        let position = Vector3::from(read.positions[0]);
+        let orientation = read.orientations.map(|all| all[0]);
         // A command with NaN or huge coordinates is ignored.
-        Ok(stated.filter(|stated| stated.position.iter().all(|x| x.abs() < FARTHEST_MM)))
+        let is_sound = position.iter().all(|x| x.abs() < FARTHEST_MM);
+        Ok(is_sound.then_some(Stated { position, orientation }))
     };
     dwells.iter().map(last).collect()
-}
-
-impl Stated {
-    fn read(commands: &dyn Poses<Controller>, row: usize) -> Result<Self, PosesError> {
-        let read = commands.read(row..row + 1)?;
-        Ok(Self {
-            position: Vector3::from(read.positions[0]),
-            orientation: read.orientations.map(|all| all[0]),
-        })
-    }
 }
 
 impl From<Stated> for Command {
@@ -101,11 +95,9 @@ impl From<Stated> for Command {
 
 /// The placement of a rule's commands, with its median distance, mm.
 fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placement)> {
-    let readings: Vec<ReadingAtFlange> = dwells
-        .iter()
-        .zip(rule)
-        .filter_map(|(dwell, stated)| Some(reading(dwell, stated.as_ref()?)))
-        .collect();
+    let stated = dwells.iter().zip(rule);
+    let readings = stated.filter_map(|(dwell, stated)| Some(reading(dwell, stated.as_ref()?)));
+    let readings: Vec<ReadingAtFlange> = readings.collect();
     if readings.len() < super::MIN_PAIRS {
         return None;
     }

@@ -121,19 +121,14 @@ fn merged(
 /// The candidates with their support, the best first.
 fn ranked(candidates: Vec<Candidate>, gate_mm: f64) -> Vec<Ranked> {
     let most = candidates.iter().map(|c| c.pairs.len()).max().unwrap_or(0);
-    let least_median = candidates
-        .iter()
-        .filter(|c| 2 * c.pairs.len() >= most)
-        .map(|c| c.median_mm)
-        .fold(f64::INFINITY, f64::min);
+    let usual = candidates.iter().filter(|c| 2 * c.pairs.len() >= most);
+    let least_median = usual.map(|c| c.median_mm).fold(f64::INFINITY, f64::min);
     let reach_mm = (REACH * least_median).max(LEAST_REACH_MM).min(gate_mm);
-    let mut ranked: Vec<Ranked> = candidates
-        .into_iter()
-        .map(|candidate| {
-            let near = candidate.distances_mm.iter().filter(|&&distance| distance <= reach_mm);
-            Ranked { support: near.count(), reach_mm, candidate }
-        })
-        .collect();
+    let supported = |candidate: Candidate| {
+        let near = candidate.distances_mm.iter().filter(|&&distance| distance <= reach_mm);
+        Ranked { support: near.count(), reach_mm, candidate }
+    };
+    let mut ranked: Vec<Ranked> = candidates.into_iter().map(supported).collect();
     ranked.sort_by(|a, b| {
         let nearer = a.candidate.median_mm.total_cmp(&b.candidate.median_mm);
         b.support.cmp(&a.support).then(nearer)
@@ -212,18 +207,10 @@ impl Ranked {
     }
 
     fn decision(self, tried: usize, rival_support: usize) -> Decision {
-        let candidate = self.candidate;
-        let near = candidate.pairs.iter().zip(&candidate.distances_mm);
-        Decision {
-            support: near
-                .filter(|&(_, &distance)| distance <= self.reach_mm)
-                .map(|(&pair, _)| pair)
-                .collect(),
-            relation: candidate.relation,
-            placement: candidate.placement,
-            median_mm: candidate.median_mm,
-            tried,
-            rival_support,
-        }
+        let Candidate { relation, pairs, placement, distances_mm, median_mm } = self.candidate;
+        let near = pairs.into_iter().zip(distances_mm);
+        let near = near.filter(|(_, distance_mm)| *distance_mm <= self.reach_mm);
+        let support = near.map(|(pair, _)| pair).collect();
+        Decision { relation, support, placement, median_mm, tried, rival_support }
     }
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::JoinError;
 use super::dwell::ArmDwell;
-use super::observe::Observation;
+use super::observe::{Observation, usual_scatter_mm};
 use super::pattern::Relation;
 use super::placement::Placement;
 use super::readings::Readings;
@@ -28,7 +28,7 @@ pub(super) fn repeated(
     relation: Relation,
     placement: &Placement,
 ) -> Result<Vec<Range<usize>>, JoinError> {
-    let is_quiet = seen.usual_scatter_mm().iter().all(|&mm| mm < QUIET_MM);
+    let is_quiet = usual_scatter_mm(&seen.target).iter().all(|&mm| mm < QUIET_MM);
     let into_s = if is_quiet { INTO_MOTION_S + seen.sampling_s[0] } else { 0.0 };
     let seconds = |stamp: Stamp<Tracker>| stamp.since_ns(seen.first_measured) as f64 / NS_PER_S;
     let moves = seen.arm.windows(2).filter(|pair| {

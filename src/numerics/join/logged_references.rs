@@ -32,6 +32,7 @@ const NEAR_NS: i64 = 1_000_000_000;
 const FEW: usize = 5;
 /// Readings that agree within this never scatter, mm: instruments write whole micrometres.
 const RESOLUTION_MM: f64 = 2e-3;
+const NOWHERE: &str = "where no instrument reads anything: is the unit right?";
 
 /// When a reading was taken: during the dwell of a station, or in a half minute after one (before the first: counted back from it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -121,13 +122,10 @@ impl<'a> Looking<'a> {
                 When::At(begun - 1)
             }
             (_, Some(_)) => When::At(begun),
-            (_, None) => When::Between(
-                begun,
-                behind_ns.map_or_else(
-                    || -(before_ns.unwrap_or(0) / self.look_ns) - 1,
-                    |behind_ns| behind_ns / self.look_ns,
-                ),
-            ),
+            (_, None) => {
+                let before = -(before_ns.unwrap_or(0) / self.look_ns) - 1;
+                When::Between(begun, behind_ns.map_or(before, |own_ns| own_ns / self.look_ns))
+            }
         }
     }
 
@@ -239,15 +237,11 @@ impl Gathering {
             self.runs.into_iter().partition(|run| run.scatter_mm <= reach_mm);
         let left_out = [
             (self.missing, RejectCode::Missing, "without a measurement"),
-            (
-                self.nowhere,
-                RejectCode::Outlier,
-                "where no instrument reads anything: is the unit right?",
-            ),
+            (self.nowhere, RejectCode::Outlier, NOWHERE),
             (self.outliers, RejectCode::Outlier, "far from the others of their look"),
         ];
+        let left_out = left_out.into_iter();
         let left_out = left_out
-            .into_iter()
             .filter_map(|(own, code, why)| own.reject(code, format!("reference {name:?}: {why}")));
         let moved = moved.iter().map(|run| {
             let reason = format!(
@@ -263,14 +257,8 @@ impl Gathering {
 impl Run {
     /// The readings in its mean, left out for a reason.
     fn reject(&self, code: RejectCode, reason: String) -> JoinReject {
-        JoinReject {
-            start: self.start,
-            end: self.end,
-            readings: self.used,
-            is_of_reference: true,
-            code,
-            reason,
-        }
+        let Self { start, end, used: readings, .. } = *self;
+        JoinReject { start, end, readings, is_of_reference: true, code, reason }
     }
 
     /// Its mean as the reading of a look.

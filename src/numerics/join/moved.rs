@@ -174,16 +174,10 @@ fn grown(
         }
     }
     let left: Vec<f64> = own.iter().map(|own| away_mm(&readings[*own], placement, &base)).collect();
-    let spread_mm = spread_mm(own.iter().map(|own| at_base(&readings[*own], placement)));
-    (spread_mm > SPREAD * gate_mm)
-        .then(|| Stretch {
-            first: own[0],
-            last: own[own.len() - 1],
-            base,
-            left_mm: median(&left).unwrap_or(0.0),
-            readings: own,
-        })
-        .map(|stretch| (stretch, used))
+    let places = own.iter().map(|own| at_base(&readings[*own], placement).coords);
+    let is_spread = centred_rms(&places.collect::<Vec<_>>()) > SPREAD * gate_mm;
+    let (first, last, left_mm) = (own[0], own[own.len() - 1], median(&left).unwrap_or(0.0));
+    is_spread.then_some((Stretch { first, last, readings: own, base, left_mm }, used))
 }
 
 /// The base in the tracker's frame by some readings of a target whose place at the flange is known; `None` where they do not agree.
@@ -207,9 +201,4 @@ fn at_base(own: &ReadingAtFlange, placement: &Placement) -> Point3<f64> {
 
 fn away_mm(own: &ReadingAtFlange, placement: &Placement, base: &Isometry3<f64>) -> f64 {
     (base * at_base(own, placement) - Point3::from(own.attained)).norm()
-}
-
-/// Root mean square distance of points from their middle, mm.
-fn spread_mm(points: impl Iterator<Item = Point3<f64>>) -> f64 {
-    centred_rms(&points.map(|own| own.coords).collect::<Vec<_>>())
 }

@@ -45,11 +45,6 @@ impl Observation {
         Dwells { arm: &self.arm, target: &self.target }
     }
 
-    /// The usual standard deviation of a stationary reading per axis, mm.
-    pub(super) fn usual_scatter_mm(&self) -> [f64; 3] {
-        usual_scatter_mm(&self.target)
-    }
-
     pub(super) fn thresholds(&self, settle_s: f64) -> Thresholds {
         let Self { stationary_rad, stationary_mm, .. } = *self;
         Thresholds { stationary_rad, stationary_mm, settle_s }
@@ -87,10 +82,8 @@ pub fn check_joints(stationary: &Stationary, arm: &Arm) -> Result<(), JoinError>
 pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
     let samples = "temperatures";
     let mut pairs = temperatures.stamps.windows(2);
-    match pairs.position(|pair| pair[1] < pair[0]) {
-        None => Ok(()),
-        Some(before) => Err(JoinError::OutOfOrder { samples, row: before + 1 }),
-    }
+    let before = pairs.position(|pair| pair[1] < pair[0]);
+    before.map_or(Ok(()), |before| Err(JoinError::OutOfOrder { samples, row: before + 1 }))
 }
 
 /// Nothing is sampled as fast as this, ns.

@@ -339,11 +339,8 @@ impl<'a> Work<'a> {
             for (reference, at) in shape::used(i, look, &self.events) {
                 let key = self.events.place_of(reference, i);
                 let undone = self.shape.undone(at, &self.states[i]);
-                let away = self
-                    .shape
-                    .places
-                    .get(&key)
-                    .map_or(0.0, |place| (undone - place).norm_squared());
+                let place = self.shape.places.get(&key);
+                let away = place.map_or(0.0, |place| (undone - place).norm_squared());
                 let own = used.entry(key).or_default();
                 *own = (own.0 + 1, own.1 + away);
             }

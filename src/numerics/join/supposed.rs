@@ -64,18 +64,11 @@ impl Supposed {
         map: &Matrix3<f64>,
         gate_mm: f64,
     ) -> Option<Vec<Matched>> {
-        let arm: Vec<ArmDwell> = self
-            .seen
-            .arm
-            .iter()
-            .map(|dwell| ArmDwell { flange: flange(&dwell.joints), ..dwell.clone() })
-            .collect();
-        let target: Vec<TargetDwell> = self
-            .seen
-            .target
-            .iter()
-            .map(|dwell| TargetDwell { position: map * dwell.position, ..dwell.clone() })
-            .collect();
+        let moved = |own: &ArmDwell| ArmDwell { flange: flange(&own.joints), ..own.clone() };
+        let mapped =
+            |own: &TargetDwell| TargetDwell { position: map * own.position, ..own.clone() };
+        let arm: Vec<ArmDwell> = self.seen.arm.iter().map(moved).collect();
+        let target: Vec<TargetDwell> = self.seen.target.iter().map(mapped).collect();
         let dwells = Dwells { arm: &arm, target: &target };
         let decision = match bases {
             Bases::One => decide_as_one(dwells, gate_mm).ok(),

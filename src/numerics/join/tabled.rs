@@ -186,11 +186,8 @@ fn digits(row: &Row) -> Vec<u64> {
         let length = reading.value.length().map_or(0.0, |length| length.mm);
         [reading.target.0 as u64, length.to_bits()].into_iter().chain(point.map(f64::to_bits))
     });
-    [time]
-        .into_iter()
-        .chain(row.joints.iter().map(|angle| angle.to_bits()))
-        .chain(readings)
-        .collect()
+    let angles = row.joints.iter().map(|angle| angle.to_bits());
+    [time].into_iter().chain(angles).chain(readings).collect()
 }
 
 fn one_clock(origin: Option<Stamp<crate::units::Controller>>, timed: bool) -> ClockEstimate {
@@ -199,12 +196,9 @@ fn one_clock(origin: Option<Stamp<crate::units::Controller>>, timed: bool) -> Cl
     } else {
         "one table without times: stations are in its order and count as a second apart"
     };
+    let origin = origin.unwrap_or(Stamp::from_ns(0));
     ClockEstimate {
-        model: ClockModel {
-            origin: origin.unwrap_or(Stamp::from_ns(0)),
-            offset_ns: 0.0,
-            drift: 0.0,
-        },
+        model: ClockModel { origin, offset_ns: 0.0, drift: 0.0 },
         offset_se_ns: 0.0,
         drift_se: 0.0,
         matched_edges: 0,

@@ -24,6 +24,7 @@ pub use marks::Marks;
 pub use series::Series;
 pub use vectors::{Arrow, Scene, Vectors, vectors};
 
+use crate::figures::extremes;
 use frame::Frame;
 use scale::Scale;
 
@@ -136,8 +137,7 @@ impl Chart {
         }
         let corners = drawn.iter().flat_map(Series::corners).map(|[x, _]| x);
         let values: Vec<f64> = corners.chain(self.x.included()).collect();
-        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (low, high) = extremes(values.iter().copied())?;
         let scale = Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high);
         Some(if self.x.whole { scale.in_whole_numbers() } else { scale })
     }

@@ -103,14 +103,8 @@ impl Compared {
 
     /// What both errors are errors of, in words.
     fn subject(&self) -> String {
-        format!(
-            "{} → {}, {}, {} stations of {}",
-            self.before,
-            self.after,
-            self.frame,
-            self.count(),
-            self.stations
-        )
+        let Self { before, after, frame, stations, .. } = self;
+        format!("{before} → {after}, {frame}, {} stations of {stations}", self.count())
     }
 
     /// The errors that both figures are of, in words, which distinguish figures of one session.

@@ -168,15 +168,9 @@ fn own_covariances(
     observations: &[Observation],
 ) -> Option<Vec<Matrix3<f64>>> {
     let rows = stacked(predictions, &Isometry3::identity())?;
-    Some(
-        model
-            .covariances(&rows)
-            .into_iter()
-            .zip(predictions)
-            .zip(observations)
-            .map(|((open, predicted), o)| open + predicted.alone() + model.noise(o, o.session))
-            .collect(),
-    )
+    let open = model.covariances(&rows).into_iter().zip(predictions).zip(observations);
+    let whole = open.map(|((own, p), o)| own + p.alone() + model.noise(o, o.session));
+    Some(whole.collect())
 }
 
 impl Predicted {

@@ -87,14 +87,8 @@ pub struct Figure {
 
 impl Figure {
     fn missing(characteristic: Characteristic, n_needed: usize, remark: &str) -> Self {
-        Self {
-            characteristic,
-            pose: None,
-            value: None,
-            n: 0,
-            n_needed,
-            remark: Some(remark.to_owned()),
-        }
+        let remark = Some(remark.to_owned());
+        Self { characteristic, pose: None, value: None, n: 0, n_needed, remark }
     }
 }
 

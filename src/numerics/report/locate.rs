@@ -218,11 +218,8 @@ impl Locator {
         let measured = own.iter().map(|o| Some(o.point()?.position));
         let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let base = refit::refit(&measured, &placed, false)?;
-        let left = measured.iter().zip(&placed).flat_map(|(measured, placed)| {
-            let away = base.base_from_tracker * measured - placed.position;
-            [away.x, away.y, away.z]
-        });
-        let left = DVector::from_iterator(3 * placed.len(), left);
+        let pairs = measured.iter().zip(&placed);
+        let left = refit::stacked(pairs.map(|(m, p)| base.base_from_tracker * m - p.position));
         let (columns, precision) = frame_columns(&placed, Some(ANYWHERE_MM), self.scale_sd);
         let free = Poses { columns, precision, ..poses };
         let (found, covariance) = free.unknowns(&left)?;
@@ -245,11 +242,10 @@ impl Locator {
         own_target: Option<f64>,
     ) -> Vec<usize> {
         // The first observation of each station.
-        let firsts: Vec<usize> = (0..observations.len())
-            .filter(|&place| {
-                place == 0 || observations[place - 1].station != observations[place].station
-            })
-            .collect();
+        let is_first = |&place: &usize| {
+            place == 0 || observations[place - 1].station != observations[place].station
+        };
+        let firsts: Vec<usize> = (0..observations.len()).filter(is_first).collect();
         let count = self.locate.count(firsts.len());
         let taken: Vec<usize> = match self.locate.by {
             LocateBy::First => (0..count).collect(),
@@ -285,10 +281,8 @@ impl Locator {
         let poses: Vec<Observation> = poses.collect();
         let (model, _) = models.best();
         let (it, predictions) = predictions(models, model, Angles::Reported, &poses, false)?;
-        let to_base = it.frames()[models.latest()]
-            .tracker_from_base(poses.first()?.source)
-            .isometry()
-            .inverse();
+        let base = it.frames()[models.latest()].tracker_from_base(poses.first()?.source);
+        let to_base = base.isometry().inverse();
         let placed: Vec<Placed> = predictions.iter().map(|p| placed(&p.target, &to_base)).collect();
         let alone = alone(models, &poses, &to_base);
         let poses = self.errors_at(&poses, Angles::Reported, &placed, own_target, alone);

@@ -58,13 +58,8 @@ impl PromiseKept {
         let bound_mm = promise.bound_mm.unwrap_or(0.0);
         let within = by_pose.worst().iter().filter(|&&norm| norm <= bound_mm).count();
         let counted = by_pose.counted();
-        Self {
-            promise,
-            figures,
-            counted,
-            within,
-            interval: share_interval(within, counted.poses, promise.confidence),
-        }
+        let interval = share_interval(within, counted.poses, promise.confidence);
+        Self { promise, figures, counted, within, interval }
     }
 
     pub fn is_broken(&self) -> bool {
@@ -77,12 +72,9 @@ impl PromiseKept {
 
     /// The share of all errors that may be within the bound, as text.
     pub fn possible(&self) -> String {
-        format!(
-            "{:.1} to {:.1} % of all with {} % confidence",
-            100.0 * self.interval.0,
-            100.0 * self.interval.1,
-            100.0 * self.promise.confidence
-        )
+        let shares = [self.interval.0, self.interval.1, self.promise.confidence];
+        let [low, high, confidence] = shares.map(|share| 100.0 * share);
+        format!("{low:.1} to {high:.1} % of all with {confidence} % confidence")
     }
 }
 

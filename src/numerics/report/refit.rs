@@ -137,11 +137,8 @@ pub fn generalised(
     let plain = Refit { middle, ..refit(measured, predicted, with_target)? };
     let mut found = plain;
     for _ in 0..PASSES {
-        let left = measured.iter().zip(predicted).flat_map(|(m, p)| {
-            let away = found.base_from_tracker * m - found.predicted(p);
-            [away.x, away.y, away.z]
-        });
-        let left = DVector::from_iterator(3 * measured.len(), left);
+        let pairs = measured.iter().zip(predicted);
+        let left = stacked(pairs.map(|(m, p)| found.base_from_tracker * m - found.predicted(p)));
         // Target and scale are found from where they are expected.
         let held = found.held(by.from.nrows(), with_target);
         let step = &by.from * (left + &by.columns * &held) - held;
@@ -180,11 +177,12 @@ pub const fn columns_of_frames(with_target: bool) -> usize {
 
 /// The column of a session's scale: each point's way from the middle, per 1 m.
 pub fn levers(positions: &[Point3<f64>], middle: &Point3<f64>) -> DVector<f64> {
-    let levers = positions.iter().flat_map(|position| {
-        let lever = (position - middle) / MM_PER_M;
-        [lever.x, lever.y, lever.z]
-    });
-    DVector::from_iterator(3 * positions.len(), levers)
+    stacked(positions.iter().map(|position| (position - middle) / MM_PER_M))
+}
+
+/// The components of vectors, one vector's below the other's.
+pub(super) fn stacked(vectors: impl ExactSizeIterator<Item = Vector3<f64>>) -> DVector<f64> {
+    DVector::from_iterator(3 * vectors.len(), vectors.flat_map(|own| [own.x, own.y, own.z]))
 }
 
 /// Columns of a small motion of the base about the points' middle, and of the target: `[I | −[p]× / 1 m | R]`.
@@ -219,11 +217,7 @@ fn shift_step(
 ) -> Option<Vector3<f64>> {
     let flanges: Vec<_> = predicted.iter().map(|p| p.flange).collect();
     let columns = columns(positions, &flanges, true);
-    let left = measured.iter().zip(positions).flat_map(|(m, p)| {
-        let away = base_from_tracker * m - p;
-        [away.x, away.y, away.z]
-    });
-    let left = DVector::from_iterator(3 * positions.len(), left);
+    let left = stacked(measured.iter().zip(positions).map(|(m, p)| base_from_tracker * m - p));
     let normal = columns.tr_mul(&columns) + DMatrix::identity(9, 9) * RIDGE;
     let step = normal.cholesky()?.solve(&columns.tr_mul(&left));
     Some(Vector3::new(step[6], step[7], step[8]))

@@ -3,12 +3,10 @@
 /// The symbol of a parameter's name in the tables: `θ₁` for `theta_1`, `α₂` for `alpha_2`, `base z` for `base_z`; a session after it
 /// stays as it is, as in `base z of mon`.
 pub fn symbol(name: &str) -> String {
-    let (parameter, session) = match name.split_once(" of ") {
-        Some((parameter, session)) => (parameter, Some(session)),
-        None => (name, None),
-    };
-    let symbol = of_parameter(parameter);
-    session.map_or_else(|| symbol.clone(), |session| format!("{symbol} of {session}"))
+    match name.split_once(" of ") {
+        Some((parameter, session)) => format!("{} of {session}", of_parameter(parameter)),
+        None => of_parameter(name),
+    }
 }
 
 fn of_parameter(name: &str) -> String {

@@ -133,15 +133,8 @@ impl RunVerdict {
             own.map_or_else(|| ProductVerdict::of(Vec::new()), |(_, own)| own.clone())
         };
         let (arm, nominal) = (of(best), of(Model::BaseTarget));
-        Self {
-            applied: applied(&table, &arm),
-            table,
-            arm,
-            nominal,
-            models,
-            limit: None,
-            means_by_poses_mm: None,
-        }
+        let applied = applied(&table, &arm);
+        Self { applied, table, arm, nominal, models, limit: None, means_by_poses_mm: None }
     }
 
     pub const fn headline(&self) -> &ProductVerdict {

@@ -40,9 +40,7 @@ pub(super) fn steps(ages_years: &[f64]) -> usize {
 
 /// The age of sessions of these days (since 1970), years before the latest; empty where one has no date, or all lie within one step.
 pub(super) fn ages_years(days: &[Option<f64>]) -> Vec<f64> {
-    let Some(days) = days.iter().copied().collect::<Option<Vec<f64>>>() else {
-        return Vec::new();
-    };
+    let Some(days) = days.iter().copied().collect::<Option<Vec<f64>>>() else { return Vec::new() };
     let latest = days.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let ages: Vec<f64> = days.iter().map(|day| (latest - day) / DAYS_PER_YEAR).collect();
     if ages.iter().any(|age| *age > FIRST_YEARS) { ages } else { Vec::new() }

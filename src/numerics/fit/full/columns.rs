@@ -9,9 +9,10 @@ use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::repairs;
 use super::settings::FullSettings;
+use crate::figures::extremes;
 use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Problem, is_turned};
+use crate::fit::problem::{Problem, Unknown, is_turned};
 use crate::join::SourceId;
 use crate::units::whole;
 
@@ -67,15 +68,12 @@ pub(super) fn layout(
         for to_come in 1..=to_come.max().unwrap_or(0) {
             layout.push(Block::Earlier { joint, to_come }, 2 * harmonics + 1);
         }
+        let coarse = 2 * few_harmonics(settings).min(harmonics) + 1;
         for session in (0..sessions).filter(|_| sessions > 1) {
-            layout.push(
-                Block::SessionCurve { session, joint },
-                2 * few_harmonics(settings).min(harmonics) + 1,
-            );
+            layout.push(Block::SessionCurve { session, joint }, coarse);
         }
         for step in 0..ageing::steps(&layout.ages_years) {
-            let columns = 2 * few_harmonics(settings).min(harmonics) + 1;
-            layout.push(Block::Ageing { joint, step }, columns);
+            layout.push(Block::Ageing { joint, step }, coarse);
         }
     }
     layout
@@ -161,12 +159,8 @@ fn slide_periods_mm(problem: &Problem<'_>, settings: &FullSettings) -> Vec<Optio
         return Vec::new();
     }
     let period_mm = |(joint, slides): (usize, bool)| {
-        let positions = problem.observations.iter().map(|o| o.axes[joint]);
-        let outermost = positions.fold(None, |seen: Option<[f64; 2]>, position| {
-            let [low, high] = seen.unwrap_or([position; 2]);
-            Some([low.min(position), high.max(position)])
-        });
-        let range_mm = outermost.map_or(0.0, |[low, high]| high - low);
+        let outermost = extremes(problem.observations.iter().map(|o| o.axes[joint]));
+        let range_mm = outermost.map_or(0.0, |(low, high)| high - low);
         slides.then_some(2.0 * (range_mm + settings.slide_length_mm[1]))
     };
     slides.into_iter().enumerate().map(period_mm).collect()
@@ -210,13 +204,9 @@ fn harmonics(
 pub(super) fn unknown_variances(problem: &Problem<'_>) -> Vec<f64> {
     const WIDE_MM: f64 = 300.0;
     const WIDE_RAD: f64 = 0.3;
-    let wide = |angle: bool| if angle { WIDE_RAD } else { WIDE_MM };
-    let precisions = problem.precision.iter().zip(&problem.unknowns);
-    precisions
-        .map(
-            |(&p, unknown)| {
-                if p > 0.0 { p.recip() } else { wide(unknown.parameter.is_angle()).powi(2) }
-            },
-        )
-        .collect()
+    let variance = |(&p, unknown): (&f64, &Unknown)| {
+        let wide = if unknown.parameter.is_angle() { WIDE_RAD } else { WIDE_MM };
+        if p > 0.0 { p.recip() } else { wide.powi(2) }
+    };
+    problem.precision.iter().zip(&problem.unknowns).map(variance).collect()
 }

@@ -162,13 +162,10 @@ impl Components {
                 let even = vec![1.0; columns.len()];
                 self.join(Part::SessionCommandWeight, s.session_command_weight_sd, columns, even);
             }
-            Block::WarmUp => {
+            Block::WarmUp | Block::Drift(_) => {
+                let part = if block == Block::WarmUp { Part::WarmUp } else { Part::Drift };
                 let profile = drift_profile(s, span, columns.len());
-                self.join(Part::WarmUp, s.drift_sd_mm, columns, profile);
-            }
-            Block::Drift(_) => {
-                let profile = drift_profile(s, span, columns.len());
-                self.join(Part::Drift, s.drift_sd_mm, columns, profile);
+                self.join(part, s.drift_sd_mm, columns, profile);
             }
             Block::Curve(joint) => self.add_curve(layout, joint, columns, spectra, s),
             Block::Earlier { joint, .. } => {

@@ -48,12 +48,9 @@ impl JointError {
 
 impl FullModel {
     pub fn joint_curves(&self) -> JointCurves {
-        let pairs: Vec<Pair> = self
-            .trained
-            .layout
-            .blocks()
-            .flat_map(|(block, columns)| self.pairs(block, columns))
-            .collect();
+        let blocks = self.trained.layout.blocks();
+        let pairs = blocks.flat_map(|(block, columns)| self.pairs(block, columns));
+        let pairs: Vec<Pair> = pairs.collect();
         let columns = pairs.iter().flat_map(|pair| [pair.column, pair.column + 1]);
         let columns: Vec<usize> = columns.collect();
         JointCurves {
@@ -95,10 +92,6 @@ impl FullModel {
 
     pub fn covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         gram(&self.posterior.half(rows).as_view())
-    }
-
-    pub fn prior_covariance_of_rows(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        gram(&self.posterior.prior_half(rows).as_view())
     }
 
     /// Posterior means of combinations of columns, a row each; of an unknown, without the offset where its column is evaluated.

@@ -116,9 +116,7 @@ impl PoseView<'_> {
                 }
                 Block::Ageing { joint, step } => {
                     let share = self.session.map(|session| layout.ageing(session, joint, step));
-                    let Some(share) = share.filter(|share| *share > 0.0) else {
-                        continue;
-                    };
+                    let Some(share) = share.filter(|share| *share > 0.0) else { continue };
                     let mut aged = |column: usize, twist: &Twist, amount: f64| {
                         each(column, twist, share * amount);
                     };
@@ -154,10 +152,7 @@ impl PoseView<'_> {
     }
 
     fn sent(&self) -> &[f64] {
-        match self.settling_error {
-            Some(SettlingError::Sent(axes)) => axes,
-            Some(SettlingError::OfPosition(_)) | None => &[],
-        }
+        self.settling_error.and_then(SettlingError::sent).unwrap_or_default()
     }
 
     fn of_position(&self) -> &[f64] {

@@ -46,12 +46,8 @@ impl Settled {
         } else {
             self.with_fewer_parts(problem, &plain)
         };
-        let Some(without) = without else {
-            return (self, None);
-        };
-        let Some(apart) = self.ln_smaller_than(&without, problem) else {
-            return (self, None);
-        };
+        let Some(without) = without else { return (self, None) };
+        let Some(apart) = self.ln_smaller_than(&without, problem) else { return (self, None) };
         let kept = apart >= 0.0;
         let rows = 3 * problem.observations.len();
         let evidence = PartEvidence {

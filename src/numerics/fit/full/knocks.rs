@@ -32,7 +32,6 @@ use crate::join::references::Motion;
 use crate::join::{JoinError, ReadingKind, SourceId, Station, undo};
 use crate::kinematics::{Arm, Joint, Motion as Axis, Parameter};
 use crate::linalg::gram_of_columns;
-use crate::units::{Controller, Stamp};
 
 /// Fewest measured stations on each side of a knock.
 const BESIDE: usize = 20;
@@ -70,32 +69,22 @@ pub fn taken_out(
     let mut found = Vec::new();
     while found.len() < MOST {
         let own = observed(stations, arm);
-        match Small::of(&own, arm, up).and_then(|small| small.step()) {
-            Some((station, Step::Base(motion))) => {
-                found.extend(carried(stations, station, *motion));
+        let Some((station, step)) = Small::of(&own, arm, up).and_then(|small| small.step()) else {
+            break;
+        };
+        let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
+        match step {
+            Step::Base(motion) => found.extend(carried(stations, station, *motion)),
+            Step::Joint(Slip { joint, by, sd }) => {
+                let or =
+                    if joint == 0 { ", or all behind it was turned about that axis" } else { "" };
+                let joint = &arm.joints()[joint];
+                return Err(JoinError::slipped(joint, (by, sd), (station, at), or));
             }
-            Some((station, Step::Joint(slip))) => {
-                let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
-                return Err(slipped(arm, station, at, slip));
-            }
-            Some((station, Step::Target(by))) => {
-                let at = stations.iter().find(|own| own.number == station).map(|own| own.start);
-                return Err(JoinError::remounted(by, (station, at)));
-            }
-            None => break,
+            Step::Target(by) => return Err(JoinError::remounted(by, (station, at))),
         }
     }
     Ok(found)
-}
-
-fn slipped(
-    arm: &Arm,
-    station: usize,
-    at: Option<Stamp<Controller>>,
-    Slip { joint, by, sd }: Slip,
-) -> JoinError {
-    let or = if joint == 0 { ", or all behind it was turned about that axis" } else { "" };
-    JoinError::slipped(&arm.joints()[joint], (by, sd), (station, at), or)
 }
 
 /// Carries the readings of this station and all behind it to where the instrument stood before.
@@ -346,9 +335,7 @@ impl<'a> Small<'a> {
         for _ in 0..ROUNDS {
             let own = components.variances();
             let variances = DVector::from_fn(sums.moment.len(), |place, _| {
-                let Some(added) = place.checked_sub(columns) else {
-                    return own[place];
-                };
+                let Some(added) = place.checked_sub(columns) else { return own[place] };
                 let turns = usize::from(self.turns[added % 6]);
                 match step {
                     _ if added < 6 * ORDERS => drift[turns],
@@ -357,7 +344,8 @@ impl<'a> Small<'a> {
                     _ => KNOCK[turns].powi(2),
                 }
             });
-            let posterior = divided(&sums, noise, self.values.len()).posterior(&variances)?;
+            let sized_sums = divided(&sums, noise, self.values.len());
+            let posterior = sized_sums.posterior_at(variances.map(f64::sqrt))?;
             let squares = posterior.whitened.map(|u| u * u);
             let determined = posterior.determined(&posterior.inverse());
             let of_model = |all: &DVector<f64>| all.rows(0, columns).into_owned();
@@ -438,22 +426,23 @@ impl<'a> Small<'a> {
     /// The step that the last columns of a model are.
     fn step_at(&self, columns: Columns, with: &Sized) -> Option<Step> {
         let place = self.rows.nrows();
-        let joint = match columns {
-            Columns::Base => return self.knock_at(with).map(|own| Step::Base(Box::new(own))),
-            Columns::Joint(joint) => joint,
+        let mean = with.posterior.mean();
+        match columns {
+            Columns::Base => self.knock_at(with).map(|own| Step::Base(Box::new(own))),
+            Columns::Joint(joint) => {
+                let by = mean[place];
+                let sd = with.posterior.covariance_of(&[place])[(0, 0)].sqrt();
+                let is_slip = by.abs() > LEAST_SLIP * self.units[joint];
+                is_slip.then_some(Step::Joint(Slip { joint, by, sd }))
+            }
             Columns::Target => {
                 let places = [place, place + 1, place + 2];
                 let covariance = with.posterior.covariance_of(&places);
-                let mean = with.posterior.mean();
                 let by = Vector3::from(places.map(|place| mean[place]));
                 let sd = Vector3::from_fn(|axis, _| covariance[(axis, axis)].sqrt());
-                return Some(Step::Target([by, sd]));
+                Some(Step::Target([by, sd]))
             }
-        };
-        let by = with.posterior.mean()[place];
-        let sd = with.posterior.covariance_of(&[place])[(0, 0)].sqrt();
-        let is_slip = by.abs() > LEAST_SLIP * self.units[joint];
-        is_slip.then_some(Step::Joint(Slip { joint, by, sd }))
+        }
     }
 
     fn knock_at(&self, with: &Sized) -> Option<Motion> {

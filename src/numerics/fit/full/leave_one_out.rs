@@ -299,22 +299,13 @@ pub(super) fn find_lines(
         // A gear before a repair had other lines.
         let is_now = |first: &Observation| layout.is_now(Some(first.session), joint);
         let stations = firsts.iter().zip(left_out).filter(|(first, _)| is_now(first));
-        let stations = stations.map(|(first, left_out)| {
-            lines::evidence(
-                &left_out.noise.station.joints.column(joint),
-                &left_out.residual,
-                &left_out.information,
-                first.axes[joint],
-            )
+        let stations = stations.map(|(first, own)| {
+            let column = own.noise.station.joints.column(joint);
+            lines::evidence(&column, &own.residual, &own.information, first.axes[joint])
         });
         let stations: Vec<_> = stations.collect();
-        lines::find(
-            joint,
-            &stations,
-            &layout.lines(joint),
-            settings.line_threshold,
-            LINES_PER_ROUND,
-        )
+        let known = layout.lines(joint);
+        lines::find(joint, &stations, &known, settings.line_threshold, LINES_PER_ROUND)
     };
     // A joint that hardly moves the target has no evidence on its gears.
     let moves = |joint: &usize| {

@@ -19,9 +19,7 @@ impl State {
         let seen = seen_variances(around);
         let variances = self.components.variances();
         let layout = self.layout.resized(|block, columns| {
-            let Block::Curve(joint) = block else {
-                return columns.len();
-            };
+            let Block::Curve(joint) = block else { return columns.len() };
             let negligible = NEGLIGIBLE / (seen.len() as f64 * seen[joint]);
             let mut left = 0.0;
             let leaves = |pair: &&[f64]| {

@@ -17,7 +17,7 @@ use super::leave_one_out::{leave_one_out, of_observations, of_readings};
 use super::regression::{Posterior, Root};
 use super::rows::{Around, State, stations};
 use super::stored::StoredFull;
-use super::whitening::sums;
+use super::whitening::summed;
 use super::{FullModel, FullSettings, at_fitted_bases};
 use crate::fit::frames::Frames;
 use crate::fit::gauge::{Gauge, Sees};
@@ -266,13 +266,9 @@ impl FullModel {
         }
         let mut whitened = DMatrix::identity(size, size);
         for (column, from) in columns.iter().enumerate() {
-            let (Column::Kept(from, added), true) = (*from, scale[column] > 0.0) else {
-                continue;
-            };
+            let (Column::Kept(from, added), true) = (*from, scale[column] > 0.0) else { continue };
             for (row, other) in columns.iter().enumerate() {
-                let (Column::Kept(other, _), true) = (*other, scale[row] > 0.0) else {
-                    continue;
-                };
+                let (Column::Kept(other, _), true) = (*other, scale[row] > 0.0) else { continue };
                 let own = if row == column { added } else { 0.0 };
                 whitened[(row, column)] =
                     (past[(places[other], places[from])] + own) / (scale[row] * scale[column]);
@@ -394,7 +390,7 @@ impl FullModel {
         let mut expected = self.trained.mean.clone();
         let mut unknowns = expected.rows_mut(0, state.offsets.len());
         unknowns -= &state.offsets - &self.trained.offsets;
-        let posterior = sums(&around, &expected).posterior_after(&self.posterior)?;
+        let posterior = summed(&around, &expected).common.posterior_after(&self.posterior)?;
         let left_out = leave_one_out(&around, &expected, &posterior, posterior.inverse());
         Some((posterior, expected, left_out))
     }

@@ -209,7 +209,8 @@ impl StationNoise {
             of_length: of_length(reading.observation),
         });
         let joints = readings.first().map_or(0, |reading| reading.joints.len());
-        let mut common = DMatrix::zeros(size(readings), 3);
+        let size = readings.iter().map(|reading| reading.shown.rows()).sum();
+        let mut common = DMatrix::zeros(size, 3);
         let mut columns = DMatrix::zeros(common.nrows(), joints);
         let mut first = 0;
         for reading in readings {
@@ -232,10 +233,6 @@ impl StationNoise {
             Some((first, reading))
         })
     }
-}
-
-fn size(readings: &[NoisyReading<'_>]) -> usize {
-    readings.iter().map(|reading| reading.shown.rows()).sum()
 }
 
 /// The change of a reading's rows by a translation along each axis of the frame of `first`.

@@ -39,15 +39,11 @@ impl Settled {
             if columns.is_empty() {
                 continue;
             }
-            let Some(gain) = self.evidence.gain_of(&self.posterior, &columns) else {
-                continue;
-            };
+            let Some(gain) = self.evidence.gain_of(&self.posterior, &columns) else { continue };
             let kept = gain > 0.0;
             if !kept {
                 let scale = self.posterior.scale_without(&columns);
-                let Some(without) = self.evidence.posterior_at(scale) else {
-                    continue;
-                };
+                let Some(without) = self.evidence.posterior_at(scale) else { continue };
                 self.posterior = without;
                 self.state.components.drop_parts(|part| part.is_of(name));
             }

@@ -84,11 +84,6 @@ impl Root {
 }
 
 impl Evidence {
-    /// The posterior at prior variances `v`; `None` if rounding made a matrix indefinite.
-    pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
-        self.posterior_at(variances.map(f64::sqrt))
-    }
-
     /// The posterior at prior standard deviations `√v`; `None` if rounding made a matrix indefinite.
     pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
         match self {
@@ -103,11 +98,10 @@ impl Evidence {
     /// A small part's follows from the covariance of its own columns. A pool may have thousands of columns of one part, and there the
     /// posterior without them costs less.
     pub(super) fn gain_of(&self, posterior: &Posterior, columns: &[usize]) -> Option<f64> {
-        let sums = match self {
-            Self::Sessions(sums) if columns.len() > SMALL_PART => sums,
-            _ => return posterior.gain_of(columns),
-        };
-        let without = sums.posterior_at(posterior.scale_without(columns))?;
+        if columns.len() <= SMALL_PART || !matches!(self, Self::Sessions(_)) {
+            return posterior.gain_of(columns);
+        }
+        let without = self.posterior_at(posterior.scale_without(columns))?;
         Some(posterior.log_evidence - without.log_evidence)
     }
 }
@@ -138,11 +132,6 @@ impl Sums {
         self.moment += &other.moment;
         self.square += other.square;
         self.ln_noise += other.ln_noise;
-    }
-
-    /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
-    pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
-        self.posterior_at(variances.map(f64::sqrt))
     }
 
     /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
@@ -271,10 +260,7 @@ impl Posterior {
     /// covariance C, over their prior's standard deviations. `None` if rounding made C indefinite.
     pub(super) fn gain_of(&self, columns: &[usize]) -> Option<f64> {
         let factor = self.root.covariance_of(columns).cholesky()?;
-        let mean = DVector::from_iterator(
-            columns.len(),
-            columns.iter().map(|&column| self.whitened[column]),
-        );
+        let mean = self.whitened.select_rows(columns);
         let ln_determinant = 2.0 * factor.l_dirty().diagonal().map(f64::ln).sum();
         Some(0.5 * (ln_determinant + mean.dot(&factor.solve(&mean))))
     }
@@ -285,7 +271,7 @@ impl Posterior {
     }
 
     /// A square root `HᵀH` of the prior covariance of `rows · δ`, a column for each row.
-    pub(super) fn prior_half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+    pub(crate) fn prior_half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         let mut half = transposed(&rows.as_view());
         for mut row in half.column_iter_mut() {
             row.component_mul_assign(&self.scale);
@@ -357,8 +343,9 @@ mod tests {
         let v = DMatrix::from_diagonal(&variances);
         let s = &rows * &v * rows.transpose() + DMatrix::identity(7, 7);
         let s_inverse = s.clone().try_inverse().expect("positive definite");
-        let posterior =
-            Sums::new(&rows, &values, 0.0).posterior(&variances).expect("positive definite");
+        let posterior = Sums::new(&rows, &values, 0.0)
+            .posterior_at(variances.map(f64::sqrt))
+            .expect("positive definite");
         let mean = &v * rows.transpose() * &s_inverse * &values;
         assert!((posterior.mean() - mean).norm() < 1e-12);
         let evidence = -0.5 * (values.dot(&(&s_inverse * &values)) + s.determinant().ln());
@@ -369,8 +356,9 @@ mod tests {
             for &column in &columns {
                 without[column] = 0.0;
             }
-            let without =
-                Sums::new(&rows, &values, 0.0).posterior(&without).expect("positive definite");
+            let without = Sums::new(&rows, &values, 0.0)
+                .posterior_at(without.map(f64::sqrt))
+                .expect("positive definite");
             let gain = posterior.gain_of(&columns).expect("positive definite");
             assert!((gain - posterior.log_evidence + without.log_evidence).abs() < 1e-12);
         }

@@ -263,18 +263,14 @@ impl SavedFull {
         if !self.ages_years.is_empty() {
             same_length("ages", self.sessions.len(), self.ages_years.len())?;
         }
-        if !self.repairs_to_come.is_empty() {
-            let (sessions, joints) = (self.sessions.len(), self.arm.joints().len());
-            let repairs = &self.repairs_to_come;
-            same_length("sessions with repairs", sessions, repairs.len())?;
+        let joints = self.arm.joints().len();
+        let repairs = &self.repairs_to_come;
+        if !repairs.is_empty() {
+            same_length("sessions with repairs", self.sessions.len(), repairs.len())?;
             let mut lists = repairs.iter();
             lists.try_for_each(|own| same_length("joints with repairs", joints, own.len()))?;
         }
-        same_length(
-            "joint repeatabilities",
-            self.arm.joints().len(),
-            self.repeatability.joints.len(),
-        )?;
+        same_length("joint repeatabilities", joints, self.repeatability.joints.len())?;
         let mut layout = Layout::new(self.curve_period_turns.get());
         layout.slide_periods_mm = self.slide_periods_mm()?;
         layout.ages_years.clone_from(&self.ages_years);
@@ -425,9 +421,7 @@ fn decode_numbers(text: &str, count: usize) -> Result<Vec<f64>, SavedError> {
     same_length("bytes after the factor's numbers", 0, rest.len())?;
     same_length("numbers in the factor", count, numbers.len())?;
     let numbers: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
-    if numbers.iter().all(|number| number.is_finite()) {
-        Ok(numbers)
-    } else {
-        Err(SavedError::Factor { problem: "holds a number that is not finite" })
-    }
+    let are_finite = numbers.iter().all(|number| number.is_finite());
+    let problem = "holds a number that is not finite";
+    are_finite.then_some(numbers).ok_or(SavedError::Factor { problem })
 }

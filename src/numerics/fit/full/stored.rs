@@ -138,14 +138,12 @@ impl StoredFull {
         settings: &FullSettings,
     ) -> Result<Posterior, SavedError> {
         let at = self.rows_at.clone();
+        let readings = stations(problem.observations).into_iter();
         let state = State {
             layout: self.layout.clone(),
             repeatability: self.repeatability.clone(),
             tails: self.tails,
-            weights: stations(problem.observations)
-                .into_iter()
-                .map(|readings| self.weights[readings.start])
-                .collect(),
+            weights: readings.map(|own| self.weights[own.start]).collect(),
             span: self.span,
             middles: self.middles.clone(),
             ..State::expected(problem, at, settings, self.up)
@@ -156,12 +154,8 @@ impl StoredFull {
         let posterior = posterior.ok_or(SavedError::Factor { problem: "is not positive" })?;
         let away = (&posterior.whitened - &self.whitened).amax();
         // Written so that a number that is none is refused too.
-        if away <= SAME {
-            Ok(posterior)
-        } else {
-            Err(SavedError::Factor {
-                problem: "does not give the stored coefficients: the stations are not those that trained",
-            })
-        }
+        let problem =
+            "does not give the stored coefficients: the stations are not those that trained";
+        (away <= SAME).then_some(posterior).ok_or(SavedError::Factor { problem })
     }
 }

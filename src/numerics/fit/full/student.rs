@@ -77,10 +77,10 @@ impl Tails {
             let weighed = |(square, rows): &(f64, f64)| self.weight(square / scale, *rows) * square;
             scale = (distances.iter().map(weighed).sum::<f64>() / rows).max(f64::MIN_POSITIVE);
         }
-        distances
-            .iter()
-            .map(|(square, rows)| self.ln_density(square / scale, *rows) - 0.5 * rows * scale.ln())
-            .sum()
+        let likelihood = |(square, rows): &(f64, f64)| {
+            self.ln_density(square / scale, *rows) - 0.5 * rows * scale.ln()
+        };
+        distances.iter().map(likelihood).sum()
     }
 
     fn ln_density(self, square: f64, rows: f64) -> f64 {

@@ -102,7 +102,7 @@ fn settled(
     for _ in 0..LAST_STEPS {
         state.components.step(&evidence)?;
     }
-    let posterior = evidence.posterior(&state.components.variances())?;
+    let posterior = evidence.posterior_at(state.components.variances().map(f64::sqrt))?;
     Some(Settled { state, evidence, posterior, prior_mean })
 }
 
@@ -159,7 +159,7 @@ impl Components {
     /// Makes a step of the sizes on the rows of one round; returns the posterior before it and its inverse. `None` if a factorisation fails.
     fn step(&mut self, evidence: &Evidence) -> Option<(Posterior, Inverse)> {
         let variances = self.variances();
-        let posterior = evidence.posterior(&variances)?;
+        let posterior = evidence.posterior_at(variances.map(f64::sqrt))?;
         let inverse = posterior.inverse();
         let squares = posterior.whitened.map(|u| u * u);
         self.update(&squares, &posterior.determined(&inverse), &variances);

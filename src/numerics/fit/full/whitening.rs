@@ -27,11 +27,7 @@ pub(super) fn evidence(around: &Around<'_>, prior_mean: &DVector<f64>) -> Eviden
     if sums.own.len() > 1 { Evidence::Sessions(sums) } else { Evidence::Sums(sums.common) }
 }
 
-pub(super) fn sums(around: &Around<'_>, prior_mean: &DVector<f64>) -> Sums {
-    summed(around, prior_mean).common
-}
-
-fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
+pub(super) fn summed(around: &Around<'_>, prior_mean: &DVector<f64>) -> SessionSums {
     let mut sums = SessionSums::zero(&around.partition);
     for (session, stations) in around.batches() {
         let rows = around.rows(&stations);
@@ -134,18 +130,13 @@ fn whitening(noise: &DMatrix<f64>) -> (DMatrix<f64>, f64) {
     let factor = noise_factor(noise);
     let ln_noise = 2.0 * factor.diagonal().map(f64::ln).sum();
     let size = factor.nrows();
-    let inverse = factor
-        .solve_lower_triangular(&DMatrix::identity(size, size))
-        .expect("a factor has no zero pivot");
-    (inverse, ln_noise)
+    let inverse = factor.solve_lower_triangular(&DMatrix::identity(size, size));
+    (inverse.expect("a factor has no zero pivot"), ln_noise)
 }
 
 pub(super) fn noise_factor(covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    covariance
-        .clone()
-        .cholesky()
-        .expect("an instrument's covariance plus repeatability is positive")
-        .l()
+    let factor = covariance.clone().cholesky();
+    factor.expect("an instrument's covariance plus repeatability is positive").l()
 }
 
 /// Whitened rows of known distances between targets: each one's session, entries of the columns that it sees, and value.

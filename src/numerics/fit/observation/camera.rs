@@ -57,10 +57,7 @@ const fn marker() -> u32 {
     2
 }
 
-#[expect(
-    clippy::trivially_copy_pass_by_ref,
-    reason = "serde's skip_serializing_if gives a reference"
-)]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
 const fn is_marker(corners: &u32) -> bool {
     *corners == marker()
 }
@@ -101,14 +98,12 @@ impl CameraUncertainty {
         if let Some(whole) = stated.whole() {
             return whole * self.size.powi(2);
         }
-        let camera_from_target = match self.mounted {
-            Mounted::Fixed => *pose,
-            Mounted::Flange => pose.inverse(),
-        };
-        let covariance = self.with_part(&camera_from_target, stated);
         match self.mounted {
-            Mounted::Fixed => covariance,
-            Mounted::Flange => inverted(&covariance, &camera_from_target),
+            Mounted::Fixed => self.with_part(pose, stated),
+            Mounted::Flange => {
+                let camera_from_target = pose.inverse();
+                inverted(&self.with_part(&camera_from_target, stated), &camera_from_target)
+            }
         }
     }
 

@@ -173,8 +173,7 @@ impl Measured {
         let rows = self.kind().rows();
         let mut covariance = DMatrix::zeros(rows, rows);
         let mut put = |point: &MeasuredPoint| {
-            let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
-            own.copy_from(&point.instrument);
+            covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&point.instrument);
         };
         match self {
             Self::Point(point) => put(point),
@@ -359,6 +358,11 @@ impl MeasuredPoint {
             factor: covariance.cholesky().map_or_else(isotropic, |factor| factor.l()),
         }
     }
+
+    /// The position's whole covariance, repeatability included, mm².
+    fn whole(&self) -> Matrix3<f64> {
+        self.factor * self.factor.transpose()
+    }
 }
 
 impl JointCovariance {
@@ -369,13 +373,6 @@ impl JointCovariance {
             instrument.fixed_view::<3, 3>(3, 3) - across * instrument.fixed_view::<3, 3>(0, 3);
         let own = own.cholesky()?.l().try_inverse()?;
         Some(Self { instrument: *instrument, from_position: -own * across, own })
-    }
-}
-
-impl MeasuredPoint {
-    /// The position's whole covariance, repeatability included, mm².
-    fn whole(&self) -> Matrix3<f64> {
-        self.factor * self.factor.transpose()
     }
 }
 

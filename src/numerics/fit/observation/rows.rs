@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DMatrixView, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 
 use super::measured::widest;
-use super::{Measured, MeasuredPoint, Observation};
+use super::{Measured, MeasuredOrientation, MeasuredPoint, Observation};
 use crate::fit::frames::Channel;
 use crate::fit::gauge::Gauge;
 use crate::join::ReadingKind;
@@ -119,21 +119,18 @@ impl Stations {
         }
     }
 
-    fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
-        self.whiten(i, self.away(i, end))
-    }
-
     fn away(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|row, _| self.measured[row][i]) - end
     }
 
-    /// `L⁻¹` of the station `i` times a vector.
-    fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
+    /// [`Self::away`] times `L⁻¹` of the station `i`.
+    fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
+        let away = self.away(i, end);
         let w = |entry: usize| self.whitening[entry][i];
         Vector3::new(
-            w(0) * vector.x,
-            w(1) * vector.x + w(2) * vector.y,
-            w(3) * vector.x + w(4) * vector.y + w(5) * vector.z,
+            w(0) * away.x,
+            w(1) * away.x + w(2) * away.y,
+            w(3) * away.x + w(4) * away.y + w(5) * away.z,
         )
     }
 }
@@ -153,10 +150,8 @@ fn numbers(measured: &Measured) -> (Vector3<f64>, Matrix3<f64>) {
 }
 
 fn whitening(point: &MeasuredPoint) -> Matrix3<f64> {
-    point
-        .factor
-        .solve_lower_triangular(&Matrix3::identity())
-        .expect("a Cholesky factor has a positive diagonal")
+    let inverse = point.factor.solve_lower_triangular(&Matrix3::identity());
+    inverse.expect("a Cholesky factor has a positive diagonal")
 }
 
 impl BlockRows {
@@ -198,7 +193,8 @@ impl BlockRows {
                 let stations = places.iter().map(|&place| &observations[place]);
                 let stations: Vec<&Observation> = stations.collect();
                 self.fill_turns(&stations, &axes, &roots);
-                if stations.iter().any(|own| is_joint(own)) {
+                let is_joint = |turn: &MeasuredOrientation| turn.joint.is_some();
+                if stations.iter().any(|own| own.measured.turn().is_some_and(is_joint)) {
                     self.fill_joint_turns(&stations, &axes, &roots, &away);
                 }
             }
@@ -245,19 +241,13 @@ impl BlockRows {
         let residual_column = self.rows * self.unknowns.len();
         let mut precision = [0.0; BLOCK];
         for (i, observation) in observations.iter().enumerate() {
-            let Some(measured) = observation.measured.turn() else {
-                continue;
-            };
+            let Some(measured) = observation.measured.turn() else { continue };
             precision[i] = roots[i] / measured.sd_rad;
             let turn = measured.residual(&turned_only(axes, i)) * precision[i];
-            for row in 0..3 {
-                self.values[residual_column + (3 + row) * BLOCK + i] = turn[row];
-            }
+            self.put_turn(residual_column, i, &turn);
         }
         for (column, out) in self.columns.iter().zip(self.values.chunks_exact_mut(self.rows)) {
-            let Some(angular) = column.angular() else {
-                continue;
-            };
+            let Some(angular) = column.angular() else { continue };
             for (row, angular) in angular.iter().enumerate() {
                 let out = &mut out[(3 + row) * BLOCK..(4 + row) * BLOCK];
                 for i in 0..BLOCK {
@@ -279,9 +269,7 @@ impl BlockRows {
         let at = |block: &[Block; 3], i: usize| Vector3::from_fn(|row, _| block[row][i]);
         for (i, observation) in observations.iter().enumerate() {
             let turn = observation.measured.turn();
-            let Some(measured) = turn.filter(|own| own.joint.is_some()) else {
-                continue;
-            };
+            let Some(measured) = turn.filter(|own| own.joint.is_some()) else { continue };
             let own = measured.residual(&turned_only(axes, i));
             let white = measured.whitened(&at(away, i), &own) * roots[i];
             self.put_turn(residual_column, i, &white);
@@ -325,11 +313,6 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     rest + sums.iter().sum::<f64>()
-}
-
-fn is_joint(observation: &Observation) -> bool {
-    let turn = observation.measured.turn();
-    turn.is_some_and(|turn| turn.joint.is_some())
 }
 
 /// The orientation of the end at pose `i` of a block.

@@ -79,16 +79,12 @@ impl Row {
         } else {
             Vector3::zeros()
         };
-        let [a, b] = self.columns;
+        let entry = |at: usize| {
+            let (end, axis) = (at / 3, at % 3);
+            (self.columns[end][axis], [direction[axis], -direction[axis]][end])
+        };
         DistanceRow {
-            entries: [
-                (a[0], direction.x),
-                (a[1], direction.y),
-                (a[2], direction.z),
-                (b[0], -direction.x),
-                (b[1], -direction.y),
-                (b[2], -direction.z),
-            ],
+            entries: std::array::from_fn(entry),
             residual: (self.known.mm - length_mm) / self.known.sd_mm,
         }
     }

@@ -27,10 +27,8 @@ pub(super) const ABOUT: About = About {
 fn load(text: &str, _: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedFull::read(text)?;
     let model = FullModel::from_saved(&saved)?;
-    Ok(Loaded {
-        head: SavedHead { arm: saved.arm, sessions: saved.sessions },
-        model: Box::new(model),
-    })
+    let head = SavedHead { arm: saved.arm, sessions: saved.sessions };
+    Ok(Loaded { head, model: Box::new(model) })
 }
 
 impl FullModel {

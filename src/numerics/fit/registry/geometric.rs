@@ -36,10 +36,8 @@ pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedEr
         frames: saved.sessions.iter().map(SavedSession::frames).collect::<Result<_, _>>()?,
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
     };
-    Ok(Loaded {
-        head: SavedHead { arm: saved.arm, sessions: saved.sessions },
-        model: Box::new(model),
-    })
+    let head = SavedHead { arm: saved.arm, sessions: saved.sessions };
+    Ok(Loaded { head, model: Box::new(model) })
 }
 
 impl PoseModel for Calibration {

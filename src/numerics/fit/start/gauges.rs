@@ -192,9 +192,7 @@ impl<'s> Solving<'s> {
             for place in 0..damped.nrows() {
                 damped[(place, place)] += damping * information[(place, place)].max(NOTHING);
             }
-            let Some(factor) = damped.cholesky() else {
-                break;
-            };
+            let Some(factor) = damped.cholesky() else { break };
             let other = self.stepped(&factor.solve(&gradient));
             if other.cost < self.cost {
                 let settled = other.cost > self.cost * (1.0 - 1e-9);

@@ -70,27 +70,20 @@ impl<'j> Pool<'j> {
 
     /// The largest step whose bound is within `share` of the model's own; else the least bound; without bounds by local cells.
     fn near_the_model(&self, share: f64) -> Option<Picked> {
-        let of_table = |row: usize| Some(&self.judged[row]);
-        let of_cells = |row: usize| self.local(row);
-        if let Some((row, words)) = self.near(share, of_table) {
-            return Some(Picked { row, words });
-        }
-        if let Some((row, words)) = self.near(share, of_cells) {
+        let by_cells = || {
+            let Picked { row, words } = self.near(share, |row| self.local(row))?;
             let words = format!(
                 "no table has enough held-out stations for a bound; by cells around each station: {words}"
             );
-            return Some(Picked { row, words });
-        }
-        self.by_local_error()
+            Some(Picked { row, words })
+        };
+        let of_table = |row: usize| Some(&self.judged[row]);
+        self.near(share, of_table).or_else(by_cells).or_else(|| self.by_local_error())
     }
 
     /// The largest step whose bound is within `share` of the model's own, with the reason; the least bound where none is. Both
     /// bounds are those of the row that `of` gives for a table; `None` where none has bounds.
-    fn near<'r>(
-        &'r self,
-        share: f64,
-        of: impl Fn(usize) -> Option<&'r Judged>,
-    ) -> Option<(usize, String)> {
+    fn near<'r>(&'r self, share: f64, of: impl Fn(usize) -> Option<&'r Judged>) -> Option<Picked> {
         let bounds = |row: usize| {
             let judged = of(row)?;
             Some((row, judged.bound?, judged.model_bound?))
@@ -110,18 +103,18 @@ impl<'j> Pool<'j> {
                 "the largest step whose bound of {bound:.3} mm is within {:.3} mm of the model's own, {model:.3} mm",
                 margin(model)
             );
-            return Some((row, format!("{}: {why}", named(&self.judged[row]))));
+            return Some(Picked { row, words: format!("{}: {why}", named(&self.judged[row])) });
         }
         let least = |a: &&(usize, f64, f64), b: &&(usize, f64, f64)| {
             a.1.total_cmp(&b.1).then_with(|| self.by_size(b.0, a.0))
         };
         let &(row, bound, model) = bounds.iter().min_by(least)?;
-        let why = format!(
+        let words = format!(
             "no step's bound is within {:.3} mm of the model's own, {model:.3} mm; {} has the least, {bound:.3} mm",
             margin(model),
             named(&self.judged[row])
         );
-        Some((row, why))
+        Some(Picked { row, words })
     }
 
     /// The largest step that holds with all smaller ones; else the least bound; without bounds by local cells; else the smallest.

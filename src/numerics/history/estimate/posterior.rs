@@ -9,6 +9,7 @@ use crate::fit::full::layout::Block;
 use crate::fit::saved::{SavedCalibration, SavedError, SavedUnknown};
 use crate::fit::{Frames, Sees, SourceId, TargetId};
 use crate::kinematics::Parameter;
+use crate::linalg::gram;
 
 /// Pairs `cos, sin` of the curve of a joint that turns that are compared between sessions: those with a period of at least 90°.
 const CURVE_PAIRS: usize = 4;
@@ -251,7 +252,8 @@ fn slide_curves(model: &FullModel, ranges: &[[f64; 2]]) -> Vec<Values> {
         model.trained.layout.slide_period_mm(joint)?;
         let (places, positions): (Vec<i64>, Vec<f64>) = positions(*range).into_iter().unzip();
         let rows = model.curve_rows(joint, &positions);
-        let precision = model.prior_covariance_of_rows(&rows).cholesky()?.inverse();
+        let prior = gram(&model.posterior.prior_half(&rows).as_view());
+        let precision = prior.cholesky()?.inverse();
         let joint = joint + 1;
         let column = |at_mm| Column::SlideCurve { joint, at_mm };
         Some(Values { columns: places.into_iter().map(column).collect(), rows, precision })

@@ -129,10 +129,8 @@ impl Levels {
     /// The limits of the current level: windows with a motion above the first and up to the second have it.
     fn bounds(&self) -> (f64, f64) {
         let (below, above) = self.thresholds.split_at(self.level);
-        (
-            below.last().copied().unwrap_or(f64::NEG_INFINITY),
-            above.first().copied().unwrap_or(f64::INFINITY),
-        )
+        let below = below.last().copied().unwrap_or(f64::NEG_INFINITY);
+        (below, above.first().copied().unwrap_or(f64::INFINITY))
     }
 
     /// The number of the lowest threshold that a range is within; the search begins at the previous level.

@@ -64,10 +64,9 @@ impl Ladder {
 /// dwells of a session and at least half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
 /// their own above the right one, columns frozen for a while below it.
 fn chosen_plateau(counts: &[usize]) -> Option<(usize, usize)> {
-    let plateaus: Vec<(usize, usize)> = (0..counts.len())
-        .filter(|&first| counts[first] >= 2)
-        .map(|first| (first, plateau_end(counts, first)))
-        .collect();
+    let plateaus = (0..counts.len()).filter(|&first| counts[first] >= 2);
+    let plateaus = plateaus.map(|first| (first, plateau_end(counts, first)));
+    let plateaus: Vec<(usize, usize)> = plateaus.collect();
     let width = |&(first, last): &(usize, usize)| last - first;
     // `max_by_key` would take the last of equals; the lowest is the stricter one.
     let widest = plateaus.iter().rev().max_by_key(|plateau| width(plateau))?;

@@ -1,5 +1,7 @@
 //! Nice ranges and ticks: steps of 1, 2 or 5 times a power of ten; on logarithmic axes 1, 2, 5 of each decade.
 
+use crate::figures::extremes;
+
 /// The position of values between the two ends of an axis, and its ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
@@ -58,11 +60,7 @@ impl Scale {
 
     /// A scale over finite `values`, positive ones where it is logarithmic; `None` without any.
     pub fn over(values: impl Iterator<Item = f64>, log: bool) -> Option<Self> {
-        let (low, high) = values
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-        if low > high {
-            return None;
-        }
+        let (low, high) = extremes(values)?;
         Some(if log { Self::logarithmic(low, high) } else { Self::linear(low, high) })
     }
 

@@ -171,10 +171,8 @@ impl Application {
 
 /// The rotation that brings `−errors` closest to `made`.
 fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
-    let cross = errors
-        .iter()
-        .zip(made)
-        .fold(Matrix3::zeros(), |sum, (error, made)| sum - made * error.transpose());
+    let pairs = errors.iter().zip(made);
+    let cross = pairs.fold(Matrix3::zeros(), |sum, (error, made)| sum - made * error.transpose());
     let svd = cross.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Rotation3::identity() };
     let mended = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));

@@ -23,14 +23,11 @@ pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
         return if says == Says::Accuracy { Vec::new() } else { vec![missing] };
     };
     let attained: Vec<f64> = pair.turns.iter().map(Turn::attained_mm).collect();
-    let accuracy = pair.accuracy();
     let characteristics =
         [Characteristic::AdP, Characteristic::AdX, Characteristic::AdY, Characteristic::AdZ];
-    let mut figures: Vec<Figure> = characteristics
-        .into_iter()
-        .zip(accuracy)
-        .map(|(characteristic, value)| pair.figure(characteristic, value, says))
-        .collect();
+    let accuracy = characteristics.into_iter().zip(pair.accuracy());
+    let accuracy = accuracy.map(|(own, value)| pair.figure(own, value, says));
+    let mut figures: Vec<Figure> = accuracy.collect();
     if says != Says::Accuracy {
         let spread = Figures::of(&attained).map(|distances| 3.0 * distances.sd);
         figures.extend(spread.map(|spread| pair.figure(Characteristic::Rd, spread, says)));
@@ -85,20 +82,10 @@ impl Pair<'_> {
             Says::Accuracy => "predicted",
             Says::Repeatability => "by their joints",
         };
-        let pair = format!(
-            "between poses {} and {}, {known} {:.3} mm apart",
-            self.first,
-            self.second,
-            self.commanded_mm()
-        );
-        Figure {
-            characteristic,
-            pose: None,
-            value: Some(value),
-            n,
-            n_needed: VISITS,
-            remark: Some(pair + few.as_deref().unwrap_or_default()),
-        }
+        let (Self { first, second, .. }, apart_mm) = (self, self.commanded_mm());
+        let pair = format!("between poses {first} and {second}, {known} {apart_mm:.3} mm apart");
+        let remark = Some(pair + few.as_deref().unwrap_or_default());
+        Figure { characteristic, pose: None, value: Some(value), n, n_needed: VISITS, remark }
     }
 }
 

@@ -62,14 +62,8 @@ fn of_two(figure: Figure) -> Figure {
 
 fn figure(own: &Visited, characteristic: Characteristic, value: f64) -> Figure {
     let n = own.visits.len();
-    Figure {
-        characteristic,
-        pose: Some(own.pose),
-        value: Some(value),
-        n,
-        n_needed: VISITS,
-        remark: too_few(n, VISITS),
-    }
+    let (pose, remark) = (Some(own.pose), too_few(n, VISITS));
+    Figure { characteristic, pose, value: Some(value), n, n_needed: VISITS, remark }
 }
 
 fn along(

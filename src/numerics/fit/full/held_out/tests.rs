@@ -189,7 +189,7 @@ fn few_rows_leave_stations_out_as_their_sums_do() {
         };
         let sums = Sums::new(&few.transposed.transpose(), &few.values, few.ln_noise);
         let scale = settled.posterior.scale.map(|sd| sd * sd);
-        let summed = sums.posterior(&scale).expect("positive definite");
+        let summed = sums.posterior_at(scale.map(f64::sqrt)).expect("positive definite");
         let around = Around::new(problem, &settled.state);
         let by = |own: &Posterior| leave_one_out(&around, &settled.prior_mean, own, own.inverse());
         // Places may be off by 300 mm before and 0.02 mm after: of sixteen digits ten are lost in either form.

@@ -124,8 +124,7 @@ impl FewRoot {
     pub(super) fn of_columns(&self) -> Cholesky {
         let rows = self.transposed.transpose();
         let mut information = gram(&rows.as_view());
-        let size = information.nrows();
-        (0..size).for_each(|column| information[(column, column)] += 1.0);
+        super::add_one(&mut information);
         Cholesky::new(information).unwrap_or_else(|| orthogonalised(&rows))
     }
 }

@@ -318,12 +318,9 @@ impl Arrow {
         let mut covariance = DMatrix::zeros(own + common, own + common);
         let of_own = gram_of_upper(inverse) - &across * transposed(&onto.as_view());
         covariance.view_mut((0, 0), (own, own)).copy_from(&of_own);
-        let mut corner = covariance.view_mut((0, own), (own, common));
-        corner.copy_from(&across);
-        let mut corner = covariance.view_mut((own, 0), (common, own));
-        corner.copy_from(&transposed(&across.as_view()));
-        let mut corner = covariance.view_mut((own, own), (common, common));
-        corner.copy_from(shared);
+        covariance.view_mut((0, own), (own, common)).copy_from(&across);
+        covariance.view_mut((own, 0), (common, own)).copy_from(&transposed(&across.as_view()));
+        covariance.view_mut((own, own), (common, common)).copy_from(shared);
         covariance
     }
 
