@@ -181,7 +181,7 @@ pub enum Step {
     Else {
         is_last: bool,
     },
-    /// The condition of an `ELSEIF` is worked out: what it did holds on all ways behind it.
+    /// The condition of an `ELSEIF` or of a loop is worked out: what it did holds on all ways behind it.
     Tested,
     EndIf,
     Loop,
@@ -193,8 +193,11 @@ pub enum Step {
     EndSwitch,
     /// A jump to a label may begin here.
     Jump,
-    /// The routine, or a pass of its loop, may end here.
-    Return,
+    /// The routine, or a pass of its loop, may end here. Whether one that gives a value is called at all may be for what stands beside
+    /// its call to say.
+    Return {
+        with_value: bool,
+    },
     /// Of an interrupt's routine: those that were called since it was declared end where they are.
     Resume,
     /// A place that the program may jump to.
@@ -293,7 +296,10 @@ impl Routine {
 
     /// Whether it ends behind its last step, or where it returns, and nowhere else.
     fn ends_where_it_says(&self) -> bool {
-        let jumps = |step: &Step| matches!(step, Step::Jump | Step::Label | Step::Handler);
+        let jumps = |step: &Step| {
+            let is_value = *step == Step::Return { with_value: true };
+            is_value || matches!(step, Step::Jump | Step::Label | Step::Handler)
+        };
         self.has_closed_blocks() && !self.steps.iter().any(jumps)
     }
 
@@ -601,7 +607,7 @@ impl Summaries {
                     walk.state = before_jumps.clone();
                     walk.state.after(&behind);
                 }
-                Step::Return => returned.push(walk.state.clone()),
+                Step::Return { .. } => returned.push(walk.state.clone()),
                 step => walk.step(step),
             }
         }
@@ -696,17 +702,19 @@ impl<M: Motions> Walk<'_, M> {
             Step::With(own) => self.with(own),
             Step::Loop
             | Step::Jump
-            | Step::Return
+            | Step::Return { .. }
             | Step::Resume
             | Step::Label
             | Step::Handler
             | Step::GoesOn => {}
             Step::Else { is_last } => self.branch_else(*is_last),
-            Step::Tested => {
-                if let Some(Block::If { entry, .. }) = self.blocks.last_mut() {
-                    entry.clone_from(&self.state);
+            Step::Tested => match self.blocks.last_mut() {
+                Some(Block::If { entry, .. }) => entry.clone_from(&self.state),
+                Some(Block::Loop { head }) if self.summaries.others.ends_loops_at_head => {
+                    head.clone_from(&self.state);
                 }
-            }
+                _ => {}
+            },
             Step::Case { is_default } => self.case(*is_default),
             Step::EndIf | Step::EndLoop | Step::EndSwitch | Step::EndWith => self.close(),
         }

@@ -55,7 +55,7 @@ impl Reading<'_> {
                 steps.push(Step::Jump);
             }
             if statement.all.peek_name().is_some_and(|word| word == "END") {
-                steps.push(Step::Return);
+                steps.push(Step::Return { with_value: false });
             }
             self.step(listing, &statement, &mut steps);
         }

@@ -141,7 +141,7 @@ impl Reading<'_> {
             "RESUME" => steps.push(Step::Resume),
             "RETURN" => {
                 self.conditions(here, rest, steps);
-                steps.push(Step::Return);
+                steps.push(Step::Return { with_value: !rest.is_empty() });
             }
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {

@@ -114,7 +114,8 @@ impl Reading<'_> {
     fn step(&mut self, here: &Here<'_>, statement: &Statement<'_>, steps: &mut Vec<Step>) {
         self.within(here, statement, steps);
         if statement.all.has_name(&["RETURN", "RAISE"]) {
-            steps.push(Step::Return);
+            let with_value = !ends_in(statement.all, b"RETURN");
+            steps.push(Step::Return { with_value });
         }
     }
 
@@ -144,7 +145,8 @@ impl Reading<'_> {
             // A condition is worked out before its block, and of a loop again in it.
             if block == Step::Loop {
                 steps.push(block);
-                return self.functions(here, all, steps);
+                self.functions(here, all, steps);
+                return steps.push(Step::Tested);
             }
             self.functions(here, all, steps);
             return steps.push(block);
@@ -193,10 +195,7 @@ impl Reading<'_> {
         steps: &mut Vec<Step>,
     ) {
         let all = statement.all;
-        let is_then = all.tokens.last().is_some_and(|token| {
-            token.kind == Kind::Name && all.text(token).eq_ignore_ascii_case(b"THEN")
-        });
-        if is_then {
+        if ends_in(all, b"THEN") {
             self.common.reads(here, all);
             if word == "IF" {
                 self.functions(here, all, steps);
@@ -341,6 +340,12 @@ fn instruction(all: Cursor<'_>) -> Option<Cursor<'_>> {
         is_begin && ends_value(place - 1)
     })?;
     Some(Cursor { tokens: &all.tokens[place..], ..all })
+}
+
+fn ends_in(statement: Cursor<'_>, word: &[u8]) -> bool {
+    statement.tokens.last().is_some_and(|token| {
+        token.kind == Kind::Name && statement.text(token).eq_ignore_ascii_case(word)
+    })
 }
 
 fn block(word: &str) -> Option<Step> {

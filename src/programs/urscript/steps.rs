@@ -205,7 +205,7 @@ impl Reading<'_> {
             // Of a loop that is begun anew from within none knows what it begins with.
             "RETURN" | "CONTINUE" => {
                 self.plain(walked, statement, line);
-                walked.push(Step::Return);
+                walked.push(Step::Return { with_value: statement.tokens.len() > 1 });
             }
             _ => self.plain(walked, statement, line),
         }
