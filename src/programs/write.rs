@@ -109,8 +109,7 @@ impl Edits {
             Turn::Quaternion(numbers) => {
                 let near = numbers.each_ref().map(|number| number.value);
                 for (number, to) in numbers.iter().zip(quaternion_near(to, near)) {
-                    let decimals = QUATERNION_DECIMALS;
-                    self.text(number, decimal(to, decimals));
+                    self.text(number, decimal(to, QUATERNION_DECIMALS));
                 }
             }
             Turn::Vector(numbers) => {

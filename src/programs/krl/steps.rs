@@ -339,8 +339,7 @@ impl Reading<'_> {
                 steps.push(Step::Set(slot, unknown(Refusal::AtRunTime { what, at: at.clone() })));
             }
         }
-        let names: Vec<String> = called(line).collect();
-        for name in names {
+        for name in called(line).collect::<Vec<_>>() {
             let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
             // TouchSense corrects what follows, but for the call that prepares it.

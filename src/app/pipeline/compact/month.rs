@@ -152,10 +152,7 @@ impl Month {
 impl NewRun {
     /// The run's rows of each table; or, as text, why they cannot be read.
     fn tables(&mut self, lake: &Lake) -> Result<RunTables, String> {
-        let row = match self.row.take() {
-            Some(row) => row,
-            None => row(lake, &self.file)?,
-        };
+        let row = self.row.take().map_or_else(|| row(lake, &self.file), Ok)?;
         if request_of(&self.file.key).is_some() {
             return Ok([Vec::new(), Vec::new(), vec![row]]);
         }

@@ -277,9 +277,7 @@ fn stated(
     named: Option<&Value>,
 ) -> Result<Vec<StatedRobot>> {
     let (key, found, wanted) = match (own, named) {
-        (Some(own), None) => {
-            return of_file(own).map_err(|reason| robots_error(path, None, reason));
-        }
+        (Some(own), None) => return of_file(own).map_err(|why| robots_error(path, None, why)),
         (None, Some(Value::String(named))) => return of_table(path, &base.join(named), named),
         (Some(_), Some(_)) => {
             ("robots", "a table".to_owned(), "left out where [[robots]] states them")

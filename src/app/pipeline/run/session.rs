@@ -70,8 +70,7 @@ impl SessionSource<'_> {
 
     fn of_table(self, table: &SessionTable, settings: &StationsSettings) -> Result<JoinedSession> {
         let Self { configuration, files } = self;
-        let joints = configuration.arm.joints().iter();
-        let slides: Vec<bool> = joints.map(|joint| joint.slides).collect();
+        let slides: Vec<_> = configuration.arm.joints().iter().map(|joint| joint.slides).collect();
         let bound = Bound::of(configuration.file.limits);
         let read = station_table::read(&table.path, settings, &table.whose, &slides, bound)?;
         let mounted = self.mounted();
