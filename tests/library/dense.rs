@@ -111,7 +111,7 @@ fn apart(harmonics: usize, period_turns: u32) -> f64 {
     };
     let variances = Components::new(&layout, &[], &settings, 1.0).variances();
     let sums = Sums::new(&(stacked(&train) / NOISE_MM), &(&values / NOISE_MM), 0.0);
-    let mean = sums.posterior(&variances).expect("positive definite").mean();
+    let mean = sums.posterior_at(variances.map(f64::sqrt)).expect("positive definite").mean();
     let by_features = stacked(&test) * mean;
 
     let noise = DMatrix::identity(values.len(), values.len()) * NOISE_MM.powi(2);

@@ -242,6 +242,8 @@ pub(super) fn toml_text(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -135,7 +135,7 @@ impl Sums {
     }
 
     /// The posterior at prior standard deviations `√v`; `None` if rounding made M indefinite.
-    pub(super) fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
+    pub fn posterior_at(&self, scale: DVector<f64>) -> Option<Posterior> {
         let mut matrix = self.scaled(&scale);
         add_one(&mut matrix);
         self.at(scale, matrix, 0.0)
