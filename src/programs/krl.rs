@@ -56,6 +56,8 @@ pub(crate) struct Reading<'f> {
     any_sensor: bool,
     /// Whether anything lets the tool keep its orientation.
     any_kept_turn: bool,
+    /// Whether data of an inline form by which the tool turns waits for BAS, which the next statements call.
+    turn_waits: bool,
     /// Whether a TRIGGER stands before the next motion.
     triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
@@ -92,6 +94,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         tools: Tools::OnArm,
         any_sensor: false,
         any_kept_turn: false,
+        turn_waits: false,
         triggers: false,
         interrupts: Vec::new(),
         written: None,

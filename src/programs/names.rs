@@ -147,6 +147,9 @@ impl Names {
         let missing = || Refusal::NotGiven { name: name.to_owned(), give: give.to_owned() };
         let (own, element) = parts(name);
         let variable = self.find(scopes, own).ok_or_else(missing)?;
+        if variable.is_parameter {
+            return Err(Refusal::Other(format!("{name}, a parameter, is worked out")));
+        }
         if let Some(at) = variable.touched(element) {
             return Err(Refusal::AtRunTime { what: name.to_owned(), at: at.clone() });
         }

@@ -16,7 +16,7 @@ mod motion;
 mod statement;
 mod steps;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::flow::{Others, SLOTS, Setting, Slot, State, known, unknown};
 use crate::frame::{Cell, Chain, not_given};
@@ -97,17 +97,19 @@ impl Reading<'_> {
         own.into_iter().chain([name, String::new()]).collect()
     }
 
-    /// What forbids to read a script: a name that differs from one of the controller's in capitals alone.
+    /// What forbids to read a script: a name that differs from another, or from one of the controller's, in capitals alone.
     fn unlike(&self, script: &Statements<'_>) -> Option<Refusal> {
-        let (name, line) = script.names().find(|(name, _)| {
+        let mut known = BTreeMap::new();
+        let (name, line, other) = script.names().find_map(|(name, line)| {
             let word = name.to_ascii_uppercase();
-            word.to_ascii_lowercase() != *name
-                && (motion::way(&word).is_some() || steps::is_followed(&word))
+            let is_controllers = motion::way(&word).is_some() || steps::is_followed(&word);
+            let first = if is_controllers { name.to_ascii_lowercase() } else { name.clone() };
+            let other = known.entry(word).or_insert(first).clone();
+            (other != name).then_some((name, line, other))
         })?;
         let at = self.common.files[script.file].at(line);
-        let own = name.to_ascii_lowercase();
         Some(Refusal::Other(format!(
-            "the script has a name {name} ({at}), which is not the controller's {own}; rename it"
+            "the script has a name {name} ({at}), which is not {other}; rename it"
         )))
     }
 

@@ -102,9 +102,8 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         (None, Some(to)) => output.pages(to.as_deref()),
         (None, None) => Ok(Vec::new()),
     };
-    let mut text: String = robots.iter().flat_map(words).map(|text| line(&text)).collect();
-    let paths = written.iter().flatten();
-    text.extend(paths.map(|path| line(&format!("written: {}", path.display()))));
+    let paths = written.iter().flatten().map(|path| format!("written: {}", path.display()));
+    let text = robots.iter().flat_map(words).chain(paths).map(|text| line(&text)).collect();
     let printed = messages::result(text, bars);
     match written {
         Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),

@@ -63,8 +63,7 @@ pub(super) fn rejects_section(content: &Content) -> Markup {
     let body = html! {
         @for (reason, number) in reasons.iter().take(MOST) {
             tr {
-                td.word { (reason.0) }
-                td.word { (reason.1) }
+                td.word { (reason.0) } td.word { (reason.1) }
                 td.word { (words::plain(reason.3)) }
                 td.word { (reason.2) }
                 td { (words::whole(*number)) }

@@ -6,7 +6,7 @@ use super::data::{Statement, lines, routine, statement};
 use super::{Reading, Tools};
 use crate::flow::{Known, Routine, Setting, Slot, Step, known, unknown};
 use crate::lex::{Kind, Token};
-use crate::reading::{Here, has};
+use crate::reading::{Here, has, shown};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Value};
 
@@ -48,8 +48,18 @@ const TECHNOLOGY: &str = "A10 A20 H70";
 /// Functions of the system that write variables which are passed to them.
 const WRITING: &str = "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GETINT EKI_GETREAL EKI_GETSTRING MBX_REC SREAD";
 
-/// Under these the tool keeps the orientation of the motion's begin, or turns by those of other positions.
-const KEPT_TURNS: &str = "CONSTANT IGNORE";
+/// Under these the tool turns to the orientation that a position states; under others it keeps that of the motion's begin.
+const TURNS: &str = "#JOINT #VAR";
+
+/// What a routine sets that it is passed to, where that writes it.
+const SETTINGS: [(Slot, &str); 6] = [
+    (Slot::Base, "$BASE"),
+    (Slot::Tool, "$TOOL"),
+    (Slot::Waiting, "FDAT_ACT"),
+    (Slot::Mode, "$IPO_MODE"),
+    (Slot::Turn, "$ORI_TYPE"),
+    (Slot::Turn, "LDAT_ACT"),
+];
 
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
@@ -90,9 +100,8 @@ impl Reading<'_> {
             line = behind;
         }
         let mut rest = line;
-        let Some(word) = rest.take_name() else {
-            return;
-        };
+        let Some(word) = rest.take_name() else { return };
+        self.turn_waits &= matches!(word.as_str(), "LDAT_ACT" | "FDAT_ACT" | "BAS");
         if super::motion::is_motion(&word) {
             self.calls(here, rest, steps);
             self.motion(here, &word, rest, steps);
@@ -130,11 +139,21 @@ impl Reading<'_> {
         steps: &mut Vec<Step>,
     ) {
         match word {
-            "BAS" => self.bas(here, rest, steps),
+            "BAS" => {
+                self.calls(here, rest, steps);
+                self.bas(here, rest, steps);
+            }
             // What a trigger calls moves nothing, and runs at some later time.
             "INTERRUPT" | "GLOBAL" => self.interrupt(here, line, true),
             "TRIGGER" => {
                 self.triggers = true;
+                let late = behind_do(line).map_or(0, |own| own.tokens.len());
+                let tokens = &line.tokens[..line.tokens.len() - late];
+                let names = called(Cursor { tokens, ..line });
+                let names = names.map(|name| self.full_name(here.file, &name));
+                let given = names.filter(|name| self.local.contains(name));
+                let at = self.common.at(here);
+                steps.extend(given.map(|routine| Step::Call { routine, at: at.clone() }));
                 self.interrupt(here, line, false);
             }
             "GOTO" => steps.push(Step::Jump),
@@ -168,6 +187,9 @@ impl Reading<'_> {
         if is_given || is_keyword(word) || is_harmless(word) {
             return;
         }
+        if line.has_name(&["X", "A1"]) && line.tokens.iter().any(|token| token.is(b'{')) {
+            self.common.compute(here, word, shown(line));
+        }
         for token in line.tokens.iter().filter(|token| token.kind == Kind::Name) {
             let name = crate::lex::capitals(line.text(token));
             let variable = self.common.names.find(here.scopes, &name);
@@ -199,9 +221,16 @@ impl Reading<'_> {
             steps.push(Step::Set(slot, to));
         }
         match name {
-            "$ORI_TYPE" | "LDAT_ACT" => {
+            "$ORI_TYPE" => {
                 let to = self.turn(here, value);
                 steps.push(Step::Set(Slot::Turn, to));
+            }
+            // A number is of another part.
+            "LDAT_ACT" if is_part && value.value().number().is_some() => {}
+            "LDAT_ACT" => {
+                let to = self.turn(here, value);
+                self.turn_waits = to.is_ok();
+                steps.extend(to.is_err().then_some(Step::Set(Slot::Turn, to)));
             }
             "$IPO_MODE" => {
                 let to = self.mode(here, value);
@@ -242,18 +271,24 @@ impl Reading<'_> {
 
     /// Whether the tool turns as positions state it: by `$ORI_TYPE`, or the data of an inline form that BAS sets it by.
     pub(super) fn turn(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
-        let is_kept = |own: &Value| match own.field("ORI_TYP").unwrap_or(own) {
-            Value::Name(word) => has(KEPT_TURNS, word.trim_start_matches('#')),
-            _ => false,
+        let mut own = value;
+        if own.take_word("SORI_TYP") && own.take_sign(b'(') {
+            own = own.take_part(b')').unwrap_or(own);
+        } else {
+            own = value;
+        }
+        let stated = match own.value() {
+            Value::Name(name) if !name.starts_with('#') => {
+                self.common.constant(here.scopes, &name).ok().map(|own| own.value.clone())
+            }
+            own => Some(own),
         };
-        let mut names = value.tokens.iter().map(|token| crate::lex::capitals(value.text(token)));
-        let keeps = names.any(|name| {
-            let variable = self.common.names.find(here.scopes, &name);
-            let mut values = variable.iter().flat_map(|own| own.values.values()).flatten();
-            has(KEPT_TURNS, name.trim_start_matches('#')) || values.any(|own| is_kept(&own.value))
+        let turns = stated.is_some_and(|own| match own.field("ORI_TYP").unwrap_or(&own) {
+            Value::Name(word) => has(TURNS, word),
+            own => matches!(own, Value::Fields { .. }),
         });
-        self.any_kept_turn |= keeps;
-        if !keeps {
+        self.any_kept_turn |= !turns;
+        if turns {
             return known(Setting::On(true));
         }
         unknown(Refusal::Other(format!(
@@ -292,7 +327,11 @@ impl Reading<'_> {
                 let frames = Setting::Frames(self.data_frame(data, number));
                 steps.push(Step::Set(slot, known(frames)));
             }
-            ("#PTP_PARAMS" | "#CP_PARAMS" | "#FRAMES", _) => steps.push(Step::Apply),
+            ("#PTP_PARAMS" | "#CP_PARAMS" | "#FRAMES", _) => {
+                steps.push(Step::Apply);
+                let turns = command == "#CP_PARAMS" && std::mem::take(&mut self.turn_waits);
+                steps.extend(turns.then(|| Step::Set(Slot::Turn, known(Setting::On(true)))));
+            }
             (
                 "#VEL_PTP" | "#ACC_PTP" | "#VEL_CP" | "#ACC_CP" | "#OV_PRO" | "#PTP_DAT"
                 | "#CP_DAT" | "#ACC_GLOBAL" | "#OUT_SYNC" | "#OUT_ASYNC" | "#GROUP",
@@ -333,13 +372,23 @@ impl Reading<'_> {
     fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
         let at = self.common.at(here);
         // What is passed to a routine that writes it is set there.
-        for (slot, name) in [(Slot::Base, "$BASE"), (Slot::Tool, "$TOOL")] {
+        for (slot, name) in SETTINGS {
             if line.has_name(&[name]) && calls_another(line) {
                 let what = name.to_owned();
+                match slot {
+                    Slot::Waiting => self.tools = self.tools.max(Tools::Open),
+                    Slot::Mode => self.tools = Tools::Fixed,
+                    Slot::Turn => self.any_kept_turn = true,
+                    _ => {}
+                }
                 steps.push(Step::Set(slot, unknown(Refusal::AtRunTime { what, at: at.clone() })));
             }
         }
-        for name in called(line).collect::<Vec<_>>() {
+        let names = crate::reading::called(line).filter(|name| !has(NO_CALLS, name));
+        for name in names.collect::<Vec<_>>() {
+            if is_keyword(&name) && !self.local.contains(&self.full_name(here.file, &name)) {
+                continue;
+            }
             let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
             // TouchSense corrects what follows, but for the call that prepares it.
@@ -390,7 +439,8 @@ fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
 
 /// Whether a line calls a routine that may change what is passed to it, or writes a variable from now on.
 pub(super) fn calls_another(line: Cursor<'_>) -> bool {
-    let line = behind_do(line).unwrap_or(line);
+    let is_trigger = line.peek_name().is_some_and(|word| word == "TRIGGER");
+    let line = behind_do(line).filter(|_| !is_trigger).unwrap_or(line);
     let changes = |name: String| name != "BAS" && (!is_harmless(&name) || has(WRITING, &name));
     match line.peek_name().as_deref() {
         None | Some("EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL") => false,

@@ -67,6 +67,30 @@ fn an_inline_form_has_the_frames_of_its_fdat_up_to_the_arms_base() {
 }
 
 #[test]
+fn what_is_passed_on_or_worked_out_in_a_call_is_not_known() {
+    let after = |before: &str, routines: &str| {
+        let source =
+            format!("BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n{before}\r\nPTP XP1\r\nEND\r\n{routines}");
+        only(&source, POINT)
+    };
+    let sets = "DEFFCT REAL F()\r\nBAS(#TOOL,4)\r\nRETURN 1.0\r\nENDFCT\r\nDEF T()";
+    let change = "DEF CHANGE(F:OUT)\r\nDECL FDAT F\r\nF.BASE_NO=2";
+    let waits = "BAS(#PTP_PARAMS,100)";
+    for (before, routines) in [
+        ("BAS(#VEL_PTP,F())", sets),
+        ("TRIGGER WHEN DISTANCE=0 DELAY=F() DO $OUT[1]=TRUE", sets),
+        (&*format!("FDAT_ACT=FP1\r\nCHANGE(FDAT_ACT)\r\n{waits}"), change),
+        ("SETI($IPO_MODE)", "DEF SETI(M:OUT)\r\nM=#TCP"),
+        (
+            &*format!("SETF(FP1)\r\n{waits}"),
+            "DEF SETF(F:IN)\r\nDECL FDAT F\r\nIF $IN[1] THEN\r\nF={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE}\r\nENDIF\r\nFDAT_ACT=F",
+        ),
+    ] {
+        assert_ne!(after(before, routines), "ok", "{before}");
+    }
+}
+
+#[test]
 fn new_inline_forms_have_their_frames_behind_with() {
     let source = "SPTP XP1 WITH $VEL_AXIS[1]=SVEL_JOINT(100.0), $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO), \
                   $IPO_MODE=SIPO_MODE(FP1.IPO_FRAME), $LOAD=SLOAD(FP1.TOOL_NO)";
@@ -612,6 +636,10 @@ fn a_tool_that_keeps_its_orientation_has_none_of_its_position() {
         "$ORI_TYPE=#CONSTANT",
         "$ORI_TYPE=#IGNORE",
         "LDAT_ACT=LC\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)",
+        "$ORI_TYPE=NOWHERE",
+        "$ORI_TYPE=#CONSTANT\r\nLDAT_ACT.VEL=0.5",
+        "$ORI_TYPE=#CONSTANT\r\nLDAT_ACT=LV",
+        "LV.ORI_TYP=#CONSTANT\r\nLDAT_ACT=LV\r\nFDAT_ACT=FP1\r\nBAS(#CP_PARAMS,2)",
     ] {
         let all = told(&format!("{own}\r\nPTP XP1\r\n{lin}"));
         assert!(

@@ -245,7 +245,11 @@ impl Reading<'_> {
     /// A statement that is no block.
     fn plain(&mut self, walked: &mut Walked<'_, '_>, statement: Cursor<'_>, line: u32) {
         let file = walked.script.file;
-        let scopes = self.scopes(file, walked.function());
+        // Within a function are those that it stands in.
+        let mut scopes = self.scopes(file, None);
+        for (name, _) in walked.bodies.iter().filter(|(name, _)| !name.is_empty()) {
+            scopes.insert(0, format!("{}/{name}", scopes[scopes.len() - 2]));
+        }
         let here = Here { file, line, scopes: &scopes };
         let mut steps = Vec::new();
         let calls = calls(statement);

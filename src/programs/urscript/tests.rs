@@ -233,7 +233,7 @@ fn poses_need_the_calibration_of_the_controller() {
 }
 
 #[test]
-fn a_function_is_that_of_its_own_file_and_of_two_alike_in_capitals_neither() {
+fn a_function_is_that_of_its_own_file_and_names_alike_but_in_capitals_are_refused() {
     let with = |name: &str, body: &str| {
         let text = format!(
             "def {name}():\n  def hold():\n    {body}\n  end\n  movej([0,-1,1,0,1,0])\n  hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n"
@@ -248,7 +248,17 @@ fn a_function_is_that_of_its_own_file_and_of_two_alike_in_capitals_neither() {
     let text = "def Part():\n  def Hold():\n    if k > 0:\n      set_tcp(p[0,0,0.9,0,0,0])\n    end\n  end\n  def hold():\n    sync()\n  end\n  movej([0,-1,1,0,1,0])\n  Hold()\n  movel(p[0.1,0,0.1,0,0,0])\nend\n";
     let file = File { name: "a.script".to_owned(), bytes: text.into() };
     let found = verdicts(&read(vec![file], &cell()));
-    assert!(found[1].contains("the call of HOLD"), "{found:?}");
+    assert!(
+        found[1].contains("a name hold (a.script, line 7), which is not Hold; rename it"),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn a_function_sees_the_parameters_of_the_one_that_it_stands_in() {
+    let text = "def Main():\n  set_tcp(p[0,0,0.15,0,0,0])\n  global P1=[0,-1,1,0,1,0]\n  def Outer(P1):\n    def Inner():\n      movej(P1)\n    end\n    Inner()\n  end\n  movej(P1)\n  Outer([0,-1,1,0,1,1])\nend\n";
+    let read = read(vec![File { name: "a.script".to_owned(), bytes: text.into() }], &cell());
+    assert!(read.computed.iter().any(|own| own.line == 6), "{:?}", read.computed);
 }
 
 #[test]

@@ -112,8 +112,7 @@ fn rows(content: &Content) -> Markup {
     let head = html! {
         th { "Target" } th.word { "Purpose" }
         @for (place, joint) in joints.enumerate() { th { (joint) @if slides(content, place) { ", mm" } @else { ", °" } } }
-        @for axis in AXES { th { (axis) ", mm" } }
-        th { "Chosen as" }
+        @for axis in AXES { th { (axis) ", mm" } } th { "Chosen as" }
     };
     let body = html! {
         @for visit in content.visits.iter().take(MOST_LISTED) {

@@ -157,8 +157,8 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
                 is_damage: true,
             })
         });
-        let claimed = claim.as_ref().ok();
-        let pipeline = claimed.and_then(|own| pipelines.get(&own.run.pipeline).cloned());
+        let pipeline =
+            claim.as_ref().ok().and_then(|own| pipelines.get(&own.run.pipeline).cloned());
         PastRun { place, claim, seal, pipeline }
     };
     Ok(rows.into_iter().map(run).collect())
