@@ -83,10 +83,6 @@ impl Walked<'_, '_> {
             steps.push(step);
         }
     }
-
-    fn function(&self) -> Option<&str> {
-        self.bodies.last().map(|(name, _)| name.as_str()).filter(|name| !name.is_empty())
-    }
 }
 
 /// Names that stand before a bracket, in their order, but those of another program: `camera.get_pose(`.
