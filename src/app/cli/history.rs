@@ -103,7 +103,7 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         (None, None) => Ok(Vec::new()),
     };
     let paths = written.iter().flatten().map(|path| format!("written: {}", path.display()));
-    let text = robots.iter().flat_map(words).chain(paths).map(|text| line(&text)).collect();
+    let text: String = robots.iter().flat_map(words).chain(paths).map(|text| line(&text)).collect();
     let printed = messages::result(text, bars);
     match written {
         Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
