@@ -32,7 +32,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ),
     ("simulate", "geometry ingest join kinematics units"),
     ("plan", "figures fit geometry grid join kinematics linalg progress report simulate units"),
-    ("history", "compensation figures fit kinematics report units"),
+    ("history", "compensation figures fit kinematics linalg report units"),
     // What reads and writes.
     ("files", "at manifest units"),
     ("programs", "geometry kinematics"),

@@ -291,9 +291,9 @@ mod tests {
             .same("reject", 0_u64);
         let wrong = wrong
             .key(&RunKey::new("r", "s", "0"))
-            .rest_absent()
             .same("kind", "dwell")
-            .same("reason", "moved");
+            .same("reason", "moved")
+            .rest_absent();
         assert!(refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join"));
     }
 }
