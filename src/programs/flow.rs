@@ -611,7 +611,9 @@ impl Summaries {
                 step => walk.step(step),
             }
         }
-        returned.iter().for_each(|end| walk.state.join(end));
+        for end in &returned {
+            walk.state.join(end);
+        }
         walk.state
     }
 

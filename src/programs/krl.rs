@@ -56,8 +56,8 @@ pub(crate) struct Reading<'f> {
     any_sensor: bool,
     /// Whether anything lets the tool keep its orientation.
     any_kept_turn: bool,
-    /// Whether data of an inline form by which the tool turns waits for BAS, which the next statements call.
-    turn_waits: bool,
+    /// By the data of an inline form, until BAS sets it in one of the next statements.
+    turn_waits: Option<Known>,
     /// Whether a TRIGGER stands before the next motion.
     triggers: bool,
     /// Routines that interrupts call, each with the place that says so.
@@ -94,7 +94,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         tools: Tools::OnArm,
         any_sensor: false,
         any_kept_turn: false,
-        turn_waits: false,
+        turn_waits: None,
         triggers: false,
         interrupts: Vec::new(),
         written: None,

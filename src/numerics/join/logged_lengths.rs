@@ -117,7 +117,9 @@ impl<'a> Dwelling<'a> {
             let mean = self.mean(own, &settled, usual_mm, &mut dispositions);
             means.extend(mean.map(|mean| (number, mean)));
         }
-        missing.into_iter().for_each(|rows| dispositions.set(rows, Disposition::Missing));
+        for rows in missing {
+            dispositions.set(rows, Disposition::Missing);
+        }
         let mut rejects = dispositions.rejects(|row| Ok(own.readings.stamp(row)?))?;
         for reject in &mut rejects {
             reject.reason = format!("length {:?}: {}", own.name, reject.reason);

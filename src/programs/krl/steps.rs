@@ -101,7 +101,9 @@ impl Reading<'_> {
         }
         let mut rest = line;
         let Some(word) = rest.take_name() else { return };
-        self.turn_waits &= matches!(word.as_str(), "LDAT_ACT" | "FDAT_ACT" | "BAS");
+        if !matches!(word.as_str(), "LDAT_ACT" | "FDAT_ACT" | "BAS") {
+            self.turn_waits = None;
+        }
         if super::motion::is_motion(&word) {
             self.calls(here, rest, steps);
             self.motion(here, &word, rest, steps);
@@ -188,7 +190,7 @@ impl Reading<'_> {
             return;
         }
         if line.has_name(&["X", "A1"]) && line.tokens.iter().any(|token| token.is(b'{')) {
-            self.common.compute(here, word, shown(line));
+            self.common.compute(here, word, shown(Cursor { tokens: &line.tokens[1..], ..line }));
         }
         for token in line.tokens.iter().filter(|token| token.kind == Kind::Name) {
             let name = crate::lex::capitals(line.text(token));
@@ -229,7 +231,7 @@ impl Reading<'_> {
             "LDAT_ACT" if is_part && value.value().number().is_some() => {}
             "LDAT_ACT" => {
                 let to = self.turn(here, value);
-                self.turn_waits = to.is_ok();
+                self.turn_waits = to.is_ok().then(|| to.clone());
                 steps.extend(to.is_err().then_some(Step::Set(Slot::Turn, to)));
             }
             "$IPO_MODE" => {
@@ -271,12 +273,9 @@ impl Reading<'_> {
 
     /// Whether the tool turns as positions state it: by `$ORI_TYPE`, or the data of an inline form that BAS sets it by.
     pub(super) fn turn(&mut self, here: &Here<'_>, value: Cursor<'_>) -> Known {
-        let mut own = value;
-        if own.take_word("SORI_TYP") && own.take_sign(b'(') {
-            own = own.take_part(b')').unwrap_or(own);
-        } else {
-            own = value;
-        }
+        let mut inner = value;
+        let is_of_data = inner.take_word("SORI_TYP") && inner.take_sign(b'(');
+        let own = inner.take_part(b')').filter(|_| is_of_data).unwrap_or(value);
         let stated = match own.value() {
             Value::Name(name) if !name.starts_with('#') => {
                 self.common.constant(here.scopes, &name).ok().map(|own| own.value.clone())
@@ -329,8 +328,8 @@ impl Reading<'_> {
             }
             ("#PTP_PARAMS" | "#CP_PARAMS" | "#FRAMES", _) => {
                 steps.push(Step::Apply);
-                let turns = command == "#CP_PARAMS" && std::mem::take(&mut self.turn_waits);
-                steps.extend(turns.then(|| Step::Set(Slot::Turn, known(Setting::On(true)))));
+                let turn = self.turn_waits.take().filter(|_| command == "#CP_PARAMS");
+                steps.extend(turn.map(|to| Step::Set(Slot::Turn, to)));
             }
             (
                 "#VEL_PTP" | "#ACC_PTP" | "#VEL_CP" | "#ACC_CP" | "#OV_PRO" | "#PTP_DAT"
