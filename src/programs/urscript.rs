@@ -91,10 +91,15 @@ fn shape(_: &Common<'_>, _: &[Scope], value: &Value, _: &str) -> Shaped {
 }
 
 impl Reading<'_> {
-    fn scopes(&self, file: usize, function: Option<&str>) -> Vec<Scope> {
+    /// The scopes within functions that stand in each other, the outermost first, or of the file alone.
+    fn scopes<'n>(
+        &self,
+        file: usize,
+        functions: impl IntoIterator<Item = &'n str, IntoIter: DoubleEndedIterator>,
+    ) -> Vec<Scope> {
         let name = self.common.files[file].name.to_ascii_uppercase();
-        let own = function.map(|own| format!("{name}/{own}"));
-        own.into_iter().chain([name, String::new()]).collect()
+        let own = functions.into_iter().rev().map(|own| format!("{name}/{own}"));
+        own.chain([name.clone(), String::new()]).collect()
     }
 
     /// What forbids to read a script: a name that differs from another, or from one of the controller's, in capitals alone.

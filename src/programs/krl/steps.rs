@@ -52,14 +52,7 @@ const WRITING: &str = "CASTFROM CAST_FROM CREAD EKI_GETBOOL EKI_GETFRAME EKI_GET
 const TURNS: &str = "#JOINT #VAR";
 
 /// What a routine sets that it is passed to, where that writes it.
-const SETTINGS: [(Slot, &str); 6] = [
-    (Slot::Base, "$BASE"),
-    (Slot::Tool, "$TOOL"),
-    (Slot::Waiting, "FDAT_ACT"),
-    (Slot::Mode, "$IPO_MODE"),
-    (Slot::Turn, "$ORI_TYPE"),
-    (Slot::Turn, "LDAT_ACT"),
-];
+const SETTINGS: [&str; 6] = ["$BASE", "$TOOL", "FDAT_ACT", "$IPO_MODE", "$ORI_TYPE", "LDAT_ACT"];
 
 /// Words before a bracket that call nothing.
 const NO_CALLS: &str = "AND CASE DO EXOR FOR IF NOT OR RETURN SWITCH TO UNTIL WAIT WHILE";
@@ -371,24 +364,17 @@ impl Reading<'_> {
     fn calls(&mut self, here: &Here<'_>, line: Cursor<'_>, steps: &mut Vec<Step>) {
         let at = self.common.at(here);
         // What is passed to a routine that writes it is set there.
-        for (slot, name) in SETTINGS {
+        for name in SETTINGS {
             if line.has_name(&[name]) && calls_another(line) {
-                let what = name.to_owned();
-                match slot {
-                    Slot::Waiting => self.tools = self.tools.max(Tools::Open),
-                    Slot::Mode => self.tools = Tools::Fixed,
-                    Slot::Turn => self.any_kept_turn = true,
-                    _ => {}
-                }
-                steps.push(Step::Set(slot, unknown(Refusal::AtRunTime { what, at: at.clone() })));
+                self.assigned(here, name, true, line, steps);
             }
         }
         let names = crate::reading::called(line).filter(|name| !has(NO_CALLS, name));
         for name in names.collect::<Vec<_>>() {
-            if is_keyword(&name) && !self.local.contains(&self.full_name(here.file, &name)) {
+            let routine = self.full_name(here.file, &name);
+            if is_keyword(&name) && !self.local.contains(&routine) {
                 continue;
             }
-            let routine = self.full_name(here.file, &name);
             steps.push(Step::Call { routine, at: at.clone() });
             // TouchSense corrects what follows, but for the call that prepares it.
             if (name == "H70" && !prepares(line)) || has(SENSOR_ON, &name) {

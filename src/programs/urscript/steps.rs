@@ -210,7 +210,7 @@ impl Reading<'_> {
     fn open_function(&mut self, walked: &mut Walked<'_, '_>, head: Cursor<'_>, block: Block) {
         let mut rest = head;
         let name = rest.take_name().unwrap_or_default();
-        let scope = self.scopes(walked.script.file, Some(&name))[0].clone();
+        let scope = self.scopes(walked.script.file, [name.as_str()])[0].clone();
         let parameters = rest.take_sign(b'(').then(|| rest.take_part(b')')).flatten();
         for (named, mut part) in parameters.map(named).unwrap_or_default() {
             let name = if named.is_empty() { part.take_name().unwrap_or_default() } else { named };
@@ -242,10 +242,8 @@ impl Reading<'_> {
     fn plain(&mut self, walked: &mut Walked<'_, '_>, statement: Cursor<'_>, line: u32) {
         let file = walked.script.file;
         // Within a function are those that it stands in.
-        let mut scopes = self.scopes(file, None);
-        for (name, _) in walked.bodies.iter().filter(|(name, _)| !name.is_empty()) {
-            scopes.insert(0, format!("{}/{name}", scopes[scopes.len() - 2]));
-        }
+        let functions = walked.bodies.iter().map(|(name, _)| name.as_str());
+        let scopes = self.scopes(file, functions.filter(|name| !name.is_empty()));
         let here = Here { file, line, scopes: &scopes };
         let mut steps = Vec::new();
         let calls = calls(statement);
