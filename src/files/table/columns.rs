@@ -288,7 +288,8 @@ mod tests {
         assert!(refusal(clocks("", 0, 2)).contains("rows 0 and 1: the same file"));
         let wrong = Columns::new(schema::find("rejects").unwrap(), 1)
             .same("stage", "Join")
-            .same("reject", 0_u64);
+            .same("reject", 0_u64)
+            .same("number", 1_u64);
         let wrong = wrong
             .key(&RunKey::new("r", "s", "0"))
             .same("kind", "dwell")
