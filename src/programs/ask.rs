@@ -186,7 +186,15 @@ impl Programs {
             is_whole.then_some(number.value as i32).ok_or_else(|| wrong(number))
         };
         let byte = |number: &Number| number.byte().ok_or_else(|| wrong(number));
-        match self.positions[by].shape.as_ref().map_err(Clone::clone)? {
+        let other = &self.positions[by];
+        let told = |why: &Refusal| match by {
+            by if by == index => why.clone(),
+            _ => Refusal::Other(format!(
+                "its arm configuration is that of {other} ({}), of which {why}",
+                self.files[other.file].at(other.line)
+            )),
+        };
+        match other.shape.as_ref().map_err(told)? {
             Shape::Joints(joints) => Ok(Branch::Joints(values(joints))),
             Shape::Pose { stated: Some(Stated::Status { status, turn }), .. } => {
                 let turn = turn.as_ref().filter(|_| by == index).map(byte).transpose()?;

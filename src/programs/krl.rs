@@ -58,13 +58,20 @@ pub(crate) struct Reading<'f> {
     any_kept_turn: bool,
     /// By the data of an inline form, until BAS sets it in one of the next statements.
     turn_waits: Option<Known>,
-    /// Whether a TRIGGER stands before the next motion.
-    triggers: bool,
+    triggers: Triggers,
     /// Routines that interrupts call, each with the place that says so.
     interrupts: Vec<(String, Place)>,
     /// An element of `BASE_DATA` or `TOOL_DATA` that a statement wrote, and its frames: this one, and the one before it.
     written: Option<(String, Known)>,
     before: Option<(String, Known)>,
+}
+
+#[derive(Default)]
+struct Triggers {
+    /// Whether one stands before the next motion.
+    any_open: bool,
+    /// Whether one stands before a motion that is not the next of the text.
+    any_late: bool,
 }
 
 /// Where tools stand, as far as anything says.
@@ -95,7 +102,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
         any_sensor: false,
         any_kept_turn: false,
         turn_waits: None,
-        triggers: false,
+        triggers: Triggers::default(),
         interrupts: Vec::new(),
         written: None,
         before: None,
@@ -111,6 +118,8 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
     }
     let root = reading.root();
     reading.walk();
+    let moved = own.iter().flat_map(|(file, tokens)| motion::moved(&files[*file].bytes, tokens));
+    motion::refuse_unstated(files, &mut reading.common.found.positions, &moved.collect());
     (reading.common.found, root)
 }
 
@@ -129,6 +138,10 @@ impl Reading<'_> {
     }
 
     fn walk(&mut self) {
+        if self.triggers.any_late {
+            let splits = self.common.motions.iter_mut().map(|own| &mut own.split);
+            splits.filter(|own| own.is_ok()).for_each(|own| *own = Err(motion::TRIGGERED));
+        }
         let mut changed = [false; SLOTS];
         for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;

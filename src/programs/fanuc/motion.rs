@@ -127,6 +127,7 @@ impl Reading<'_> {
             holds_part: false,
             targets: parts.targets,
         }));
+        self.beside(here, rest, steps);
     }
 
     fn parts<'t>(&mut self, here: &Here<'_>, word: &str, rest: Cursor<'t>) -> Parts<'t> {

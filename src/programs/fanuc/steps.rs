@@ -110,9 +110,7 @@ impl Reading<'_> {
             "UTOOL_NUM" => self.set(here, Slot::Tool, rest, steps),
             "UFRAME" | "UTOOL" => {}
             "CALL" => {
-                let name = rest.take_name().unwrap_or_default();
-                // Of two programs of one name none is known.
-                let routine = self.common.full_name(String::new(), &name, false);
+                let routine = self.called(rest);
                 steps.push(Step::Call { routine, at: self.common.at(here) });
             }
             own if own.starts_with("$MNUFRAME") || own.starts_with("$MNUTOOL") => {
@@ -134,6 +132,27 @@ impl Reading<'_> {
             _ => {
                 let routine = shown(all);
                 steps.push(Step::Call { routine, at: self.common.at(here) });
+            }
+        }
+    }
+
+    /// The program behind a CALL; of two programs of one name none is known.
+    fn called(&self, mut rest: Cursor<'_>) -> String {
+        self.common.full_name(String::new(), &rest.take_name().unwrap_or_default(), false)
+    }
+
+    /// What a motion calls beside it (`TB .10sec,CALL X`) may set frames for those behind it; it has no arm to lead.
+    pub(super) fn beside(&self, here: &Here<'_>, motion: Cursor<'_>, steps: &mut Vec<Step>) {
+        let mut rest = motion;
+        while let Some(token) = rest.take() {
+            if token.kind == Kind::Name && rest.text(token).eq_ignore_ascii_case(b"CALL") {
+                let (routine, at) = (self.called(rest), self.common.at(here));
+                let given = self.common.global.values().flatten().any(|own| *own == routine);
+                for slot in [Slot::Base, Slot::Tool].into_iter().filter(|_| !given) {
+                    let (what, routine, at) = (slot.name(), routine.clone(), at.clone());
+                    steps.push(Step::Set(slot, unknown(Refusal::Call { what, routine, at })));
+                }
+                steps.extend(given.then_some(Step::Call { routine, at }));
             }
         }
     }

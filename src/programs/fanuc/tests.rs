@@ -136,6 +136,10 @@ fn what_is_not_known_is_refused_by_name() {
             "  UTOOL_NUM=2\n  IF R[1]=1 THEN\n  UFRAME_NUM=1\n  ELSE\n  UFRAME_NUM=2\n  ENDIF\nJ P[4] 5% FINE",
             "the base is another by the way",
         ),
+        (
+            "  UTOOL_NUM=2\n  UFRAME_NUM=1\nJ P[4] 5% CNT50 TB .10sec,CALL GRIP\nJ P[4] 5% FINE",
+            "the call of GRIP (PART.LS, line 8) may change",
+        ),
         ("  PR[1]=P[1]\nJ P[1] 5% FINE", "it is also read in PART.LS, line 6"),
         ("  P[1]=LPOS\nJ P[1] 5% FINE", "P[1]=LPOS is worked out at run time"),
         ("  PR[1]=P[R[3]]\nJ P[1] 5% FINE", "it is also read in PART.LS, line 6"),

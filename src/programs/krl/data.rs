@@ -135,7 +135,7 @@ impl Reading<'_> {
             } else if cursor.peek_name().is_some_and(|word| word == "IMPORT") {
                 // A variable of another list, under a name of its own here.
                 self.common.names.touch_all(&own.at(line[0].line));
-            } else if super::steps::calls_another(cursor) {
+            } else if self.calls_another(file, cursor) {
                 let scopes = self.scopes(file, inside.as_deref());
                 let here = Here { file, line: line[0].line, scopes: &scopes };
                 self.common.touches(&here, cursor);
@@ -186,7 +186,9 @@ impl Reading<'_> {
             let Some(variable) = self.common.names.find_mut(&scopes, own) else {
                 continue;
             };
-            let Some(value) = statement.value else {
+            // A value is for the last of several names.
+            let Some(value) = statement.value.filter(|_| statement.names.last() == Some(name))
+            else {
                 continue;
             };
             variable.is_declared |= is_list;

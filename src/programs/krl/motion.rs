@@ -1,9 +1,12 @@
 //! Motions of KRL: their positions, and what they set for themselves.
 
-use super::Reading;
+use std::collections::BTreeSet;
+
+use super::{KRL, Reading};
 use crate::flow::{Known, Setting, Slot, Step, unknown};
+use crate::lex::{Kind, Token, tokens};
 use crate::names::{Scope, parts};
-use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
+use crate::program::{File, Motion, Position, Reads, Shape, Stated, Target, Turn, Way};
 use crate::reading::{Common, Here, NOT_SPLIT, Shaped, beside, shown, split};
 use crate::refusal::Refusal;
 use crate::value::{Cursor, Number, Value};
@@ -30,6 +33,9 @@ pub(super) fn is_motion(word: &str) -> bool {
     matches!(word, "SPLINE" | "PTP_SPLINE" | "ENDSPLINE")
         || MOTIONS.iter().any(|(own, ..)| *own == word)
 }
+
+/// Why a motion behind a TRIGGER or `$OUT_C` gets no further points.
+pub(super) const TRIGGERED: &str = "a TRIGGER before it is for its begin or its end";
 
 /// A circle with an angle ends beyond its last position or before it, and is another.
 fn way(word: &str) -> Way {
@@ -81,11 +87,9 @@ impl Reading<'_> {
         let targets = given.iter().take(used).map(target).collect();
         // An angle behind the positions reads names as any expression does.
         given.iter().skip(used).for_each(|part| self.common.reads(here, *part));
-        let is_triggering = std::mem::take(&mut self.triggers);
+        let is_triggering = std::mem::take(&mut self.triggers.any_open);
         let split = match word {
-            "LIN" | "CIRC" if is_triggering => {
-                Err("a TRIGGER before it is for its begin or its end")
-            }
+            "LIN" | "CIRC" if is_triggering => Err(TRIGGERED),
             "LIN" | "CIRC" if with.is_empty() && given.len() == points => split(word, rest, &given),
             "LIN" | "CIRC" => Err("it has settings of its own"),
             _ => Err(NOT_SPLIT),
@@ -191,7 +195,7 @@ fn place_of(rest: Cursor<'_>, is: impl Fn(&str) -> bool) -> usize {
     let found = rest.tokens.iter().position(|token| {
         depth += i32::from(token.is(b'{') || token.is(b'[') || token.is(b'('));
         depth -= i32::from(token.is(b'}') || token.is(b']') || token.is(b')'));
-        let is_word = depth == 0 && token.kind == crate::lex::Kind::Name;
+        let is_word = depth == 0 && token.kind == Kind::Name;
         is_word && is(&crate::lex::capitals(rest.text(token)))
     });
     found.unwrap_or(rest.tokens.len())
@@ -236,9 +240,45 @@ fn three(numbers: Vec<Number>) -> Result<[Number; 3], Refusal> {
     numbers.try_into().map_err(|_| Refusal::Partial { what: "three numbers" })
 }
 
+const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
+
+/// The external axes that anything in a file gives a value that may be other than 0.
+pub(super) fn moved(bytes: &[u8], tokens: &[Token]) -> BTreeSet<&'static str> {
+    let all = tokens.windows(3).enumerate();
+    let moved = all.filter_map(|(place, own)| {
+        let name = Cursor::new(bytes, &own[1..]).peek_name()?;
+        let mut value = Cursor::new(bytes, &tokens[place + 2..]);
+        let is_given = match own[0].kind {
+            Kind::Sign(b'{' | b',') => !matches!(own[2].kind, Kind::Sign(b',' | b')')),
+            Kind::Sign(b'.') => value.take_sign(b'='),
+            _ => false,
+        };
+        let is_moved = is_given && value.take_number().is_none_or(|own| own.value != 0.0);
+        EXTERNAL.into_iter().find(|own| *own == name && is_moved)
+    });
+    moved.collect()
+}
+
+/// Positions that do not state an axis that anything moves leave it where it is.
+pub(super) fn refuse_unstated(
+    files: &[File],
+    positions: &mut [Position],
+    moved: &BTreeSet<&'static str>,
+) {
+    let own = positions.iter_mut().filter(|own| files[own.file].is_of(&KRL));
+    for position in own.filter(|own| own.shape.is_ok() && own.external.is_none()) {
+        let bytes = &files[position.file].bytes[position.span.clone()];
+        let tokens = if moved.is_empty() { Vec::new() } else { tokens(bytes, &KRL) };
+        let value = Cursor::new(bytes, &tokens);
+        let unstated = moved.iter().find(|name| !value.has_name(&[name]));
+        position.external =
+            unstated.map(|name| ((*name).to_owned(), "the last value that it got".to_owned()));
+    }
+}
+
 /// An external axis that is not at 0.
 fn external(value: &Value) -> Option<(String, String)> {
-    ["E1", "E2", "E3", "E4", "E5", "E6"].iter().find_map(|name| match value.field(name)? {
+    EXTERNAL.iter().find_map(|name| match value.field(name)? {
         Value::Number(number) if number.value == 0.0 => None,
         Value::Number(number) => Some(((*name).to_owned(), number.value.to_string())),
         _ => Some(((*name).to_owned(), "no number".to_owned())),

@@ -97,6 +97,8 @@ impl Reading<'_> {
         if !matches!(word.as_str(), "LDAT_ACT" | "FDAT_ACT" | "BAS") {
             self.turn_waits = None;
         }
+        self.triggers.any_late |=
+            self.triggers.any_open && self.leads_elsewhere(here.file, &word, line);
         if super::motion::is_motion(&word) {
             self.calls(here, rest, steps);
             self.motion(here, &word, rest, steps);
@@ -117,6 +119,17 @@ impl Reading<'_> {
                 }
             }
             None => self.plain(here, &word, line, rest, steps),
+        }
+    }
+
+    /// Whether the next motion may be another than the next of the text.
+    fn leads_elsewhere(&self, file: usize, word: &str, line: Cursor<'_>) -> bool {
+        let mut called = called(line).map(|name| self.full_name(file, &name));
+        let mut is_call = || called.any(|name| self.local.contains(&name));
+        match word {
+            "TRIGGER" | "INTERRUPT" | "GLOBAL" => false,
+            "GOTO" | "RETURN" | "EXIT" | "END" | "ENDFCT" => true,
+            _ => block(word).is_some() || is_call(),
         }
     }
 
@@ -141,7 +154,7 @@ impl Reading<'_> {
             // What a trigger calls moves nothing, and runs at some later time.
             "INTERRUPT" | "GLOBAL" => self.interrupt(here, line, true),
             "TRIGGER" => {
-                self.triggers = true;
+                self.triggers.any_open = true;
                 let late = behind_do(line).map_or(0, |own| own.tokens.len());
                 let tokens = &line.tokens[..line.tokens.len() - late];
                 let names = called(Cursor { tokens, ..line });
@@ -159,6 +172,8 @@ impl Reading<'_> {
             }
             "DECL" | "EXT" | "EXTFCT" | "SIGNAL" | "ENUM" | "STRUC" => {}
             _ => {
+                // It is set at the end of the next motion.
+                self.triggers.any_open |= line.has_name(&["$OUT_C"]);
                 self.calls(here, line, steps);
                 let Some(statement) = statement(line).filter(|_| !is_keyword(word)) else {
                     self.passed(here, word, line);
@@ -355,6 +370,19 @@ impl Reading<'_> {
         }
     }
 
+    /// Whether a line calls a routine that may change what is passed to it, or writes a variable from now on.
+    pub(super) fn calls_another(&self, file: usize, line: Cursor<'_>) -> bool {
+        let is_trigger = line.peek_name().is_some_and(|word| word == "TRIGGER");
+        let line = behind_do(line).filter(|_| !is_trigger).unwrap_or(line);
+        let is_given = |name: &str| self.local.contains(&self.full_name(file, name));
+        let writes = |name: &str| !is_harmless(name) || has(WRITING, name) || is_given(name);
+        match line.peek_name().as_deref() {
+            None | Some("EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL") => false,
+            Some("ANIN") => true,
+            Some(_) => called(line).any(|name| name != "BAS" && writes(&name)),
+        }
+    }
+
     fn full_name(&self, file: usize, name: &str) -> String {
         let own = format!("{}/{name}", self.module(file));
         let is_own = self.local.contains(&own);
@@ -365,7 +393,7 @@ impl Reading<'_> {
         let at = self.common.at(here);
         // What is passed to a routine that writes it is set there.
         for name in SETTINGS {
-            if line.has_name(&[name]) && calls_another(line) {
+            if line.has_name(&[name]) && self.calls_another(here.file, line) {
                 self.assigned(here, name, true, line, steps);
             }
         }
@@ -420,18 +448,6 @@ fn behind_label(line: Cursor<'_>) -> Option<Cursor<'_>> {
 fn called(line: Cursor<'_>) -> impl Iterator<Item = String> {
     let names = crate::reading::called(line);
     names.filter(|name| !has(NO_CALLS, name) && !is_keyword(name))
-}
-
-/// Whether a line calls a routine that may change what is passed to it, or writes a variable from now on.
-pub(super) fn calls_another(line: Cursor<'_>) -> bool {
-    let is_trigger = line.peek_name().is_some_and(|word| word == "TRIGGER");
-    let line = behind_do(line).filter(|_| !is_trigger).unwrap_or(line);
-    let changes = |name: String| name != "BAS" && (!is_harmless(&name) || has(WRITING, &name));
-    match line.peek_name().as_deref() {
-        None | Some("EXT" | "EXTFCT" | "INTERRUPT" | "GLOBAL" | "DECL") => false,
-        Some("ANIN") => true,
-        Some(_) => called(line).any(changes),
-    }
 }
 
 fn tools(inline: &Known) -> Tools {

@@ -177,6 +177,10 @@ fn what_is_not_known_is_refused_by_name() {
             format!("{set}MOVE_TO(XP1)\r\nBAS(#BASE,1)\r\nBAS(#TOOL,3)\r\n{ptp}"),
             "XP1 is worked out at run time",
         ),
+        (
+            format!("{set}INVERSE($BASE)\r\n{ptp}\r\nEND\r\nDEF INVERSE(F:OUT)\r\nF.X=5"),
+            "$BASE is worked out at run time",
+        ),
         (format!("{set}Q=XP1\r\n{ptp}"), "it is also read in p.src, line 5"),
         (
             format!("{set}{ptp}\r\nBAS(#BASE,2)\r\n{ptp}"),
@@ -552,7 +556,7 @@ fn further_points_of_a_circle_are_circles_before_it() {
     let source = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\nCIRC XP2 , {X 400,Y 20,Z 30,A 0,B 0,C 180} C_DIS\r\n\
                   CIRC XP1,XP3,CA 90\r\nCIRC XP3,XP1";
     let data = "DECL E6POS XP2={X 200.0,Y 90.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}\r\n\
-                DECL E6POS XP3={X 200.0,Y 90.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 5.0}";
+                DECL E6POS XP3={X 200.0,Y 90.0,Z 30.0,A 0.0,B 0.0,C 180.0,S 2,T 35,E1 0.0}";
     let programs = programs(source, &format!("{POINT}\r\n{data}"));
     let told: Vec<_> = programs.paths.iter().map(|path| programs.may_split(path)).collect();
     assert_eq!(told[1..3], [Ok(()), Err("it has settings of its own")]);
@@ -675,6 +679,50 @@ fn what_writes_by_reference_is_not_known_behind_it() {
     let jump =
         "BASE_DATA[2]={X 5,Y 0,Z 0,A 0,B 0,C 0}\r\nM: $BASE=BASE_DATA[2]\r\nPTP XP1\r\nGOTO M";
     assert_ne!(only(&format!("BAS(#TOOL,3)\r\n{jump}"), POINT), "ok");
+}
+
+#[test]
+fn an_axis_that_a_position_does_not_state_stays_where_another_left_it() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
+    let lin = "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0";
+    let left = "E1 is at the last value that it got, and nothing says";
+    for end in ["ASYPTP {E1 10}\r\n", "XP2.E1=N\r\n", "LIN {E1 -250.5}\r\n"] {
+        let all = verdicts(&format!("{set}{end}{lin}}}"), POINT);
+        assert!(all.last().unwrap().contains(left), "{end}: {all:?}");
+        let all = verdicts(&format!("{set}{end}{lin},E1 0.0}}"), POINT);
+        assert_eq!(all.last().unwrap(), "ok", "{end}");
+    }
+    let end = "E1=2\r\nN=STRCOMP(E1,2)\r\nPTP {A1 0,A2 0,A3 90,A4 0,A5 30,A6 0,E1 -0.0}\r\n";
+    assert_eq!(verdicts(&format!("{set}{end}{lin}}}"), POINT), ["ok"; 3]);
+}
+
+#[test]
+fn of_several_names_the_last_gets_the_value() {
+    let data = format!("{POINT}\r\nDECL E6POS XA,XB={{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 35}}");
+    let told = verdicts("BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XA\r\nPTP XB", &data);
+    assert!(told[0].contains("XA has no value") && told[1] == "ok", "{told:?}");
+}
+
+#[test]
+fn what_a_trigger_starts_stays_at_its_motion() {
+    let set = "BAS(#BASE,1)\r\nBAS(#TOOL,3)\r\nPTP XP1\r\n";
+    let trigger = "TRIGGER WHEN DISTANCE=1 DELAY=0 DO FOO=TRUE\r\n";
+    let lin = "LIN {X 1,Y 2,Z 3,A 0,B 0,C 0}\r\n";
+    let other = "LIN {X 2,Y 2,Z 3,A 0,B 0,C 0}\r\n";
+    let sub = format!("END\r\nDEF SUB()\r\n{other}");
+    for (source, expected) in [
+        (format!("{set}{lin}SUB()\r\n{sub}"), [true; 2]),
+        (format!("{set}{trigger}{lin}{other}"), [false, true]),
+        (format!("{set}{trigger}SUB()\r\n{lin}{sub}"), [false; 2]),
+        (format!("{set}SUB()\r\n{lin}{sub}{trigger}END\r\n"), [false; 2]),
+        (format!("{set}LOOP\r\n{other}{trigger}ENDLOOP\r\n{lin}"), [false; 2]),
+        (format!("{set}$OUT_C[3]=TRUE\r\n{other}{lin}"), [false, true]),
+    ] {
+        let programs = programs(&source, POINT);
+        let of_other = programs.paths.iter().filter(|own| own.word == "LIN");
+        let all: Vec<_> = of_other.map(|own| own.split.is_ok()).collect();
+        assert_eq!(all, expected, "{source}");
+    }
 }
 
 #[test]

@@ -96,13 +96,17 @@ pub(super) fn named(mut inside: Cursor<'_>) -> Vec<(String, Cursor<'_>)> {
     all
 }
 
+/// An argument by its name, or by its place where it has none.
+fn argument<'t>(all: &[(String, Cursor<'t>)], names: &str, place: usize) -> Option<Cursor<'t>> {
+    let own = all.iter().find(|(own, _)| has(names, own));
+    let own = own.or_else(|| all.get(place).filter(|(own, _)| own.is_empty()))?;
+    Some(own.1)
+}
+
 /// Whether an argument, by its name or its place, is other than 0.
 fn is_given(all: &[(String, Cursor<'_>)], name: &str, place: usize) -> bool {
-    let own = all.iter().find(|(own, _)| own == name);
-    own.or_else(|| all.get(place).filter(|(own, _)| own.is_empty())).is_some_and(|(_, part)| {
-        let mut rest = *part;
-        rest.take_number().is_none_or(|own| own.value != 0.0)
-    })
+    argument(all, name, place)
+        .is_some_and(|mut own| own.take_number().is_none_or(|own| own.value != 0.0))
 }
 
 /// Motions that begin where one before is blended get no further points.
@@ -159,11 +163,10 @@ enum Frame {
 impl<'t> Read<'t> {
     fn of(part: Cursor<'t>) -> Option<Self> {
         let Some(own) = arguments(part, "GET_INVERSE_KIN") else { return Self::pose(part) };
-        match &own[..] {
-            [(_, target)] => Self::pose(*target),
-            [(_, target), (name, near)] if name.is_empty() || name == "QNEAR" => {
-                Some(Self { near: Some(*near), ..Self::pose(*target)? })
-            }
+        let target = Self::pose(argument(&own, "X", 0)?)?;
+        match own.len() {
+            1 => Some(target),
+            2 => Some(Self { near: Some(argument(&own, "QNEAR", 1)?), ..target }),
             _ => None,
         }
     }
@@ -172,7 +175,8 @@ impl<'t> Read<'t> {
         let Some(own) = arguments(part, "POSE_TRANS") else {
             return Some(Self { target: part, feature: None, near: None });
         };
-        let [(_, feature), (_, target)] = own[..] else { return None };
+        let feature = argument(&own, "P_FROM", 0)?;
+        let target = argument(&own, "P_FROM_TO", 1).filter(|_| own.len() == 2)?;
         Some(Self { target, feature: Some(feature), near: None })
     }
 }
@@ -187,10 +191,13 @@ impl Reading<'_> {
     ) {
         let way = way(word).unwrap_or(Way::Other);
         let all = named(inside);
-        let count = if way == Way::Circle { 2 } else { 1 };
+        let places: &[&str] =
+            if way == Way::Circle { &["POSE_VIA", "POSE_TO"] } else { &["Q POSE POSE_TO"] };
+        let parts = places.iter().zip(0..).filter_map(|(own, place)| argument(&all, own, place));
+        let parts: Vec<Cursor<'_>> = parts.collect();
         let (mut targets, mut features, mut states) = (Vec::new(), Vec::new(), false);
-        let reads: Vec<_> = all.iter().take(count).map(|(_, part)| Read::of(*part)).collect();
-        for ((_, part), read) in all.iter().zip(&reads) {
+        let reads: Vec<_> = parts.iter().map(|part| Read::of(*part)).collect();
+        for (part, read) in parts.iter().zip(&reads) {
             let (target, feature, is_near) = self.target(here, word, *part, read.as_ref());
             // By joints the arm may be led into any arm configuration, but for a pose into the nearest.
             let is_led =

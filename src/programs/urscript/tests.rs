@@ -50,6 +50,9 @@ fn a_pose_is_in_metres_and_a_rotation_vector_under_its_feature_and_tool() {
     let guided =
         format!("freedrive_mode()\nsleep(5)\nend_freedrive_mode()\n{BEGIN}\nmovel(Part_p)");
     assert_eq!(verdicts(&self::programs(&guided)), ["ok", "ok"]);
+    let named = "movej(a=1.4, q=get_inverse_kin(qnear=Over_q, x=Over_p))\n\
+                 movel(r=0.01, pose=pose_trans(p_from_to=Part_p, p_from=Plane_1))";
+    assert_eq!(self::programs(named).ask(1, &cell()), programs.ask(1, &cell()));
     let asked = programs.ask(1, &cell()).unwrap();
     let Wanted::Pose { base_from_tool, branches, .. } = asked.wanted else { panic!("a pose") };
     let expected = Vector3::new(500.0 - 20.0, 10.0, 130.0);
@@ -157,6 +160,7 @@ fn what_is_not_known_is_refused_by_name_or_computed() {
         "movej(get_inverse_kin(Over_p, qnear=get_actual_joint_positions()))",
         "movel(pose_trans(get_actual_tcp_pose(), p[0,0,-0.05,0,0,0]))",
         "path = [p[0,0,0,0,0,0], p[0,0,0.1,0,0,0]]\nmovel(path[0])",
+        "movel(v=0.1)",
     ] {
         let programs = programs(computed);
         assert_eq!(programs.computed.len(), 1, "{computed}: {:?}", programs.computed);
