@@ -8,13 +8,14 @@
 //! 2. Convert the rows kept to rad and mm and normalise quaternions, in the [`Buffer`] of the stream.
 //! 3. Order them by stamp (stable), leave out those that were logged before with equal stamp and content, count other duplicate and
 //!    backward stamps, and emit those that no later one can come before ([`InOrder`]).
-//! 4. Where stamps are no times, a clock stepped (`clock_steps`) or a topic has a second publisher (`publishers`), the logs are read again
-//!    with that known, or the session is refused.
+//! 4. Where stamps are no times, a clock stepped (`clock_steps`), a topic has a second publisher (`publishers`) or states each reading in
+//!    several messages (`held`), the logs are read again with that known, or the session is refused.
 
 mod angles;
 mod clock_steps;
 pub mod covariances;
 mod decoded;
+mod held;
 mod in_order;
 mod pose_samples;
 mod poses;

@@ -119,10 +119,10 @@ fn stamps_of<C: Copy>(poses: &PoseSamples<C>) -> Vec<i64> {
 
 fn check_counts(found: &WholeSession, stream: &str, stamps_ns: &[i64]) {
     let count = |name: &str| found.counts.get(&format!("{stream}.{name}")).copied();
-    let [messages, kept, rejected, repeated, equal_stamps] =
-        ["messages", "kept", "rejected", "repeated", "duplicate_stamps"]
+    let [messages, kept, rejected, repeated, held, equal_stamps] =
+        ["messages", "kept", "rejected", "repeated", "held", "duplicate_stamps"]
             .map(|name| count(name).unwrap_or(0));
-    assert_eq!(messages, kept + rejected + repeated, "{stream}");
+    assert_eq!(messages, kept + rejected + repeated + held, "{stream}");
     assert_eq!(kept, stamps_ns.len() as u64, "{stream}");
     assert!(stamps_ns.is_sorted(), "{stream}");
     let equal = stamps_ns.windows(2).filter(|pair| pair[0] == pair[1]);
@@ -213,6 +213,34 @@ fn a_clock_that_goes_back_far_is_read_again() {
     // The step is taken out: one sample's time is all that no stamp tells.
     for (own, (stamp, angles)) in found.joints.stamps.iter().zip(self::states()) {
         assert!((own.ns() - stamp).abs() <= 2_000_000, "{own:?}, {stamp} ns, {angles:?}");
+    }
+}
+
+#[test]
+fn readings_of_an_instrument_slower_than_its_stream_are_read_once() {
+    let states = states();
+    let held = |messages: usize| -> Vec<(i64, [f64; 3])> {
+        let reading = |(place, (stamp, _)): (usize, &State)| {
+            let first = place / messages * messages;
+            let [a, b] = states[first].1;
+            let noise = (first * first % 100_003 * 7919 % 1009) as f64 * 1e-4;
+            (*stamp, [1000.0 * a + noise, 1000.0 * b, 500.0])
+        };
+        states.iter().enumerate().map(reading).collect()
+    };
+    for messages in [1, 2, 4, 5] {
+        let readings = held(messages);
+        let folder = Folder::new();
+        let log = log_with(&states, &[command(&states)], "PointStamped", &readings);
+        let (found, begun) = read(&[folder.file("log.mcap", &log)]);
+        let found = found.expect("sound");
+        assert_eq!(begun, if messages == 1 { 1 } else { 2 });
+        let first: Vec<i64> = readings.iter().step_by(messages).map(|own| own.0).collect();
+        assert_eq!(stamps_of(&found.readings), first, "{messages}");
+        let left_out = readings.len() - first.len();
+        assert_eq!(found.counts["readings.held"], left_out as u64);
+        let told = found.rejects.iter().filter(|own| own.reason.contains("slower than its stream"));
+        assert_eq!(told.count(), usize::from(messages > 1));
     }
 }
 

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::io::tables::counts::{NOT_OF_ARM, REPEATED, SECOND, UNUSABLE};
+use crate::io::tables::counts::{HELD, NOT_OF_ARM, REPEATED, SECOND, UNUSABLE};
 use crate::join::Unmeasured;
 
 /// Names of a session's logs in its counts and in messages.
@@ -128,7 +128,8 @@ struct Counted {
 impl Counted {
     /// Messages without those that nothing is wrong with.
     fn wanted(&self) -> u64 {
-        let beside = [NOT_OF_ARM, REPEATED, SECOND].map(|name| self.rejected.get(name).copied());
+        let beside =
+            [NOT_OF_ARM, REPEATED, SECOND, HELD].map(|name| self.rejected.get(name).copied());
         self.read.saturating_sub(beside.into_iter().flatten().sum())
     }
 

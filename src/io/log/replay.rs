@@ -2,8 +2,8 @@
 //! of time; memory grows with the dwells, not with the log. Joint samples go into the detector ([`Finder`]) and to any
 //! other receiver; commanded poses and readings are spilled to disk.
 //!
-//! A second replay is needed where stamps are no times, a clock stepped, a second publisher says nothing or joints are wrapped, with
-//! that known ([`Amendments`]); where messages are further out of order than the buffer reaches, with all samples buffered; and where
+//! A second replay is needed where stamps are no times, a clock stepped, a second publisher says nothing, readings are held or joints are
+//! wrapped, with that known ([`Amendments`]); where messages are further out of order than the buffer reaches, with all samples buffered; and where
 //! the detector finds the stationary threshold too late, with that threshold alone ([`stationary_of`]). Dwells and samples are always
 //! those of a single replay, to the last bit.
 

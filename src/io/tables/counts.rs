@@ -34,10 +34,11 @@ const STREAMS: [(&str, &str); 7] = [
 ];
 
 /// Messages that are left out though nothing is wrong with the others: of another device on the joints' topic, logged before with equal
-/// stamp and content, and of a second publisher that always states the same.
+/// stamp and content, of a second publisher that always states the same, and of readings stated again until the instrument has the next.
 pub const NOT_OF_ARM: &str = "not_of_arm";
 pub const REPEATED: &str = "repeated";
 pub const SECOND: &str = "second_publisher";
+pub const HELD: &str = "held";
 /// Readings of a table that are there and cannot be used.
 pub const UNUSABLE: &str = "unusable";
 
@@ -66,6 +67,7 @@ fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
                 (NOT_OF_ARM, sum(format!("{stream}.{NOT_OF_ARM}")).unwrap_or(0)),
                 (REPEATED, sum(format!("{stream}.{REPEATED}")).unwrap_or(0)),
                 (SECOND, sum(format!("{stream}.{SECOND}")).unwrap_or(0)),
+                (HELD, sum(format!("{stream}.{HELD}")).unwrap_or(0)),
             ]),
         })
     };

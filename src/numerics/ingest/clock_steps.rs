@@ -11,7 +11,7 @@
 //! The logs are then read again with these [`Amendments`], and steps are taken out of the stamps that follow them: what is left of a step
 //! the join finds on the dwells ([`crate::join`]).
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
@@ -96,6 +96,8 @@ pub struct Amendments {
     pub no_times: Vec<(String, String, Range<u64>)>,
     /// Publishers that always state the same beside one that does not: topic and content.
     pub silent: Vec<(String, Vec<f64>)>,
+    /// Topics of instruments that are slower than their stream, and the time within which an equal message states a reading again, ns.
+    pub held: BTreeMap<String, i64>,
     /// Joints that are reported in (−π, π] and go beyond its ends.
     pub wrapped: Vec<usize>,
 }
@@ -116,10 +118,11 @@ impl Amendments {
         self.steps.extend(new);
         self.no_times.extend(more.no_times);
         self.silent.extend(more.silent);
+        self.held.extend(more.held);
         self.wrapped.extend(more.wrapped);
     }
 
-    /// A row of the table of rejects for each step and each publisher that says nothing.
+    /// A row of the table of rejects for each step, each publisher that says nothing and each topic whose readings are held.
     pub fn rejects(&self) -> impl Iterator<Item = LogReject> {
         let steps = self.steps.iter().map(ClockStep::reject);
         let silent = self.silent.iter().map(|(topic, content)| {
@@ -130,7 +133,15 @@ impl Amendments {
             );
             LogReject { topic: Some(topic.clone()), ..LogReject::of_stamps(reason) }
         });
-        steps.chain(silent)
+        let held = self.held.iter().map(|(topic, for_ns)| {
+            let reason = format!(
+                "each reading is stated again in the next messages, up to {:.3} s later: the instrument is slower than its stream; \
+                 only the first message of each is a reading, the others are left out",
+                *for_ns as f64 / NS_PER_S
+            );
+            LogReject { topic: Some(topic.clone()), ..LogReject::of_stamps(reason) }
+        });
+        steps.chain(silent).chain(held)
     }
 
     /// Changes the stamps of a block's rows: `first` is its first row's number in the file. Rows without a time get `i64::MIN`.

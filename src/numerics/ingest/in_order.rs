@@ -20,6 +20,7 @@ pub use poses::PoseBuffer;
 pub use temperatures::TemperatureBuffer;
 
 use super::clock_steps::Runs;
+use super::held::Held;
 use super::publishers::Publishers;
 use super::rows::{Place, Rows};
 use super::summary::{StreamCounts, StreamSummary};
@@ -77,6 +78,7 @@ pub struct InOrder<B> {
     /// Changes of the stamps that a first reading of the logs found; none in that first reading.
     amendments: Amendments,
     publishers: Publishers,
+    held: Held,
     /// Whether a sample belonged before one already emitted.
     late: bool,
     alike: bool,
@@ -118,6 +120,7 @@ impl<B: Buffer> InOrder<B> {
             last_content: Vec::new(),
             amendments: Amendments::default(),
             publishers: Publishers::default(),
+            held: Held::default(),
             late: false,
             alike: true,
             counts: StreamCounts::default(),
@@ -198,6 +201,7 @@ impl<B: Buffer> InOrder<B> {
         }
         let silent = self.publishers.silent().cloned();
         amendments.silent.extend(silent.map(|content| (self.topic.clone(), content)));
+        amendments.held.extend(self.held.for_ns().map(|for_ns| (self.topic.clone(), for_ns)));
         let files = self.files_by_time();
         let by_time: Vec<Span> = files.iter().filter_map(|file| file.span).collect();
         let backward = by_time.windows(2).filter(|pair| pair[1].first < pair[0].last).count();
@@ -235,6 +239,9 @@ impl<B: Buffer> InOrder<B> {
         self.buffer.settle(count);
         let stamps = &self.buffer.stamps()[..count];
         self.publishers.push(stamps, |row| self.buffer.content(row), B::JUMP);
+        if self.buffer.clock() == SpanClock::Tracker && B::JUMP.is_infinite() {
+            self.held.push(stamps, |row| self.buffer.content(row));
+        }
         let (first, last) = (stamps[0], stamps[count - 1]);
         let (emitted, before) = self.emitted;
         self.late |= before.is_some_and(|before| first < before);
@@ -251,16 +258,17 @@ impl<B: Buffer> InOrder<B> {
         self.buffer.evict(count);
     }
 
-    /// Leaves out samples that were logged before with equal stamp and content, and those of a publisher that always states the same
-    /// beside another.
+    /// Leaves out samples that were logged before with equal stamp and content, those of a publisher that always states the same beside
+    /// another, and readings that are held.
     fn drop_repeated(&mut self) {
         let (buffer, stamps) = (&self.buffer, self.buffer.stamps());
         let is_repeated = stamps.windows(2).any(|pair| pair[0] == pair[1]);
-        if !is_repeated && self.emitted.1 != stamps.first().copied() {
+        let held_ns = self.amendments.held.get(&self.topic);
+        if !is_repeated && self.emitted.1 != stamps.first().copied() && held_ns.is_none() {
             return;
         }
         let silent = self.amendments.silent.iter().find(|own| own.0 == self.topic);
-        let (mut kept, mut repeated) = (Vec::with_capacity(stamps.len()), 0);
+        let (mut kept, mut repeated) = (Vec::<usize>::with_capacity(stamps.len()), 0);
         for (row, &stamp) in stamps.iter().enumerate() {
             let content = buffer.content(row);
             let earlier = kept.iter().rev().take_while(|&&own: &&usize| stamps[own] == stamp);
@@ -268,10 +276,16 @@ impl<B: Buffer> InOrder<B> {
                 || earlier.clone().any(|&own| buffer.content(own) == content);
             let others = || earlier.count() > 0 || stamps.get(row + 1) == Some(&stamp);
             let is_silent = silent.is_some_and(|own| own.1 == content) && others();
-            match (is_again, is_silent) {
-                (true, _) => repeated += 1,
-                (_, true) => self.counts.second_publisher += 1,
-                (false, false) => kept.push(row),
+            let before = kept.last().map(|&own| (stamps[own], buffer.content(own)));
+            let before = before.or(self.emitted.1.map(|first| (first, &self.last_content[..])));
+            let is_held = before.zip(held_ns).is_some_and(|((first, own), held_ns)| {
+                own == content && stamp.saturating_sub(first) < *held_ns
+            });
+            match (is_again, is_silent, is_held) {
+                (true, ..) => repeated += 1,
+                (_, true, _) => self.counts.second_publisher += 1,
+                (_, _, true) => self.counts.held += 1,
+                (false, false, false) => kept.push(row),
             }
         }
         self.counts.repeated += repeated;

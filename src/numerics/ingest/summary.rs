@@ -17,6 +17,8 @@ pub(super) struct StreamCounts {
     pub repeated: u64,
     /// Left out, because they are of a publisher that always states the same beside another.
     pub second_publisher: u64,
+    /// Left out, because they state the reading before them again, which the instrument had not renewed.
+    pub held: u64,
 }
 
 /// The outcome of all messages of one stream, once they are read.
@@ -108,6 +110,7 @@ impl StreamSummary {
         add("rejected", self.counts.rejected);
         add("repeated", self.counts.repeated);
         add("second_publisher", self.counts.second_publisher);
+        add("held", self.counts.held);
         add("duplicate_stamps", self.counts.duplicate_stamps);
         add("backward_stamps", self.counts.backward_stamps);
         for (name, count) in self.further {
