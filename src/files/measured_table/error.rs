@@ -52,9 +52,9 @@ pub enum MeasuredTableErrorKind {
     )]
     OtherMark { line: u64, column: String, text: String, mark: char },
     #[error(
-        "line {line}, column {column:?}: {text:?} has separators of thousands; write its digits without anything between them"
+        "line {line}, column {column:?}: {text:?} has separators of thousands; write {plain:?}, and so every number of the table"
     )]
-    Thousands { line: u64, column: String, text: String },
+    Thousands { line: u64, column: String, text: String, plain: String },
     #[error("line {line}, character {column}: it is no JSON: {problem}")]
     Json { line: u64, column: usize, problem: &'static str },
     #[error("line {line}, character {column}: it cannot be read as YAML: {problem}")]

@@ -179,7 +179,10 @@ impl<'h> Filling<'h> {
                 Contrary::OtherMark => {
                     MeasuredTableErrorKind::OtherMark { line, column, text, mark }
                 }
-                _ => MeasuredTableErrorKind::Thousands { line, column, text },
+                Contrary::Thousands | Contrary::Grouped => {
+                    let plain = self.numbers.ungrouped(&text, kind);
+                    MeasuredTableErrorKind::Thousands { line, column, text, plain }
+                }
             });
         }
         Ok(())

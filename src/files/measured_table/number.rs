@@ -77,6 +77,17 @@ impl Numbers {
         self.other().parse(text.as_bytes())?;
         text.contains([',', '.']).then_some(Contrary::OtherMark)
     }
+
+    /// A number with separators of thousands as it is written without them, with this decimal mark.
+    pub(super) fn ungrouped(&self, text: &str, kind: Contrary) -> String {
+        let digits = |own: &str| own.replace(|c: char| !matches!(c, '0'..='9' | '+' | '-'), "");
+        match text.rsplit_once(['.', ',']) {
+            Some((whole, fraction)) if kind == Contrary::Thousands => {
+                format!("{}{}{fraction}", digits(whole), self.mark())
+            }
+            _ => digits(text),
+        }
+    }
 }
 
 /// NaN for the spellings of not-a-number and infinity, those of old C libraries included.
@@ -221,6 +232,13 @@ mod tests {
             ("12:30", None),
         ] {
             assert_eq!(point.contrary(text), wanted, "{text}");
+        }
+        for (text, wanted) in
+            [("1.575,0", "1575,0"), ("-1,234.5", "-1234,5"), ("1'234'567", "1234567")]
+        {
+            let kind = comma.contrary(text).unwrap();
+            assert_eq!(comma.ungrouped(text, kind), wanted);
+            assert!(comma.parse(wanted.as_bytes()).is_some(), "{wanted}");
         }
         assert_eq!(comma.contrary("1.5"), Some(Contrary::OtherMark));
         assert_eq!(comma.contrary("1.234,5"), Some(Contrary::Thousands));

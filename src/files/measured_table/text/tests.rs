@@ -147,7 +147,9 @@ fn commas_that_separate_and_are_decimal_marks() {
 fn numbers_in_two_ways_of_writing_are_refused_by_their_cell() {
     let told = error("a;b\n1.234,5;2\n1,5;3\n");
     assert!(
-        told.contains("line 2, column \"a\": \"1.234,5\" has separators of thousands"),
+        told.contains(
+            "line 2, column \"a\": \"1.234,5\" has separators of thousands; write \"1234,5\","
+        ),
         "{told}"
     );
     let told = error("a;b\n1;2\n1,5;3\n4.5;1\n1.5;2\n");
