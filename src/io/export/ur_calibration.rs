@@ -4,7 +4,7 @@
 //! `Universal_Robots_ROS2_Description`, and `ur_calibration` of `Universal_Robots_ROS2_Driver`. The description has its
 //! flange, `tool0`, in the sixth frame itself; a flange off axis 6 is stated in a comment: it belongs to the tool.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::Path;
@@ -34,13 +34,17 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<Vec<String>, ExportErr
     Ok(vec![limits.not_identified])
 }
 
-/// The six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes and a link between
-/// each two.
+/// The controller's base in the arm's, and the six joints of a nominal UR with the lengths of this arm; `None` for an arm without six axes
+/// and a link between each two. The arm's base is the controller's, `base`, in which the elbow of a UR has a negative x, or `base_link`
+/// of the description, which is half a turn about z away.
 fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
     let screws = Screws::of(arm.chain(), &arm.no_offsets());
-    let points: Vec<_> = screws.axes.iter().map(|screw| screw.line.point).collect();
+    let is_base_link = screws.axes.get(2)?.line.point.x > 0.0;
+    let base = isometry_from_rpy([0.0; 3], [0.0, 0.0, if is_base_link { PI } else { 0.0 }]);
+    let points: Vec<_> =
+        screws.axes.iter().map(|screw| base.inverse() * screw.line.point).collect();
     let [_, lift, elbow, wrist_1, wrist_2, wrist_3] = points[..] else { return None };
-    let flange = screws.flange.translation.vector;
+    let flange = (base.inverse() * screws.flange).translation.vector;
     let frames = [
         ([0.0, 0.0, lift.z], 0.0),
         ([0.0, 0.0, 0.0], FRAC_PI_2),
@@ -54,7 +58,8 @@ fn chain(arm: &Arm) -> Option<Vec<ChainJoint>> {
         origin: isometry_from_rpy(xyz, [roll, 0.0, 0.0]),
         moves: Some(about_z()),
     };
-    Some(LINKS.into_iter().zip(frames).map(joint).collect())
+    let base = ChainJoint { name: "base".to_owned(), origin: base, moves: None };
+    Some(std::iter::once(base).chain(LINKS.into_iter().zip(frames).map(joint)).collect())
 }
 
 fn text(own: &InControllerBase, origins: &Origins, limits: &Limits) -> String {
@@ -64,7 +69,7 @@ fn text(own: &InControllerBase, origins: &Origins, limits: &Limits) -> String {
         let _ = writeln!(yaml, "# {remark}");
     }
     yaml.push_str("kinematics:\n");
-    for (link, origin) in LINKS.iter().zip(&origins.joints) {
+    for (link, origin) in LINKS.iter().zip(&origins.joints[1..]) {
         let origin = origin.unwrap_or_else(Isometry3::identity);
         let at = origin.translation.vector / 1000.0;
         let [roll, pitch, yaw] = rpy(&origin.rotation);
