@@ -214,7 +214,8 @@ pub enum FitError {
     TooFewLengths { session: usize, instrument: usize, readings: usize, needed: usize },
     #[error(
         "the lengths of {name:?} lie {off_mm:.1} mm off the arm, {factor:.0} times what is stated of them: look at their unit, their column, \
-         what they read (a distance, or a height), the place that is stated and the sign of an offset, or leave the instrument out"
+         what they read (a distance, or a height), the place that is stated and the sign of an offset; its scale may be wrong, or that of the \
+         other instruments: where nothing else is, leave out the one that a known distance shows to be wrong"
     )]
     OtherLengths { name: String, off_mm: f64, factor: f64 },
     #[error(

@@ -83,6 +83,8 @@ pub enum ScaleVerdict {
 pub struct SessionScale {
     pub session: String,
     pub stations: usize,
+    /// Names of the instruments of one length that it was measured with too: one of a wrong scale moves that of positions.
+    pub lengths: Vec<String>,
     /// Standard deviation of its scale before any measurement, ppm.
     pub prior_sd_ppm: f64,
     /// The scale in the full error model; `None` where it has none.
@@ -129,11 +131,15 @@ impl SessionScale {
         let of = |ppm: f64, sd_ppm: f64, against: &str| {
             let [least, most] = kelvins(ppm).map(f64::abs);
             let (sense, warmth) = if ppm > 0.0 { ("long", "warmer") } else { ("short", "colder") };
+            let [and, or] = ["and the lengths of", "or that of"].map(|words| {
+                let names = self.lengths.join(", ");
+                if names.is_empty() { names } else { format!(" {words} {names}") }
+            });
             format!(
-                "session {}: positions are measured {:.0} ± {:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
-                 standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
+                "session {}: positions are measured {:.0} ± {:.0} ppm too {sense} against {against}{and}, which is beyond {SIGMAS:.0} \
+                 standard deviations: the tracker's scale{or} is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
                  lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot distinguish these, a known \
-                 distance measured with the same tracker can",
+                 distance measured with the same instruments can",
                 self.session,
                 ppm.abs(),
                 expanded(sd_ppm),
@@ -251,6 +257,30 @@ mod tests {
         let free = free.expect("positive definite")[0];
         assert!((1.5..3.5).contains(&free.length_rms_mm), "{free:?}");
         assert!(free.sd_ppm > 800.0 && !free.is_named(), "{free:?}");
+    }
+
+    #[test]
+    fn instruments_of_one_length_are_named_beside_the_tracker() {
+        let named = |lengths: &[&str]| {
+            let scale = SessionScale {
+                session: "monday".to_owned(),
+                stations: 80,
+                lengths: lengths.iter().map(|&name| name.to_owned()).collect(),
+                prior_sd_ppm: 50.0,
+                fitted: None,
+                length_sd_mm: 0.3,
+                free: Some(FreeScale { ppm: -997.0, sd_ppm: 14.0, length_rms_mm: 0.2 }),
+            };
+            scale.named().expect("beyond three of its standard deviations")
+        };
+        let both = named(&["bar", "wire"]);
+        assert!(both.contains("within 0.3 mm and the lengths of bar, wire, which"), "{both}");
+        assert!(
+            both.contains("the tracker's scale or that of bar, wire is wrong by that"),
+            "{both}"
+        );
+        let alone = named(&[]);
+        assert!(alone.contains("the tracker's scale is wrong by that"), "{alone}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! A session that does not determine the size of a source has the mean of those that do, and so has a session that only judges: its own
 //! residuals would flatter what judges it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 
@@ -124,9 +124,14 @@ pub(super) fn scales(
 ) -> Vec<SessionScale> {
     let evidence = models.full.as_ref().and_then(|full| full.trained.scale_evidence.as_ref());
     let free = evidence.and_then(|evidence| evidence.free_scales(settings.fit.length_tolerance_mm));
+    let lengths = |place: usize| -> BTreeSet<SourceId> {
+        let own = observed.of_session(place).map(|(own, _)| own);
+        own.filter(|own| own.measured.length().is_some()).map(|own| own.source).collect()
+    };
     let scale = |(place, session): (usize, &JoinedSession)| SessionScale {
         session: session.name.clone(),
         stations: observed.of_session(place).count(),
+        lengths: lengths(place).into_iter().map(|own| settings.fit.source_name(own)).collect(),
         prior_sd_ppm: settings.full.session_scale_ppm,
         fitted: models.full.as_ref().and_then(|full| full.fitted_scale(place)),
         length_sd_mm: settings.fit.length_tolerance_mm,

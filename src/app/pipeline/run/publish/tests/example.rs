@@ -442,6 +442,7 @@ fn scale() -> SessionScale {
     SessionScale {
         session: SESSION.to_owned(),
         stations: 20,
+        lengths: Vec::new(),
         prior_sd_ppm: 50.0,
         fitted: Some(FittedScale { ppm: 2.0, sd_ppm: 49.0, kept: true }),
         length_sd_mm: 0.3,
