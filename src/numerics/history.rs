@@ -11,7 +11,7 @@
 //!    that cannot be distinguished. A part whose change does not reach the size that counts is not named, and its sessions stay
 //!    pooled, so that many small changes of one direction add up ([`notice`]).
 //! 4. The pool forgets the parts that moved. The next session shows whether the change lasts: if it agrees with the pool
-//!    before the change, the change was of one session alone.
+//!    before the change, or disagrees with it in other parts alone, the change was of one session alone.
 //! 5. Base, target and joints since the first session, and the accuracy figures, go on control charts ([`control`]) that
 //!    learn the ordinary spread between sessions from the sessions themselves. The test of step 3 shows whether something
 //!    moved, the charts show whether that is more than usual.

@@ -20,8 +20,8 @@ pub struct SessionHistory {
     /// The sum of all sessions, of each part since it last moved.
     pool: Option<Estimate>,
     pooled: usize,
-    /// The pool before a change that is not confirmed yet, and its number of sessions.
-    before: Option<(Estimate, usize)>,
+    /// The pool before a change that is not confirmed yet, its number of sessions, and the parts that may have moved.
+    before: Option<(Estimate, usize, Vec<Hypothesis>)>,
     first: Option<Estimate>,
     set_up: BTreeMap<Hypothesis, Estimate>,
     charts: BTreeMap<String, Chart>,
@@ -69,8 +69,8 @@ impl SessionHistory {
         let judged = tested(&Comparison::new(&known, own), noticed);
         let moved = judged.finding.parts();
         let kept = forgetting(&known, &moved);
-        self.before = (!moved.is_empty()).then(|| (known.clone(), against));
         let is_all = moved.contains(&Hypothesis::Anything);
+        self.before = (!moved.is_empty()).then(|| (known.clone(), against, moved));
         self.pooled = if is_all { 1 } else { against + 1 };
         self.pool = Some(kept.plus(own));
         self.refer(&anew, own);
@@ -84,13 +84,22 @@ impl SessionHistory {
         own: &Estimate,
         noticed: Option<&Noticed>,
     ) -> (Estimate, usize, Option<bool>) {
-        let Some((before, count)) = self.before.take() else { return (pool, self.pooled, None) };
-        let (known, _) = without_parts_set_up_anew(&before, own);
-        if tested(&Comparison::new(&known, own), noticed).finding == Finding::Nothing {
-            (before, count, Some(false))
-        } else {
-            (pool, self.pooled, Some(true))
-        }
+        let Some((before, count, moved)) = self.before.take() else {
+            return (pool, self.pooled, None);
+        };
+        let found = |pool: &Estimate| {
+            let (known, _) = without_parts_set_up_anew(pool, own);
+            tested(&Comparison::new(&known, own), noticed).finding
+        };
+        let shows_change = |found: &Finding| {
+            let has = |parts: &[Hypothesis], column| parts.iter().any(|part| part.has(column));
+            own.columns.iter().any(|column| has(&moved, column) && has(&found.parts(), column))
+        };
+        // Another change may come in the session in which this one is gone.
+        let since_before = found(&before);
+        let is_gone = since_before == Finding::Nothing
+            || !shows_change(&since_before) && shows_change(&found(&pool));
+        if is_gone { (before, count, Some(false)) } else { (pool, self.pooled, Some(true)) }
     }
 
     fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {

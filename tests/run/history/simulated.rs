@@ -333,6 +333,33 @@ fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segmen
 }
 
 #[test]
+fn a_change_that_is_gone_when_another_comes_does_not_last() {
+    let of = geometric(&arm());
+    let first = (base(Axis::X), 0.5);
+    // Of 20 draws, those in which the first change is judged by the next session as it was.
+    let judged = |stays: bool| {
+        let right = |seed: u64| {
+            let mut drawing = Drawing::new(&of, seed);
+            let mut session_history = SessionHistory::default();
+            let mut next =
+                |truth: &[(Column, f64)]| session_history.next(&figures(drawing.next(truth)));
+            next(&[]);
+            next(&[]);
+            let moved = next(&[first]).finding != Finding::Nothing;
+            let second = (theta(3), 300e-6);
+            let both = [first, second];
+            let both = next(if stays { &both } else { &both[1..] });
+            moved
+                && both.settles == Some(stays)
+                && both.finding.parts().contains(&Hypothesis::JointOffset(3))
+        };
+        (0..20).filter(|seed| right(*seed)).count()
+    };
+    let [gone, stays] = [false, true].map(judged);
+    assert!(gone >= 18 && stays == 20, "{gone} that are gone, {stays} that stay");
+}
+
+#[test]
 #[ignore = "minutes: rates over many sessions"]
 fn rates_over_many_sessions() {
     let arm = arm();
