@@ -190,7 +190,7 @@ impl Programs {
         let told = |why: &Refusal| match by {
             by if by == index => why.clone(),
             _ => Refusal::Other(format!(
-                "its arm configuration is that of {other} ({}), of which {why}",
+                "its arm configuration is that of {other} ({}), which is not known: {why}",
                 self.files[other.file].at(other.line)
             )),
         };

@@ -55,20 +55,23 @@ pub(crate) struct Reading<'f> {
     positions: BTreeMap<(usize, u32), Listed>,
     /// Frames that statements write, each with the place; without a number any.
     written: BTreeMap<String, Place>,
+    /// Of each file a motion to a position that is worked out.
+    pointed: BTreeMap<usize, Place>,
     /// What statements other than motions do with a position of each file that is worked out.
     any_used: BTreeMap<usize, Refusal>,
     any_displacement: bool,
 }
 
 /// Positions and motions of the listings among `files`, behind those that are found already, and the arm's base.
-pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let own = FANUC.files(files).map(|(place, file)| Listing::new(place, file));
     let listings: Vec<Listing<'_>> = own.collect();
     let mut reading = Reading {
-        common: Common::new(files, found, no_shape, "the whole listing"),
+        common: Common::new(files, cell, found, no_shape, "the whole listing"),
         positions: BTreeMap::new(),
         written: BTreeMap::new(),
         any_used: BTreeMap::new(),
+        pointed: BTreeMap::new(),
         any_displacement: false,
     };
     for pass in [Reading::data, Reading::steps] {
@@ -139,8 +142,11 @@ impl Reading<'_> {
         }
         changed[Slot::Displacement as usize] = self.any_displacement;
         for ((file, _), own) in &self.positions {
+            // One that states no frames may be used under others there.
+            let at = self.pointed.get(file).filter(|_| own.frames.contains(&None));
+            let read = at.map(|at| Refusal::Read { at: at.clone() });
             let obstacle = own.obstacle.as_ref().or_else(|| self.any_used.get(file));
-            if let (Some(position), Some(why)) = (own.position, obstacle) {
+            if let (Some(position), Some(why)) = (own.position, obstacle.or(read.as_ref())) {
                 let position = &mut self.common.found.positions[position];
                 position.obstacle.get_or_insert_with(|| why.clone());
                 if matches!(why, Refusal::AtRunTime { .. }) {

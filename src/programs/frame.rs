@@ -191,6 +191,9 @@ pub enum ExternalAxes {
 pub struct Cell {
     #[serde(default)]
     pub external_axes: Option<ExternalAxes>,
+    /// Routines of no file that move nothing, and set no frame, tool, displacement or mode.
+    #[serde(default)]
+    pub harmless: Vec<String>,
     /// By their names in capitals or not, as the program has them.
     #[serde(default)]
     pub frames: BTreeMap<String, CellFrame>,
@@ -237,7 +240,22 @@ impl Cell {
         let stated = || self.frame(&frame.name)?.place.as_ref()?.isometry().ok();
         match &frame.value {
             Err(why @ Refusal::NotGiven { .. }) => stated().ok_or_else(|| why.clone()),
-            value => value.clone(),
+            Err(_) => frame.value.clone(),
+            Ok(value) => {
+                // Each set_tcp of a script gives that name another one.
+                let away =
+                    stated().filter(|_| frame.name != "tcp").map(|own| own.inverse() * value);
+                let differs = |own: Isometry3<f64>| {
+                    own.translation.vector.norm() > 1e-3 || own.rotation.angle() > 1e-5
+                };
+                if away.is_some_and(differs) {
+                    return Err(Refusal::Other(format!(
+                        "{} has another place in the file of the cell than in the program's files; take one of the two out",
+                        frame.name
+                    )));
+                }
+                Ok(*value)
+            }
         }
     }
 

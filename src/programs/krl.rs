@@ -85,7 +85,7 @@ enum Tools {
 }
 
 /// Positions, motions and the arm's base of the KRL files among `files`.
-pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let own =
         KRL.files(files).filter(|(_, file)| !has(SYSTEM, &file.base_name().to_ascii_uppercase()));
     let own = own.map(|(place, file)| (place, tokens(&file.bytes, &KRL)));
@@ -93,7 +93,7 @@ pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
     // What routines assign is known once lists have declared it.
     own.sort_by_key(|(file, _)| !files[*file].is_list());
     let give = "the .dat file that declares it";
-    let common = Common::new(files, found, motion::shape, give);
+    let common = Common::new(files, cell, found, motion::shape, give);
     let mut reading = Reading {
         common,
         local: BTreeSet::new(),
@@ -139,8 +139,7 @@ impl Reading<'_> {
 
     fn walk(&mut self) {
         if self.triggers.any_late {
-            let splits = self.common.motions.iter_mut().map(|own| &mut own.split);
-            splits.filter(|own| own.is_ok()).for_each(|own| *own = Err(motion::TRIGGERED));
+            self.common.keep_whole(motion::TRIGGERED);
         }
         let mut changed = [false; SLOTS];
         for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch, Slot::Place] {

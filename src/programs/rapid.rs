@@ -79,7 +79,7 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
         .collect();
     let give = "the module that declares it";
     let mut reading = Reading {
-        common: Common::new(files, found, motion::shape, give),
+        common: Common::new(files, cell, found, motion::shape, give),
         cell,
         tasks: BTreeSet::new(),
         given: HashMap::new(),
@@ -176,9 +176,12 @@ impl Reading<'_> {
 
     /// The call of a routine in no given file, which may set anything, and end the cycle.
     fn unseen(&self) -> Option<Refusal> {
-        let mut calls = self.common.routines.values().flat_map(Routine::calls);
-        let (routine, at) =
-            calls.find(|(own, _)| !self.given.contains_key(*own) && !steps::is_harmless(own))?;
+        let routines = &self.common.routines;
+        let is_known = |own: &str| {
+            self.given.contains_key(own) || routines.contains_key(own) || steps::is_harmless(own)
+        };
+        let mut calls = routines.values().flat_map(Routine::calls);
+        let (routine, at) = calls.find(|(own, _)| !is_known(own))?;
         let (what, routine, at) = (Slot::Displacement.name(), routine.to_owned(), at.clone());
         Some(Refusal::Call { what, routine, at })
     }
@@ -206,6 +209,10 @@ impl Reading<'_> {
     }
 
     fn walk(&mut self) {
+        let calls = |own: &Routine| own.calls().any(|(own, _)| own == steps::CLEARS);
+        if self.common.routines.values().any(calls) {
+            self.common.keep_whole("ClearPath ends it, and the next one goes on from there");
+        }
         let mut changed = [false; SLOTS];
         for slot in [Slot::Branch, Slot::Place, Slot::Displacement] {
             changed[slot as usize] = true;

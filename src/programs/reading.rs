@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
 use crate::flow::{Others, Routine, State, Step, Summaries, refuse};
+use crate::frame::Cell;
 use crate::lex::{Kind, capitals};
 use crate::names::{Names, Scope, Variable, Written, parts};
 use crate::program::{Computed, File, Motion, Path, Position, Recorder, Shape, Split, Target};
@@ -48,6 +49,7 @@ pub(crate) struct Common<'f> {
 impl<'f> Common<'f> {
     pub(crate) fn new(
         files: &'f [File],
+        cell: &Cell,
         found: Used,
         shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
         give: &'static str,
@@ -56,7 +58,12 @@ impl<'f> Common<'f> {
             files,
             names: Names::default(),
             global: BTreeMap::new(),
-            routines: BTreeMap::new(),
+            // As if they were given, without a statement.
+            routines: cell
+                .harmless
+                .iter()
+                .map(|own| (capitals(own.as_bytes()), Routine::default()))
+                .collect(),
             motions: Vec::new(),
             found,
             shape,
@@ -200,6 +207,12 @@ impl<'f> Common<'f> {
         }
         self.motions.push(motion);
         Step::Move(self.motions.len() - 1)
+    }
+
+    /// Forbids further points before any motion.
+    pub(crate) fn keep_whole(&mut self, why: &'static str) {
+        let splits = self.motions.iter_mut().map(|own| &mut own.split);
+        splits.filter(|own| own.is_ok()).for_each(|own| *own = Err(why));
     }
 
     /// Motions from an index on that stand outside all routines: they are counted, and refused.

@@ -24,18 +24,18 @@ pub enum Refusal {
     )]
     Ways { what: &'static str },
     #[error(
-        "the call of {routine} ({at}) may change {what}: {routine} is in none of the files, or in several; give one file that has it, or set \
-         {what} behind the call"
+        "the call of {routine} ({at}) may change {what}: {routine} is in none of the files, or in several; give one file that has it, set \
+         {what} behind the call, or, where it moves nothing and sets no frame, name it above all tables of the file of the cell: harmless = [{name}]", name = quoted(routine)
     )]
     Call { what: &'static str, routine: String, at: Place },
     #[error(
-        "{routine}, which an interrupt or a trigger runs at any time ({at}), changes {what}; let it change nothing that motions read"
+        "{routine}, which an interrupt, a trigger or a thread runs at any time ({at}), changes {what}; let it change nothing that motions read"
     )]
     Interrupt { what: &'static str, routine: String, at: Place },
     #[error("{name} has no value in the files given; give {give}")]
     NotGiven { name: String, give: String },
     #[error(
-        "{name} has two values ({first}; {second}); which one holds is not known; write one value at both"
+        "{name} has two values ({first}; {second}); which one holds is not known; write it at one place"
     )]
     TwoValues { name: String, first: Place, second: Place },
     #[error("{name} is no frame with all of its numbers ({at})")]
@@ -58,7 +58,7 @@ pub enum Refusal {
     )]
     Moving { name: String, at: Place },
     #[error(
-        "{name} is at {value}, and nothing says that the external axes carry neither arm nor part; say so in the file of the cell: external_axes = \"apart\""
+        "{name} is at {value}, and nothing says that the external axes carry neither arm nor part; say so above all tables of the file of the cell: external_axes = \"apart\""
     )]
     ExternalAxis { name: String, value: String },
     #[error("it states no {what}, so the controller goes on with the last ones; state them")]

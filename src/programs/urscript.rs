@@ -56,11 +56,11 @@ pub(crate) struct Reading<'f> {
 }
 
 /// Positions and motions of the scripts among `files`, behind those that are found already, and the arm's base.
-pub(crate) fn read(files: &[File], _: &Cell, found: Used) -> (Used, Chain) {
+pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
     let own = URSCRIPT.files(files).map(|(place, file)| Statements::new(place, &file.bytes));
     let scripts: Vec<Statements<'_>> = own.collect();
     let mut reading = Reading {
-        common: Common::new(files, found, shape, "the file that declares it"),
+        common: Common::new(files, cell, found, shape, "the file that declares it"),
         called: BTreeSet::new(),
         threads: Vec::new(),
         any_displacement: false,

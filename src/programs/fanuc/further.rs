@@ -27,7 +27,7 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
         entries: String::new(),
         edits: Vec::new(),
     };
-    let (mut is_begun, mut is_within) = (false, false);
+    let mut numbers = Numbers::default();
     for line in lines_of(&all) {
         let begin = line[0].span().start;
         if let Some(word) = section_of(bytes, line) {
@@ -37,18 +37,8 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
             }
             section = word;
         }
-        let mut rest = Cursor::new(bytes, line);
-        let number = rest.take_number().filter(|_| section == "MN" && rest.take_sign(b':'));
-        let Some(number) = number else {
-            is_within &= !(line.len() > 1 && line[..2].iter().all(|token| token.is(b'-')));
-            continue;
-        };
-        // What a PLC does along a motion is numbered from 1 again, up to a line of dashes.
-        is_within |= is_begun && number.value < 2.0;
-        is_begun = true;
-        if is_within {
-            continue;
-        }
+        let number = if section == "MN" { numbers.of(bytes, line) } else { None };
+        let Some(number) = number else { continue };
         while let Some(before) = waiting.next_if(|own| own.split.line_start <= begin) {
             own.add(before, number.value);
         }
@@ -57,6 +47,28 @@ pub(crate) fn lines(bytes: &[u8], added: &[&Added]) -> Vec<Edit> {
     let Further { entries, mut edits, line_end, .. } = own;
     edits.extend((!entries.is_empty()).then(|| insert(bytes, end, entries, line_end)));
     edits
+}
+
+/// The numbers of a listing's own statements: what a PLC does along a motion is numbered from 1 again, up to a line of dashes.
+#[derive(Default)]
+pub(super) struct Numbers {
+    is_begun: bool,
+    is_within: bool,
+}
+
+impl Numbers {
+    /// The number of the statement that a line begins.
+    pub(super) fn of(&mut self, bytes: &[u8], line: &[Token]) -> Option<Number> {
+        let mut rest = Cursor::new(bytes, line);
+        let Some(number) = rest.take_number().filter(|_| rest.take_sign(b':')) else {
+            let is_end = line.len() > 1 && line[..2].iter().all(|token| token.is(b'-'));
+            self.is_within &= !is_end;
+            return None;
+        };
+        self.is_within |= self.is_begun && number.value < 2.0;
+        self.is_begun = true;
+        (!self.is_within).then_some(number)
+    }
 }
 
 /// What becomes of a listing, statement by statement.

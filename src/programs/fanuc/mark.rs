@@ -1,6 +1,7 @@
 //! The mark of a corrected listing: comments behind the last statement, so that no other line gets another number, and `LINE_COUNT`.
 
 use super::FANUC;
+use super::further::Numbers;
 use super::listing::{lines, section};
 use crate::edit::{CORRECTED, Edit, insert, line_end};
 use crate::lex::{Token, tokens};
@@ -20,9 +21,10 @@ pub(crate) fn marks(file: &File, words: &str, _: &str, edits: &[Edit]) -> Vec<Ed
     let end = behind.iter().position(|line| section(bytes, line).is_some());
     let (statements, behind) = behind.split_at(end.unwrap_or(behind.len()));
     let count = before.iter().find_map(|line| line_count(bytes, line));
-    let number = |line: &&[Token]| Cursor::new(bytes, line).take_number();
+    let mut own = Numbers::default();
+    let numbers = statements.iter().filter_map(|line| own.of(bytes, line));
     // A count may be less than the numbers that the statements have.
-    let numbers = statements.iter().filter_map(number).chain(count.clone());
+    let numbers = numbers.chain(count.clone());
     let last = numbers.fold(0.0, |last, number| number.value.max(last)) + added(edits) as f64;
     let comments = comments(words);
     let line_end = line_end(bytes);

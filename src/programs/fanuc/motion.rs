@@ -28,8 +28,10 @@ pub(super) fn motion(statement: Cursor<'_>) -> Option<(String, Cursor<'_>)> {
     let mut rest = statement;
     let word = rest.take_name()?;
     let is_motion = matches!(word.as_str(), "J" | "L" | "C" | "A" | "S");
-    // `A[1]=ON` sets an output of a German controller.
-    let is_other = rest.first().is_none_or(|token| token.is(b'[') || token.is(b'='));
+    // `A[1]=ON` sets an output of a German controller, and `C TOOL CHANGE` is a macro.
+    let is_macro =
+        rest.peek_name().is_some() && !rest.tokens.get(1).is_some_and(|own| own.is(b'['));
+    let is_other = rest.first().is_none_or(|token| token.is(b'[') || token.is(b'=')) || is_macro;
     (is_motion && !is_other).then_some((word, rest))
 }
 
@@ -204,6 +206,10 @@ impl Reading<'_> {
             Cursor { tokens: &whole.tokens[..whole.tokens.len() - rest.tokens.len()], ..whole };
         let (target, frames) = match number(inside).filter(|_| name == "P") {
             Some(number) => self.listed(here, number),
+            None if name == "P" => {
+                self.pointed.entry(here.file).or_insert_with(|| self.common.at(here));
+                (Target::Computed(shown(text)), None)
+            }
             None => (Target::Computed(shown(text)), None),
         };
         (target, frames, text)

@@ -10,12 +10,47 @@ use crate::reading::{Here, has, shown};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
-/// First words of statements that set no frame and move nothing. Any other word may be a macro, which is a program.
+/// First words of statements that set no frame and move nothing, alone or before a sign. Anything else may be the name of a macro, which is a
+/// program: `GO TO HOME POS`.
 const HARMLESS: &str = "ABORT AO AR ARC COL DI DIAG_REC DO END ERROR_PROG F GI GO JMP JOINT_MAX_SPEED LBL LINEAR_MAX_SPEED LOCK M MAINT_PROG MESSAGE \
-    OFFSET OVERRIDE P PAUSE PAYLOAD PL PR PULSE R RESUME_PROG RETURN_PATH_DSBL RI RO RSR RUN SKIP SO SOFTFLOAT SR TC_ONLINE TIMER TOOL_OFFSET \
+    OFFSET OVERRIDE P PAUSE PAYLOAD PL PR PULSE R RESUME_PROG RETURN_PATH_DSBL RI RO RSR SKIP SO SOFTFLOAT SR TC_ONLINE TIMER TOOL_OFFSET \
     TORQ_LIMIT UALM UI UNLOCK UO VISION VR WAIT WEAVE WI WO";
+/// Those of them that names or numbers follow, and which: a sign of the name behind it may be any.
+const FOLLOWED: [(&str, &str); 11] = [
+    ("ARC", "START END"),
+    ("COL", "DETECT GUARD"),
+    ("JMP", "LBL"),
+    ("LOCK", "PREG VREG"),
+    ("OFFSET", "CONDITION"),
+    ("SKIP", "CONDITION"),
+    ("SOFTFLOAT", "END FOLLOW"),
+    ("TOOL_OFFSET", "CONDITION"),
+    ("UNLOCK", "PREG VREG"),
+    (
+        "VISION",
+        "RUN_FIND GET_OFFSET GET_PASSFAIL GET_NFOUND GET_READING SET_REFERENCE CAMERA_CALIB OVERRIDE",
+    ),
+    ("WEAVE", "CIRCLE END FIGURE L SINE SINE2"),
+];
+/// What follows the first words of what moves positions.
+const DISPLACED: &str = "AVC END OFFSET START TAST";
 /// First words of what moves positions at run time, up to its end.
 const DISPLACES: &str = "MP SEARCH SENSOR TOUCH TRACK";
+
+fn is_harmless(word: &str, rest: Cursor<'_>) -> bool {
+    let third = rest.tokens.get(1);
+    let is_valued = third.is_some_and(|own| matches!(own.kind, Kind::Sign(_)));
+    let is_named = third.is_some_and(|own| own.kind == Kind::Name);
+    let follows = |next: &str| FOLLOWED.iter().any(|own| own.0 == word && has(own.1, next));
+    has(HARMLESS, word)
+        && match (rest.first().map(|own| own.kind), rest.peek_name()) {
+            (_, Some(next)) if word == "WAIT" => is_valued || next.starts_with('$'),
+            (_, Some(next)) if matches!(word, "ARC" | "WEAVE") => follows(&next) && !is_named,
+            (_, Some(next)) => follows(&next),
+            (Some(Kind::Number), _) => matches!(word, "TORQ_LIMIT" | "WAIT"),
+            _ => true,
+        }
+}
 
 /// Names of the frames that a statement writes: `UFRAME[1]`, and `UFRAME` where any may be meant.
 pub(super) fn written_frames(statement: Cursor<'_>) -> Vec<String> {
@@ -54,7 +89,8 @@ impl Reading<'_> {
             if statement.all.has_name(&["LBL", "JMP"]) {
                 steps.push(Step::Jump);
             }
-            if statement.all.peek_name().is_some_and(|word| word == "END") {
+            let is_alone = statement.all.tokens.len() == 1;
+            if is_alone && statement.all.has_name(&["END"]) {
                 steps.push(Step::Return { with_value: false });
             }
             self.step(listing, &statement, &mut steps);
@@ -118,8 +154,10 @@ impl Reading<'_> {
                     steps.push(Step::Set(slot, self.worked_out(here, own)));
                 }
             }
-            own if own.starts_with('$') || has(HARMLESS, own) => {}
-            own if has(DISPLACES, own) => {
+            own if own.starts_with('$') || is_harmless(own, rest) => {}
+            own if has(DISPLACES, own)
+                && rest.peek_name().is_none_or(|next| has(DISPLACED, &next)) =>
+            {
                 self.any_displacement = true;
                 let what = "Touch Offset, Track, Search";
                 let to = if rest.has_name(&["END"]) {
@@ -130,7 +168,7 @@ impl Reading<'_> {
                 steps.push(Step::Set(Slot::Displacement, to));
             }
             _ => {
-                let routine = shown(all);
+                let routine = capitals(shown(all).as_bytes());
                 steps.push(Step::Call { routine, at: self.common.at(here) });
             }
         }
@@ -147,7 +185,9 @@ impl Reading<'_> {
         while let Some(token) = rest.take() {
             if token.kind == Kind::Name && rest.text(token).eq_ignore_ascii_case(b"CALL") {
                 let (routine, at) = (self.called(rest), self.common.at(here));
-                let given = self.common.global.values().flatten().any(|own| *own == routine);
+                let mut files = self.common.global.values().flatten();
+                let given =
+                    files.any(|own| *own == routine) || self.common.routines.contains_key(&routine);
                 for slot in [Slot::Base, Slot::Tool].into_iter().filter(|_| !given) {
                     let (what, routine, at) = (slot.name(), routine.clone(), at.clone());
                     steps.push(Step::Set(slot, unknown(Refusal::Call { what, routine, at })));

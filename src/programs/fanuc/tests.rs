@@ -209,7 +209,7 @@ fn numbers_that_are_set_hold_at_labels_behind_them() {
     let told = verdicts(called, "");
     assert!(told[1].contains("the call of OTHER (PART.LS, line 7) may change the arm"), "{told:?}");
     let macro_call = verdicts(&called.replace("CALL OTHER", "Open hand 1"), "");
-    assert!(macro_call[1].contains("the call of Open hand 1"), "{macro_call:?}");
+    assert!(macro_call[1].contains("the call of OPEN HAND 1"), "{macro_call:?}");
 }
 
 #[test]
@@ -388,7 +388,7 @@ fn what_a_plc_does_along_a_motion_keeps_its_numbers_and_marks_stand_behind_the_g
     let body = "J P[1] 5% FINE\nL P[2] 100mm/sec FINE\nL P[1] 100mm/sec FINE";
     let text = String::from_utf8(listing(body, "").bytes).unwrap();
     let within =
-        "      1:  TC_ONLINE (ON) ;\r\n      2:  DO[23]=OFF ;\r\n       ------ ;\r\n   2:L";
+        "      1:  TC_ONLINE (ON) ;\r\n     41:  DO[23]=OFF ;\r\n       ------ ;\r\n   2:L";
     let text = text.replacen("   2:L", within, 1).replace("LINE_COUNT\t= 9", "LINE_COUNT\t= 2");
     let programs = read(vec![File { name: "PART.LS".to_owned(), bytes: text.into() }], &cell());
     let point = Further {
@@ -400,8 +400,57 @@ fn what_a_plc_does_along_a_motion_keeps_its_numbers_and_marks_stand_behind_the_g
     edits.extend(marks(&programs.files[0], "run r", "t-1", &edits));
     let text = String::from_utf8(applied(&programs.files[0].bytes, &edits)).unwrap();
     let numbers = text.lines().filter_map(|line| line.split_once(':')?.0.trim().parse().ok());
-    assert_eq!(numbers.collect::<Vec<u32>>(), [1, 1, 2, 2, 3, 4, 5, 6], "{text}");
+    assert_eq!(numbers.collect::<Vec<u32>>(), [1, 1, 41, 2, 3, 4, 5, 6], "{text}");
     assert!(text.contains("LINE_COUNT\t= 6;"), "{text}");
+}
+
+#[test]
+fn a_statement_is_known_by_its_form_and_any_words_may_be_a_macro() {
+    let under =
+        |own: &str| format!("  UFRAME_NUM=1\n  UTOOL_NUM=2\nJ P[1] 5% FINE\n{own}\nJ P[4] 5% FINE");
+    for own in [
+        "GO TO HOME POS",
+        "END OF ARM TOOL",
+        "WAIT TOOL CHANGE",
+        "PAYLOAD CHANGE",
+        "C TOOL CHANGE",
+        "ARC START TORCH",
+        "TRACK HOME POS",
+        "PR GET OFFSET",
+        "RUN CLEANER",
+    ] {
+        let told = verdicts(&under(own), "").pop().unwrap();
+        assert!(told.contains(&format!("the call of {own}")), "{own}: {told}");
+        let text = cell();
+        let cell = Cell { harmless: vec![own.to_lowercase()], ..text };
+        let programs = read(vec![listing(&under(own), "")], &cell);
+        assert!(programs.ask(1, &cell).is_ok(), "{own}");
+    }
+    for own in [
+        "WAIT DI[1]=ON TIMEOUT,LBL[1]\nLBL[1]",
+        "WAIT   .50(sec)",
+        "WAIT (DI[1] AND DI[2])",
+        "Arc Start[1,2]",
+        "Weave Figure 8[1]",
+        "Weave End",
+        "OFFSET CONDITION PR[1]",
+        "PAYLOAD[2]",
+        "OVERRIDE=50%",
+        "COL DETECT ON",
+        "VISION RUN_FIND 'A'",
+        "MESSAGE[part in]",
+        "$SHELL_CFG.$NUM=1",
+    ] {
+        assert_eq!(verdicts(&under(own), "").pop().unwrap(), "ok", "{own}");
+    }
+}
+
+#[test]
+fn a_position_without_frames_of_its_own_may_be_one_that_is_worked_out() {
+    let frames = "  UTOOL_NUM=2\n  UFRAME_NUM=1\n";
+    let told = verdicts(&format!("{frames}J P[1] 5% FINE\nJ P[4] 5% FINE\nJ P[R[1]] 5% FINE"), "");
+    assert_eq!(told[0], "ok");
+    assert!(told[1].contains("it is also read in PART.LS, line 10"), "{told:?}");
 }
 
 #[test]

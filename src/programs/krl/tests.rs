@@ -197,7 +197,7 @@ fn what_is_not_known_is_refused_by_name() {
             format!(
                 "INTERRUPT DECL 3 WHEN $IN[1] DO IR()\r\n{set}{ptp}\r\nEND\r\nDEF IR()\r\nBAS(#BASE,2)"
             ),
-            "IR, which an interrupt or a trigger runs at any time (p.src, line 3), changes the base",
+            "IR, which an interrupt, a trigger or a thread runs at any time (p.src, line 3), changes the base",
         ),
         (format!("{set}BASE_DATA[1].X=5\r\n{ptp}"), "BASE_DATA[1] is worked out at run time"),
         (
@@ -608,7 +608,7 @@ fn what_an_interrupt_or_a_trigger_assigns_is_known_at_no_motion() {
     };
     assert_eq!(triggered("$OUT[1]=TRUE"), "ok");
     let tool = triggered("$TOOL=TOOL_DATA[1]");
-    assert!(tool.contains("DO $TOOL, which an interrupt or a trigger runs"), "{tool}");
+    assert!(tool.contains("DO $TOOL, which an interrupt, a trigger or a thread runs"), "{tool}");
     for own in ["XP1.Z=5", "XP1={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}"] {
         assert_ne!(triggered(own), "ok", "{own}");
     }

@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use super::Reading;
 use crate::flow::{Known, Setting, Slot, Step, known, unknown};
 use crate::frame::Chain;
+use crate::lex::{Kind, capitals};
 use crate::names::{Scope, parts};
 use crate::program::{Motion, Reads, Shape, Stated, Target, Turn, Way};
 use crate::reading::{Common, Here, NOT_SPLIT, Shaped, beside, shown, split};
@@ -60,7 +61,7 @@ impl Instruction {
 const J: Reads = Reads::With(Slot::ConfJ);
 const L: Reads = Reads::With(Slot::ConfL);
 
-const INSTRUCTIONS: [Instruction; 16] = [
+const INSTRUCTIONS: [Instruction; 17] = [
     instruction(&["MOVEABSJ"], &[0], Tool::At(3), Reads::Always),
     instruction(
         &["MOVEJ", "MOVEJDO", "MOVEJAO", "MOVEJGO", "MOVEJSYNC", "TRIGGJIOS"],
@@ -75,6 +76,7 @@ const INSTRUCTIONS: [Instruction; 16] = [
         L,
     ),
     instruction(&["MOVEC", "MOVECDO", "MOVECAO", "MOVECGO", "MOVECSYNC"], &[0, 1], Tool::At(4), L),
+    instruction(&["TRIGGABSJ"], &[0], Tool::At(4), Reads::Always),
     instruction(&["TRIGGJ"], &[0], Tool::At(4), J),
     instruction(&["TRIGGL", "SPOTL"], &[0], Tool::At(4), L),
     instruction(&["SPOTJ"], &[0], Tool::At(4), J),
@@ -190,6 +192,13 @@ impl Reading<'_> {
             holds_part,
         };
         steps.push(self.common.moves(motion));
+        let last = valued.last().and_then(|own| own.value.first());
+        if let Some(text) = last.filter(|own| own.kind == Kind::Text && word.ends_with("SYNC")) {
+            // It names a procedure that runs in the middle of the corner.
+            let name = capitals(rest.text(text));
+            let routine = self.full_name(here.file, name.trim_matches('"'));
+            steps.push(Step::Call { routine, at: self.common.at(here) });
+        }
     }
 
     fn obstacle(

@@ -9,6 +9,9 @@ use crate::reading::{Here, called, has};
 use crate::refusal::Refusal;
 use crate::value::Cursor;
 
+/// Ends the present motion where the arm is.
+pub(super) const CLEARS: &str = "CLEARPATH";
+
 /// Words that begin a statement which is no call.
 const WORDS: &str = "BACKWARD CASE CONNECT DEFAULT ELSE ELSEIF ENDFOR ENDFUNC ENDIF ENDMODULE ENDPROC ENDRECORD ENDTEST \
     ENDTRAP ENDWHILE ERROR EXIT FOR FUNC GOTO IF MODULE PROC RAISE RECORD RETRY RETURN TEST TRYNEXT WHILE";
@@ -205,12 +208,17 @@ impl Reading<'_> {
             self.functions(here, all, steps);
             return steps.push(Step::Tested);
         }
-        let inner = without_condition(all);
+        let mut inner = without_condition(all);
         let condition =
             Cursor { tokens: &all.tokens[..all.tokens.len() - inner.tokens.len()], ..all };
         self.common.reads(here, condition);
         self.functions(here, condition, steps);
         steps.push(Step::If);
+        // No IF may be the instruction of another: nothing is known where one is.
+        while inner.peek_name().is_some_and(|word| word == "IF") {
+            steps.push(Step::Call { routine: "IF".to_owned(), at: self.common.at(here) });
+            inner = instruction(inner).unwrap_or(Cursor { tokens: &[], ..inner });
+        }
         self.functions(here, inner, steps);
         if inner.first().is_some_and(|token| token.is(b'%')) {
             self.late_call(here, inner, steps);
@@ -260,7 +268,7 @@ impl Reading<'_> {
         self.any_late_call |= word == "CALLBYVAR";
         self.any_exit_cycle |= word == "EXITCYCLE";
         let routine = self.full_name(here.file, &word);
-        if self.given.contains_key(&routine) || !is_harmless(&word) {
+        if self.given.contains_key(&routine) || !is_harmless(&word) || word == CLEARS {
             let at = self.common.at(here);
             // What a given one moves to is counted in it.
             if !self.given.contains_key(&routine) {

@@ -451,7 +451,12 @@ fn the_arms_base_is_that_of_the_only_robot_of_moc() {
         File { name: "SYSPAR/MOC.cfg".to_owned(), bytes: text.as_bytes().to_vec() },
         File { name: "m.mod".to_owned(), bytes: module.into_bytes() },
     ];
-    let Ok(asked) = read(files, &cell()).ask(0, &cell()) else { panic!("asked") };
+    let programs = read(files, &cell());
+    let told = programs.ask(0, &cell()).unwrap_err().to_string();
+    assert!(told.contains("base_frame has another place"), "{told}");
+    let mut cell = cell();
+    cell.frames.get_mut("base_frame").unwrap().place = None;
+    let asked = programs.ask(0, &cell).unwrap();
     let Wanted::Pose { base_from_tool, .. } = asked.wanted else { panic!("a pose") };
     assert!((base_from_tool.translation.vector.z - (30.0 - 500.0)).abs() < 1e-9);
 }
@@ -732,4 +737,55 @@ fn main_begins_with_what_its_last_cycle_and_its_callers_leave() {
         all.iter().any(|own| own.contains("no motion before it states an arm configuration")),
         "{all:?}"
     );
+}
+
+#[test]
+fn a_procedure_that_a_motion_names_is_called() {
+    let shift = "PERS pose sh:=[[0,0,50],[1,0,0,0]];";
+    let sync = |name: &str, called: &str| {
+        let body = format!(
+            "PDispOff;\r\nMoveLSync p10,v100,z10,tool1\\WObj:=wobj1,\"{name}\";\r\nMoveL p20,v100,fine,tool1\\WObj:=wobj1;\r\n\
+             ENDPROC\r\nPROC pr()\r\n{called}"
+        );
+        let p20 =
+            "CONST robtarget p20:=[[10,20,30],[0,0,1,0],[0,-1,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];";
+        verdicts(&body, &format!("{shift}{p20}")).pop().unwrap()
+    };
+    assert_eq!(sync("pr", "SetDO do1,1;"), "ok");
+    assert!(sync("pr", "PDispOn p10,tool1;").contains("the displacement is another"));
+    assert!(sync("foreign", "SetDO do1,1;").contains("the call of FOREIGN"));
+}
+
+#[test]
+fn a_motion_that_may_be_cleared_gets_no_further_points() {
+    let split = |own: &str| {
+        let body = format!(
+            "MoveL p10,v100,fine,tool1\\WObj:=wobj1;\r\nENDPROC\r\nTRAP t1\r\nStopMove;\r\n{own}\r\nStartMove;\r\nENDTRAP\r\nPROC pr()"
+        );
+        programs(&body, "").paths[0].split.is_ok()
+    };
+    assert_eq!([split(""), split("ClearPath;")], [true, false]);
+}
+
+#[test]
+fn an_if_in_an_if_is_not_followed() {
+    let motion = "MoveL p10,v100,fine,tool1\\WObj:=wobj1;";
+    assert!(only(&format!("IF a=1 IF b=2 {motion}"), "").contains("the call of IF"));
+    assert_ne!(only(&format!("IF a=1 IF b=2 PDispSet sh;\r\n{motion}"), ""), "ok");
+    let joints = "TriggAbsJ [[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,t1,fine,tool1;";
+    assert_eq!(only(joints, ""), "ok");
+}
+
+#[test]
+fn a_frame_that_file_and_cell_state_apart_is_refused() {
+    let programs = programs("MoveL p10,v100,fine,tool1;", "");
+    let placed = |z: &str| {
+        let text = format!(
+            "[frames]\nbase_frame = {{ found = \"surveyed\", place = {{ xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] }} }}\n\
+             tool1 = {{ found = \"surveyed\", place = {{ xyz_mm = [0, 0, {z}], quaternion_xyzw = [0, 0, 0, 1] }} }}\n"
+        );
+        programs.ask(0, &toml::from_str(&text).unwrap()).map(|_| ())
+    };
+    assert_eq!(placed("200"), Ok(()));
+    assert!(placed("220").unwrap_err().to_string().contains("TOOL1 has another place"));
 }

@@ -295,6 +295,13 @@ impl Reading<'_> {
     }
 
     fn literal(&mut self, here: &Here<'_>, word: &str, read: &Read<'_>) -> Option<Target> {
+        let near = match read.near.map(|near| self.constant(here, near).and_then(|own| shape(&own)))
+        {
+            Some(Some(Shape::Joints(near))) => Some(near.iter().map(|own| own.value).collect()),
+            // From a place that nothing here knows the controller may reach another arm configuration.
+            Some(_) => return None,
+            None => None::<Vec<f64>>,
+        };
         let target = match value(read.target) {
             // Elements of a list are not followed.
             Value::Name(name) if !name.contains('[') => self.common.declared(here, &name)?,
@@ -305,11 +312,7 @@ impl Reading<'_> {
             }
             _ => return None,
         };
-        if let (Some(near), Target::Literal { positions, .. }) = (read.near, &target) {
-            let near = self.constant(here, near).and_then(|own| shape(&own));
-            // From a place that nothing here knows the controller may reach another arm configuration.
-            let Some(Shape::Joints(near)) = near else { return None };
-            let near: Vec<f64> = near.iter().map(|own| own.value).collect();
+        if let (Some(near), Target::Literal { positions, .. }) = (near, &target) {
             for position in positions {
                 let shape = &mut self.common.found.positions[*position].shape;
                 if let Ok(Shape::Pose { stated, .. }) = shape {

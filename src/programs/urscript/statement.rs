@@ -57,9 +57,15 @@ impl<'f> Statements<'f> {
 
     /// All names as they are written, with their lines.
     pub(super) fn names(&self) -> impl Iterator<Item = (String, u32)> {
-        let names = self.tokens.iter().filter(|token| token.kind == Kind::Name);
         let text = |token: &Token| String::from_utf8_lossy(&self.bytes[token.span()]).into_owned();
-        names.map(move |token| (text(token), token.line))
+        let begins_pose = |place: usize| {
+            let is_open = self.tokens.get(place + 1).is_some_and(|next| next.is(b'['));
+            is_open && &self.bytes[self.tokens[place].span()] == b"p"
+        };
+        let names = self.tokens.iter().enumerate();
+        let names =
+            names.filter(move |(place, own)| own.kind == Kind::Name && !begins_pose(*place));
+        names.map(move |(_, token)| (text(token), token.line))
     }
 
     pub(super) fn all(&self) -> impl Iterator<Item = (Cursor<'_>, u32)> {

@@ -390,3 +390,16 @@ fn what_a_condition_behind_elif_calls_holds_on_the_ways_behind_it() {
         assert!((tool.translation.vector.z - 400.0).abs() < 1e-9, "{way}: {tool}");
     }
 }
+
+#[test]
+fn a_pose_whose_arm_configuration_is_worked_out_is_counted_once() {
+    for pose in ["p[0.1,0,0.1,0,0,0]", "pick"] {
+        let text = format!(
+            "pick = p[0.1,0,0.1,0,0,0]\nmovej(get_inverse_kin({pose}, qnear=get_actual_joint_positions()))"
+        );
+        let programs = programs(&text);
+        assert_eq!((programs.positions.len(), programs.computed.len()), (0, 1), "{pose}");
+    }
+    let named = programs(&format!("def P():\n  sleep(1)\nend\nP()\n{BEGIN}"));
+    assert_eq!(verdicts(&named), ["ok"]);
+}
