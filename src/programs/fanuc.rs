@@ -97,16 +97,13 @@ impl Reading<'_> {
         self.common.global.entry(listing.name.clone()).or_default().push(full);
         for (number, own) in listing.positions() {
             let at = self.common.files[file].at(own.line);
-            match self.positions.get_mut(&(file, number)) {
-                Some(first) => {
-                    let (name, second) = (format!("P[{number}]"), at);
-                    let first_at = self.common.files[file].at(first.line);
-                    first.shape = Err(Refusal::TwoValues { name, first: first_at, second });
-                }
-                None => {
-                    self.positions.insert((file, number), own);
-                }
-            }
+            let Some(first) = self.positions.get_mut(&(file, number)) else {
+                self.positions.insert((file, number), own);
+                continue;
+            };
+            let (name, second) = (format!("P[{number}]"), at);
+            let first_at = self.common.files[file].at(first.line);
+            first.shape = Err(Refusal::TwoValues { name, first: first_at, second });
         }
         for statement in listing.statements() {
             let at = self.common.files[file].at(statement.line);

@@ -116,6 +116,9 @@ pub(crate) fn read(files: &[File], cell: &Cell, found: Used) -> (Used, Chain) {
             pass(&mut reading, *file, tokens);
         }
     }
+    if reading.triggers.any_late {
+        reading.common.keep_whole(motion::TRIGGERED);
+    }
     let root = reading.root();
     reading.walk();
     let moved = own.iter().flat_map(|(file, tokens)| motion::moved(&files[*file].bytes, tokens));
@@ -138,9 +141,6 @@ impl Reading<'_> {
     }
 
     fn walk(&mut self) {
-        if self.triggers.any_late {
-            self.common.keep_whole(motion::TRIGGERED);
-        }
         let mut changed = [false; SLOTS];
         for slot in [Slot::Base, Slot::Tool, Slot::Waiting, Slot::Branch, Slot::Place] {
             changed[slot as usize] = true;

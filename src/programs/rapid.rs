@@ -174,6 +174,14 @@ impl Reading<'_> {
         }
     }
 
+    /// Motions that may be cleared get no further points.
+    fn keep_whole(&mut self) {
+        let clears = |own: &Routine| own.calls().any(|(own, _)| own == steps::CLEARS);
+        if self.common.routines.values().any(clears) {
+            self.common.keep_whole("ClearPath ends it, and the next one goes on from there");
+        }
+    }
+
     /// The call of a routine in no given file, which may set anything, and end the cycle.
     fn unseen(&self) -> Option<Refusal> {
         let routines = &self.common.routines;
@@ -209,10 +217,7 @@ impl Reading<'_> {
     }
 
     fn walk(&mut self) {
-        let calls = |own: &Routine| own.calls().any(|(own, _)| own == steps::CLEARS);
-        if self.common.routines.values().any(calls) {
-            self.common.keep_whole("ClearPath ends it, and the next one goes on from there");
-        }
+        self.keep_whole();
         let mut changed = [false; SLOTS];
         for slot in [Slot::Branch, Slot::Place, Slot::Displacement] {
             changed[slot as usize] = true;

@@ -54,16 +54,13 @@ impl<'f> Common<'f> {
         shape: fn(&Self, &[Scope], &Value, &str) -> Shaped,
         give: &'static str,
     ) -> Self {
+        // As if they were given, without a statement.
+        let harmless = |own: &String| (capitals(own.as_bytes()), Routine::default());
         Self {
             files,
             names: Names::default(),
             global: BTreeMap::new(),
-            // As if they were given, without a statement.
-            routines: cell
-                .harmless
-                .iter()
-                .map(|own| (capitals(own.as_bytes()), Routine::default()))
-                .collect(),
+            routines: cell.harmless.iter().map(harmless).collect(),
             motions: Vec::new(),
             found,
             shape,

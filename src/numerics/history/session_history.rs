@@ -96,10 +96,13 @@ impl SessionHistory {
             own.columns.iter().any(|column| has(&moved, column) && has(&found.parts(), column))
         };
         // Another change may come in the session in which this one is gone.
-        let since_before = found(&before);
-        let is_gone = since_before == Finding::Nothing
-            || !shows_change(&since_before) && shows_change(&found(&pool));
-        if is_gone { (before, count, Some(false)) } else { (pool, self.pooled, Some(true)) }
+        let since = found(&before);
+        let is_other = || !shows_change(&since) && shows_change(&found(&pool));
+        if since == Finding::Nothing || is_other() {
+            (before, count, Some(false))
+        } else {
+            (pool, self.pooled, Some(true))
+        }
     }
 
     fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {

@@ -115,6 +115,12 @@ fn give(
     }
 }
 
+/// The instruments of length of a session.
+fn lengths(observed: &Observed, place: usize) -> BTreeSet<SourceId> {
+    let own = observed.of_session(place).map(|(own, _)| own);
+    own.filter(|own| own.measured.length().is_some()).map(|own| own.source).collect()
+}
+
 /// The scales of all training sessions, in their order.
 pub(super) fn scales(
     observed: &Observed,
@@ -124,14 +130,13 @@ pub(super) fn scales(
 ) -> Vec<SessionScale> {
     let evidence = models.full.as_ref().and_then(|full| full.trained.scale_evidence.as_ref());
     let free = evidence.and_then(|evidence| evidence.free_scales(settings.fit.length_tolerance_mm));
-    let lengths = |place: usize| -> BTreeSet<SourceId> {
-        let own = observed.of_session(place).map(|(own, _)| own);
-        own.filter(|own| own.measured.length().is_some()).map(|own| own.source).collect()
-    };
     let scale = |(place, session): (usize, &JoinedSession)| SessionScale {
         session: session.name.clone(),
         stations: observed.of_session(place).count(),
-        lengths: lengths(place).into_iter().map(|own| settings.fit.source_name(own)).collect(),
+        lengths: lengths(observed, place)
+            .into_iter()
+            .map(|own| settings.fit.source_name(own))
+            .collect(),
         prior_sd_ppm: settings.full.session_scale_ppm,
         fitted: models.full.as_ref().and_then(|full| full.fitted_scale(place)),
         length_sd_mm: settings.fit.length_tolerance_mm,

@@ -295,13 +295,11 @@ impl Reading<'_> {
             own => matches!(own, Value::Fields { .. }),
         });
         self.any_kept_turn |= !turns;
-        if turns {
-            return known(Setting::On(true));
-        }
-        unknown(Refusal::Other(format!(
-            "$ORI_TYPE may be #CONSTANT or #IGNORE ({}), where the tool does not turn to the orientation that the position states; set #VAR",
-            self.common.at(here)
-        )))
+        let at = self.common.at(here);
+        let words = format!(
+            "$ORI_TYPE may be #CONSTANT or #IGNORE ({at}), where the tool does not turn to the orientation that the position states; set #VAR"
+        );
+        if turns { known(Setting::On(true)) } else { unknown(Refusal::Other(words)) }
     }
 
     /// `BAS(#BASE, 1)`.
