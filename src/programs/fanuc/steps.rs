@@ -15,7 +15,7 @@ use crate::value::Cursor;
 const HARMLESS: &str = "ABORT AO AR ARC COL DI DIAG_REC DO END ERROR_PROG F GI GO JMP JOINT_MAX_SPEED LBL LINEAR_MAX_SPEED LOCK M MAINT_PROG MESSAGE \
     OFFSET OVERRIDE P PAUSE PAYLOAD PL PR PULSE R RESUME_PROG RETURN_PATH_DSBL RI RO RSR SKIP SO SOFTFLOAT SR TC_ONLINE TIMER TOOL_OFFSET \
     TORQ_LIMIT UALM UI UNLOCK UO VISION VR WAIT WEAVE WI WO";
-/// Those of them that names or numbers follow, and which: a sign of the name behind it may be any.
+/// The second words of those that have one; behind WAIT stands a signal, which a sign follows.
 const FOLLOWED: [(&str, &str); 11] = [
     ("ARC", "START END"),
     ("COL", "DETECT GUARD"),
@@ -32,7 +32,7 @@ const FOLLOWED: [(&str, &str); 11] = [
     ),
     ("WEAVE", "CIRCLE END FIGURE L SINE SINE2"),
 ];
-/// What follows the first words of what moves positions.
+/// Second words of what moves positions.
 const DISPLACED: &str = "AVC END OFFSET START TAST";
 /// First words of what moves positions at run time, up to its end.
 const DISPLACES: &str = "MP SEARCH SENSOR TOUCH TRACK";

@@ -216,7 +216,8 @@ impl Reading<'_> {
         steps.push(Step::If);
         // No IF may be the instruction of another: nothing is known where one is.
         while inner.peek_name().is_some_and(|word| word == "IF") {
-            steps.push(Step::Call { routine: "IF".to_owned(), at: self.common.at(here) });
+            let (word, at) = ("an IF in an IF".to_owned(), self.common.at(here));
+            steps.push(Step::Set(Slot::Displacement, unknown(Refusal::Instruction { word, at })));
             inner = instruction(inner).unwrap_or(Cursor { tokens: &[], ..inner });
         }
         self.functions(here, inner, steps);

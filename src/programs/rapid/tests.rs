@@ -770,7 +770,9 @@ fn a_motion_that_may_be_cleared_gets_no_further_points() {
 #[test]
 fn an_if_in_an_if_is_not_followed() {
     let motion = "MoveL p10,v100,fine,tool1\\WObj:=wobj1;";
-    assert!(only(&format!("IF a=1 IF b=2 {motion}"), "").contains("the call of IF"));
+    assert!(
+        only(&format!("IF a=1 IF b=2 {motion}"), "").contains("an IF in an IF is not followed")
+    );
     assert_ne!(only(&format!("IF a=1 IF b=2 PDispSet sh;\r\n{motion}"), ""), "ok");
     let joints = "TriggAbsJ [[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,t1,fine,tool1;";
     assert_eq!(only(joints, ""), "ok");
