@@ -561,7 +561,7 @@ struct Walk<'w, M> {
 
 /// Loops within each other that are looked into for what no pass changes, and blocks within each other in which they are.
 const LOOPS: usize = 3;
-const BLOCKS: usize = 32;
+const BLOCKS: usize = 8;
 
 impl Summaries {
     /// Walks a routine whose blocks close as they open.

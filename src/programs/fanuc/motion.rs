@@ -17,7 +17,7 @@ const HARMLESS: &str = "ACC ALIM AP_LD ARC BREAK CTV CV END EV IND JPOS LBL LPOS
 /// Options with which it ends beside its position.
 const OFFSETS: &str = "OFFSET TOOL_OFFSET";
 /// Options that begin what happens beside the motion.
-const BESIDE: &str = "TB TA DB CALL SPOT";
+const BESIDE: &str = "TB TA DB PS CALL SPOT";
 /// Options that are for each part of a way as for the whole of it.
 const OF_PARTS: &str = "ACC ALIM AR BREAK MROT PSPD PTH R";
 /// Options that are for the motion wherever they stand.
@@ -262,7 +262,7 @@ fn options_of(rest: Cursor<'_>) -> Vec<String> {
     let is_open = rest.tokens.iter().any(|token| token.kind == Kind::OpenText);
     let mut is_beside = false;
     let words = names(rest).map(|(_, name)| name).filter(|name| {
-        is_beside |= has(BESIDE, name);
+        is_beside |= has(BESIDE, without_number(name));
         !is_beside || has(OF_MOTION, name)
     });
     words.chain(is_open.then(|| "a text that does not end".to_owned())).collect()

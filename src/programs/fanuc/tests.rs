@@ -78,6 +78,8 @@ fn every_form_of_a_motion_is_read() {
         ("L P[1] 9mm/sec FINE Skip,LBL[1],PR[4]=LPOS", Way::Other),
         ("L P[1] 9mm/sec CNT5 Wjnt", Way::Other),
         ("A P[1] 9mm/sec CNT5", Way::Other),
+        ("L P[1] 9mm/sec FINE PS0.0,DO[1]=ON", Way::Straight),
+        ("L P[1] 9mm/sec CNT5 PS-5.0,CALL GRIP", Way::Straight),
         ("L P[1] 9mm/sec CR20mm ALIM50", Way::Straight),
         ("J P[1] 5% CNT10 Offset,PR[43:a)b] Tool_Offset,PR[5]", Way::Joints),
         ("C P[1]    ;\r\n    :  P[1] 9mm/sec FINE", Way::Circle),
