@@ -94,11 +94,13 @@ impl InverseError {
     }
 
     pub fn beyond(joint: &Joint, value: f64) -> Self {
+        // A limit of −120° has come by radians.
+        let limit = |value| (joint.shown(value) * 1e9).round() / 1e9;
         Self::LimitReached {
             joint: joint.name.clone(),
             value: joint.shown(value),
-            lower: joint.shown(joint.lower),
-            upper: joint.shown(joint.upper),
+            lower: limit(joint.lower),
+            upper: limit(joint.upper),
             unit: joint.sign_of_unit(),
         }
     }
