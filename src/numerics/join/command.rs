@@ -43,25 +43,34 @@ pub(super) fn in_force(
         dwell.start.plus_ns(dwell.end.since_ns(dwell.start) / 2)
     })?;
     let by_start = last_before(commands, dwells, |dwell| dwell.start)?;
-    // Of equally good rules the first is kept: a wrong one places commands a whole move away.
-    let mut best: Option<(f64, Placement, &Vec<Option<Stated>>)> = None;
+    // Of equally good rules that with the most commands near the arm, the first of several: a wrong one places commands a whole move away,
+    // of some stations alone where stamps are a little late.
+    let mut best: Option<Ruled> = None;
     for rule in [&by_end, &by_middle, &by_start] {
-        if let Some((median_mm, placement)) = placed(dwells, rule)
-            && best.as_ref().is_none_or(|(least, ..)| 2.0 * median_mm < *least)
-        {
-            best = Some((median_mm, placement, rule));
-        }
+        best = match (best, placed(dwells, rule)) {
+            (Some(best), Some(own)) if !own.is_better(&best) => Some(best),
+            (best, own) => own.or(best),
+        };
     }
-    Ok(match best {
-        Some((median_mm, placement, rule)) if median_mm <= BELIEVED_MM => {
-            let reach_mm = (REACH * median_mm).max(BELIEVED_MM);
-            let near = |(dwell, stated): (&Occasion, &Option<Stated>)| {
-                stated.filter(|stated| placement.distance_mm(&reading(dwell, stated)) <= reach_mm)
-            };
-            dwells.iter().zip(rule).map(near).map(|stated| stated.map(Command::from)).collect()
-        }
-        _ => by_end.into_iter().map(|stated| stated.map(Command::from)).collect(),
-    })
+    let own = best.filter(|own| own.median_mm <= BELIEVED_MM);
+    let stated = own.map_or(by_end, |own| own.near);
+    Ok(stated.into_iter().map(|stated| stated.map(Command::from)).collect())
+}
+
+/// The commands of a rule.
+struct Ruled {
+    /// Their median distance from the arm.
+    median_mm: f64,
+    /// Those that are near it.
+    near: Vec<Option<Stated>>,
+}
+
+impl Ruled {
+    fn is_better(&self, other: &Self) -> bool {
+        let [own, others] = [self, other].map(|of| of.near.iter().flatten().count());
+        2.0 * self.median_mm < other.median_mm
+            || (self.median_mm < 2.0 * other.median_mm && own > others)
+    }
 }
 
 /// The last command at or before `moment` of each dwell.
@@ -93,8 +102,8 @@ impl From<Stated> for Command {
     }
 }
 
-/// The placement of a rule's commands, with its median distance, mm.
-fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placement)> {
+/// A rule's commands by their placement.
+fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<Ruled> {
     let stated = dwells.iter().zip(rule);
     let readings = stated.filter_map(|(dwell, stated)| Some(reading(dwell, stated.as_ref()?)));
     let readings: Vec<ReadingAtFlange> = readings.collect();
@@ -102,7 +111,12 @@ fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placemen
         return None;
     }
     let placement = Placement::fit(&readings)?;
-    Some((placement.median_mm(&readings), placement))
+    let median_mm = placement.median_mm(&readings);
+    let reach_mm = (REACH * median_mm).max(BELIEVED_MM);
+    let near = |(dwell, stated): (&Occasion, &Option<Stated>)| {
+        stated.filter(|stated| placement.distance_mm(&reading(dwell, stated)) <= reach_mm)
+    };
+    Some(Ruled { median_mm, near: dwells.iter().zip(rule).map(near).collect() })
 }
 
 const fn reading(dwell: &Occasion, stated: &Stated) -> ReadingAtFlange {
