@@ -28,20 +28,30 @@ pub enum NamesProblem {
 }
 
 /// Names, without their unit, of orientations and frames in forms that are not read.
-const NOT_READ: [&str; 12] =
-    ["rx", "ry", "rz", "roll", "pitch", "yaw", "frame", "base", "wobj", "uf", "ut", "user_frame"];
+const NOT_READ: &str = "rx ry rz roll pitch yaw frame base wobj uf ut user_frame base_no tool_no uframe utool ufr q1 q2 q3 q4 \
+    alpha beta gamma phi theta psi rotx roty rotz rot_x rot_y rot_z";
+/// Letters that are such names together; one of them alone may be the caller's own.
+const NOT_READ_TOGETHER: [[&str; 3]; 4] =
+    [["a", "b", "c"], ["w", "p", "r"], ["o", "a", "t"], ["i", "j", "k"]];
 
 /// Compares the names of one file or object with each other and with the known ones.
 pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), NamesProblem> {
     let mut seen: BTreeMap<String, &str> = BTreeMap::new();
+    let mut stems: BTreeMap<String, &str> = BTreeMap::new();
     for name in names {
         let folded = folded(name);
-        if let Some(known) = known(&folded).filter(|known| known != name) {
-            return Err(NamesProblem::OtherLetters { found: name.to_owned(), known });
-        }
-        let stem = folded.trim_end_matches("_deg").trim_end_matches("_rad");
-        if NOT_READ.contains(&stem) {
-            return Err(NamesProblem::NotRead { name: name.to_owned() });
+        match known(&folded) {
+            Some(known) if known != name => {
+                return Err(NamesProblem::OtherLetters { found: name.to_owned(), known });
+            }
+            Some(_) => {}
+            None => {
+                let stem = folded.trim_end_matches("_deg").trim_end_matches("_rad");
+                if NOT_READ.split_whitespace().any(|own| own == stem) {
+                    return Err(NamesProblem::NotRead { name: name.to_owned() });
+                }
+                stems.insert(stem.to_owned(), name);
+            }
         }
         match seen.insert(folded, name) {
             None => {}
@@ -54,7 +64,9 @@ pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), 
             }
         }
     }
-    Ok(())
+    let mut together = NOT_READ_TOGETHER.iter();
+    let whole = together.find(|own| own.iter().all(|letter| stems.contains_key(*letter)));
+    whole.map_or(Ok(()), |own| Err(NamesProblem::NotRead { name: stems[own[0]].to_owned() }))
 }
 
 pub(super) fn is_mark(name: &str) -> bool {
@@ -91,9 +103,13 @@ mod tests {
 
     #[test]
     fn orientations_and_frames_in_other_forms_are_refused() {
-        for name in ["rx_deg", "Yaw", "FRAME", "wobj"] {
+        for name in ["rx_deg", "Yaw", "FRAME", "wobj", "BASE_NO", "q1", "alpha"] {
             assert!(told(&["target", "x_mm", name]).contains("is not read here"), "{name}");
         }
+        for names in [["A", "B", "C"], ["w_deg", "p_deg", "r_deg"]] {
+            assert!(told(&names).contains(&format!("{:?} states", names[0])), "{names:?}");
+        }
+        assert_eq!(check(["P", "r", "a", "b"]), Ok(()), "the caller's own");
     }
 
     #[test]
