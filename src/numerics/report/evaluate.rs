@@ -86,6 +86,8 @@ pub(super) fn predictions<'m>(
         let axes = axes_at(o, angles)?;
         let known = known_at(o, angles);
         let session = if own { o.session } else { latest };
+        // Of a target that was left out of the training whole nothing is predicted.
+        model.frames()[session].targets().get(o.target.0)?;
         let query = Query { axes: &axes, known, session, own, ..Query::of(o) };
         Some(Predicted {
             target: model.predict(&At::Joints(query)).ok()?,

@@ -1,6 +1,6 @@
 //! The data of a session that speak about its set-up: reported angles, readings and commands, station by station.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
@@ -33,7 +33,25 @@ impl Evidence {
     /// The measured stations of a joined session; of several targets those that have the main one, which stated places and commands are
     /// of, unless another was measured at more than twice as many.
     pub fn of_stations(stations: &[Station]) -> Self {
-        let target = held_against(stations);
+        Self::of_target(stations, held_against(stations))
+    }
+
+    /// The same for each other target, of which commands and stated places say nothing.
+    pub fn of_others(stations: &[Station]) -> impl Iterator<Item = (TargetId, Self)> {
+        let main = held_against(stations);
+        let readings = stations.iter().flat_map(Station::measured);
+        let all: BTreeSet<TargetId> = readings.map(|own| own.target).collect();
+        all.into_iter().filter(move |own| *own != main).map(|own| {
+            let mut evidence = Self::of_target(stations, own);
+            let beside = evidence.beside.iter_mut().flatten();
+            for own in evidence.stations.iter_mut().chain(beside) {
+                own.command = None;
+            }
+            (own, evidence)
+        })
+    }
+
+    fn of_target(stations: &[Station], target: TargetId) -> Self {
         let dwelt = |station: &Station| {
             let mut own = station.measured().iter().filter(|r| r.target == target);
             let (measured, reading) = own.find_map(|own| Some((own.position()?, own)))?;

@@ -2,6 +2,7 @@
 
 mod pairs;
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use super::agreement::{Agreement, Relation, Seen};
@@ -51,6 +52,8 @@ const GRAVE_RAD: f64 = 0.2;
 /// A disagreement between logs and files, and what explains it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
+    /// The name of the target whose readings it is of; `None` of the main one.
+    pub target: Option<String>,
     pub relation: Relation,
     /// Its disagreement as stated: mm, for orientations rad.
     pub stated: f64,
@@ -103,6 +106,7 @@ fn unexplained(relation: Relation, stated: f64, gate_mm: f64) -> Option<Finding>
         _ => gate_mm,
     };
     (stated > relation.most_left().min(gate)).then(|| Finding {
+        target: None,
         relation,
         stated,
         mended: None,
@@ -213,6 +217,13 @@ impl<'a> Search<'a> {
         tried.retain(|own| least.is_some_and(|least| own.cost <= least + TIE));
         // Pairs come in the order of their costs: what edits a robot file goes last.
         tried.sort_by_key(|own| own.hypothesis.edit.contains("robot file"));
+        // Two mistakes at once are the same in either order.
+        let mut seen = BTreeSet::new();
+        tried.retain(|own| {
+            let mut words: Vec<&str> = own.hypothesis.mistake.split([' ', ',', ';']).collect();
+            words.sort_unstable();
+            !own.hypothesis.is_pair || seen.insert(words)
+        });
         tried
     }
 
@@ -226,6 +237,7 @@ impl<'a> Search<'a> {
             is_pair: own.is_pair,
         };
         Some(Finding {
+            target: None,
             relation,
             stated: worst,
             mended: first.agreement.get(relation),
@@ -246,6 +258,9 @@ fn size(relation: Relation, value: f64) -> String {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(target) = &self.target {
+            write!(f, "of {target:?} alone: ")?;
+        }
         f.write_str(self.relation.in_words())?;
         if self.stated.is_finite() {
             write!(f, " disagree by {} in the median", size(self.relation, self.stated))?;

@@ -104,6 +104,12 @@ impl SetUp {
         }
     }
 
+    /// This set-up as it is for a target that is neither the tool nor the stated one.
+    #[must_use]
+    pub fn of_another_target(&self) -> Self {
+        Self { target: None, target_is_tool: false, flange_from_tool: None, ..self.clone() }
+    }
+
     /// The nominal flange at reported angles, in the base frame, mm.
     pub(super) fn flange(&self, reported: &[f64]) -> Isometry3<f64> {
         let joints = &self.joints_from_reported * DVector::from_column_slice(reported);

@@ -150,7 +150,7 @@ impl SessionSource<'_> {
         let gate_mm = configuration.file.join.geometry_gate_mm;
         let evidence = Evidence::of_stations(&joined.stations);
         let found = setup::check(&stated.set_up, &evidence, &stated.alternatives, gate_mm);
-        match found {
+        match found.or_else(|| self.of_another_target(joined)) {
             Some(finding) if finding.is_grave => {
                 // Fewer than half of the dwells may have been joined at a wrong offset, where a plane agrees with its mirror.
                 let is_whole = 2 * joined.paired() >= joined.stations.len();
@@ -160,6 +160,19 @@ impl SessionSource<'_> {
             }
             found => Ok(found),
         }
+    }
+
+    /// The disagreement of a target that is not the main one, whose readings alone contradict the arm.
+    fn of_another_target(self, joined: &Joined) -> Option<Finding> {
+        let Configuration { set_up: stated, file, stages, .. } = self.configuration;
+        let set_up = stated.set_up.of_another_target();
+        let mut others = Evidence::of_others(&joined.stations);
+        others.find_map(|(target, evidence)| {
+            let gate_mm = file.join.geometry_gate_mm;
+            let found = setup::check(&set_up, &evidence, &stated.alternatives, gate_mm)?;
+            let name = target.name(&stages.fit.target_names);
+            found.is_grave.then(|| Finding { target: Some(name), ..found })
+        })
     }
 
     fn join_error(self, source: JoinError) -> RunError {

@@ -84,10 +84,14 @@ impl FrameKey {
         }
         let [roll, pitch, yaw] =
             rpy(&placed.rotation).map(|angle| to_step(angle.to_degrees(), 1e-3));
-        format!(
-            "{} = {{ xyz_mm = [{x:.1}, {y:.1}, {z:.1}], euler_deg = [{roll:.3}, {pitch:.3}, {yaw:.3}], euler_order = \"fixed-xyz\" }}",
-            self.key()
-        )
+        let key = self.key();
+        let frame = format!(
+            "xyz_mm = [{x:.1}, {y:.1}, {z:.1}], euler_deg = [{roll:.3}, {pitch:.3}, {yaw:.3}], euler_order = \"fixed-xyz\""
+        );
+        if self == Self::Survey {
+            return format!("{key} surveyed = {{ {frame}, with sd_mm and sd_deg as they stand }}");
+        }
+        format!("{key} = {{ {frame} }}")
     }
 }
 
