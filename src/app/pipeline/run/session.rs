@@ -171,7 +171,7 @@ impl SessionSource<'_> {
             let gate_mm = file.join.geometry_gate_mm;
             let found = setup::check(&set_up, &evidence, &stated.alternatives, gate_mm)?;
             let name = target.name(&stages.fit.target_names);
-            found.is_grave.then(|| Finding { target: Some(name), ..found })
+            found.is_grave.then_some(Finding { target: Some(name), ..found })
         })
     }
 
