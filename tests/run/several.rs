@@ -130,26 +130,6 @@ fn sessions_of_one_arm_are_compared_whatever_measured_them() {
     again.expect(3, &["6-off: offset of joint 3 moved by -5"]);
 }
 
-#[test]
-fn one_reflector_in_another_unit_is_named_by_its_name() {
-    let cell = nights(&[("1-three", nothing, 0.0)]);
-    let path = cell.session("1-three").join("measured.csv");
-    let table = fs::read_to_string(&path).expect("written");
-    let names: Vec<&str> = table.lines().next().expect("a header").split(',').collect();
-    let in_inch = |(name, cell): (&&str, &str)| match cell.parse::<f64>() {
-        Ok(mm) if name.starts_with("T2_") => format!("{:.6}", mm / 25.4),
-        _ => cell.to_owned(),
-    };
-    let line = |line: &str| {
-        let cells: Vec<String> = names.iter().zip(line.split(',')).map(in_inch).collect();
-        cells.join(",")
-    };
-    let lines: Vec<String> = table.lines().map(line).collect();
-    fs::write(path, lines.join("\n")).expect("writable");
-    let run = cell.run(&["1-three"]);
-    run.expect(1, &["of \"T2\" alone: readings and nominal arm", "unit = \"inch\""]);
-}
-
 const PLAN: &str = "[plan]
 home_deg = [0, -75, 100, 25, 55, -15]
 tracker_from_base = { xyz_mm = [4200, -900, -650], euler_deg = [0, 0, 149], euler_order = \"fixed-xyz\" }
