@@ -188,8 +188,8 @@ fn logs_of_two_sessions_are_refused() {
 fn commands_are_found_whenever_they_are_stamped() {
     let scene = Scene::random(40, 13);
     let arm = ur10();
-    // On sending (0.1 s before the move), as it begins, during the move, on arrival, while measuring.
-    for before_start_s in [0.9, 0.79, 0.77, 0.4, 0.0, -0.6] {
+    // On sending (0.1 s before the move), during the move, on arrival, while measuring.
+    for before_start_s in [0.9, 0.4, 0.0, -0.6] {
         let mut recording = scene.record(&arm);
         for (pose, start_s) in scene.poses.iter().zip(scene.starts_s()).skip(1) {
             let tool = *arm.flange(pose).isometry() * Point3::new(0.0, 0.0, 109.0);

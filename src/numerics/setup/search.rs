@@ -2,7 +2,6 @@
 
 mod pairs;
 
-use std::collections::BTreeSet;
 use std::fmt;
 
 use super::agreement::{Agreement, Relation, Seen};
@@ -217,13 +216,6 @@ impl<'a> Search<'a> {
         tried.retain(|own| least.is_some_and(|least| own.cost <= least + TIE));
         // Pairs come in the order of their costs: what edits a robot file goes last.
         tried.sort_by_key(|own| own.hypothesis.edit.contains("robot file"));
-        // Two mistakes at once are the same in either order.
-        let mut seen = BTreeSet::new();
-        tried.retain(|own| {
-            let mut words: Vec<&str> = own.hypothesis.mistake.split([' ', ',', ';']).collect();
-            words.sort_unstable();
-            !own.hypothesis.is_pair || seen.insert(words)
-        });
         tried
     }
 
